@@ -1,0 +1,82 @@
+"""Regular voxel grids in patient space, and the points that lie on them.
+
+One convention everywhere below: world coordinates are RAS millimetres, voxel coordinates are continuous (i, j, k) with integers
+at voxel centres, arrays are indexed (k, j, i).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+"""Flips the first two axes; its own inverse."""
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A regular voxel grid: oblique, anisotropic and left-handed grids included.
+
+    Attributes:
+        shape: number of voxels along (K, J, I).
+        ijk_to_ras: (4, 4) float64, homogeneous; maps voxel centres to RAS millimetres. Any parent transform is already in it.
+
+    Raises:
+        ValueError: the matrix is not finite and invertible.
+    """
+
+    shape: tuple[int, int, int]
+    ijk_to_ras: np.ndarray
+
+    def __post_init__(self) -> None:
+        matrix = np.array(self.ijk_to_ras, dtype=np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
+            raise ValueError(f"expected a finite, invertible 4×4 IJK-to-RAS matrix, got\n{matrix}")
+        matrix.setflags(write=False)
+        object.__setattr__(self, "ijk_to_ras", matrix)
+        object.__setattr__(self, "shape", tuple(int(n) for n in self.shape))
+
+    @property
+    def spacing_mm(self) -> np.ndarray:
+        """Distance between voxel centres along (I, J, K), (3,) float64, millimetres."""
+        return np.linalg.norm(self.ijk_to_ras[:3, :3], axis=0)
+
+    @property
+    def extent_mm(self) -> np.ndarray:
+        """Edge lengths of the grid's box, voxels' own width included, along (I, J, K), (3,) float64, millimetres."""
+        return self.spacing_mm * self.shape[::-1]
+
+    @property
+    def voxel_volume_mm3(self) -> float:
+        """Volume of one voxel in cubic millimetres, also where the axes are sheared."""
+        return float(abs(np.linalg.det(self.ijk_to_ras[:3, :3])))
+
+    def ras_to_ijk(self, points_ras: np.ndarray) -> np.ndarray:
+        """Continuous voxel coordinates (N, 3) as (i, j, k) of world points (N, 3) in RAS millimetres."""
+        return transform_points(np.linalg.inv(self.ijk_to_ras), points_ras)
+
+    def ijk_to_ras_points(self, points_ijk: np.ndarray) -> np.ndarray:
+        """World points (N, 3) in RAS millimetres of continuous voxel coordinates (N, 3) as (i, j, k)."""
+        return transform_points(self.ijk_to_ras, points_ijk)
+
+    def contains(self, points_ras: np.ndarray) -> np.ndarray:
+        """(N,) bool: whether world points lie within the grid's box, the outer half of border voxels included."""
+        ijk = self.ras_to_ijk(points_ras)
+        # A point that was rounded to the box's face when it was saved is still a point of this volume.
+        tolerance = 1e-3
+        return ((ijk >= -0.5 - tolerance) & (ijk <= np.array(self.shape[::-1]) - 0.5 + tolerance)).all(axis=1)
+
+    def resized(self, shape: tuple[int, int, int]) -> Geometry:
+        """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""
+        scale = np.array(self.shape[::-1], dtype=np.float64) / np.array(shape[::-1], dtype=np.float64)
+        # Box corner at voxel coordinate -0.5 on either grid.
+        coarse_to_fine = np.diag([*scale, 1.0])
+        coarse_to_fine[:3, 3] = 0.5 * scale - 0.5
+        return Geometry(shape, self.ijk_to_ras @ coarse_to_fine)
+
+
+def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Apply a homogeneous (4, 4) matrix to points (N, 3)."""
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]

@@ -1,0 +1,16 @@
+"""Progress and cancellation: one callback, passed down to everything that takes longer than a moment."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Called with the work done so far; raises `Cancelled` to stop the work at that point."""
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        """Report `done` of `total` steps of the work named `what` (such as "Extracting features")."""
+
+
+def no_progress(done: int, total: int, what: str) -> None:
+    """The callback of those who do not watch."""
