@@ -1,0 +1,26 @@
+"""`vittf cache info|clear`: how much disk the computed features take, and giving it back."""
+
+from __future__ import annotations
+
+import argparse
+
+from ViTTransferFunction.CommandLine.options import Subparsers
+from ViTTransferFunction.Logic.feature_cache import FeatureCache
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command to those of `vittf`."""
+    parser = subparsers.add_parser("cache", help="show or clear the cached features")
+    parser.add_argument("action", choices=["info", "clear"])
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command. Returns the exit code."""
+    cache = FeatureCache()
+    if args.action == "clear":
+        print(f"Removed {cache.clear() / 1e6:.0f} MB from {cache.folder}")
+        return 0
+    limit_mb = cache.limit_bytes / 1e6
+    print(f"{cache.folder}: {len(cache.entries())} volumes, {cache.size_bytes() / 1e6:.0f} MB of at most {limit_mb:.0f} MB")
+    return 0

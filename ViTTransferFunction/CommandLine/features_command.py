@@ -1,0 +1,26 @@
+"""`vittf features`: fill the feature cache beforehand, or look after it."""
+
+from __future__ import annotations
+
+import argparse
+
+from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, open_session
+from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.Logic.feature_cache import FeatureCache
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command to those of `vittf`."""
+    parser = subparsers.add_parser("features", help="compute a volume's features into the cache, for batch work")
+    add_feature_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command. Returns the exit code."""
+    with ProgressBar() as progress:
+        session, weights = open_session(args, progress)
+        print(load_features(session, weights, args.device, progress))
+    cache = FeatureCache()
+    print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e6:.0f} MB")
+    return 0

@@ -1,0 +1,59 @@
+"""Pictures of a segmentation to look at: slices with overlay, and a rendering in 3D."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ViTTransferFunction.Logic.annotations import AnnotatedClass
+from ViTTransferFunction.Logic.intensity_window import display_window, looks_like_hounsfield_units
+from ViTTransferFunction.Logic.picture import PictureSegment, save_png
+from ViTTransferFunction.Logic.segmentation_io import Segment
+from ViTTransferFunction.Logic.slice_picture import PicturePoint, draw_slices
+from ViTTransferFunction.Logic.volume import Volume
+from ViTTransferFunction.Logic.volume_rendering_picture import BONE_HU, render_3d
+
+
+def draw_pictures(
+    path: Path,
+    volume: Volume,
+    labels: np.ndarray,
+    segments: Sequence[Segment],
+    opacities: Sequence[float] | None = None,
+    classes: Sequence[AnnotatedClass] = (),
+) -> tuple[Path, Path]:
+    """Draw the slices to `path` and the 3D rendering beside it, as `<name>_3d.png`.
+
+    Args:
+        path: of the slice picture.
+        volume: the intensities.
+        labels: (K, J, I), 1 + index for each segment.
+        segments: names and colours.
+        opacities: of the rendered segments, in [0, 1]; opaque where None.
+        classes: annotations to mark in the slices; in the order of the segments.
+
+    Returns:
+        The two paths.
+
+    Raises:
+        InputError: a picture cannot be drawn or written.
+    """
+    window = display_window(volume)
+    bounds = (window.low, window.high)
+    shown = [
+        PictureSegment(segment.name, segment.color, opacity, labels == label)
+        for label, (segment, opacity) in enumerate(zip(segments, opacities or [1.0] * len(segments), strict=True), start=1)
+    ]
+    points = [
+        PicturePoint(position, index, positive)
+        for index, annotated in enumerate(classes)
+        for positive, positions in ((True, annotated.positive), (False, annotated.negative))
+        for position in positions
+    ]
+    rendering_path = path.with_name(f"{path.stem}_3d{path.suffix}")
+    save_png(draw_slices(volume, shown, window=bounds, points=points), path)
+    bone = BONE_HU if looks_like_hounsfield_units(volume) else None
+    save_png(render_3d(volume, shown, context_above=bone), rendering_path)
+    return path, rendering_path

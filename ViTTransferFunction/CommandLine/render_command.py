@@ -1,0 +1,47 @@
+"""`vittf render`: pictures of a segmentation over its volume."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from ViTTransferFunction.CommandLine.options import Subparsers
+from ViTTransferFunction.CommandLine.pictures import draw_pictures
+from ViTTransferFunction.Logic.annotations import read_annotations
+from ViTTransferFunction.Logic.atomic_file import check_writable
+from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.segmentation_io import read_segmentation, resample_labels
+from ViTTransferFunction.Logic.volume_io import read_volume
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command to those of `vittf`."""
+    parser = subparsers.add_parser("render", help="draw a segmentation: slices with overlay, and in 3D")
+    parser.add_argument("volume", metavar="VOLUME", type=Path, help="the segmented volume: an image, or a DICOM folder")
+    parser.add_argument("segmentation", metavar="OUT.seg.nrrd", type=Path, help="its segmentation, or a label map")
+    parser.add_argument("-o", "--output", metavar="P.png", type=Path, required=True, help="slices; the 3D picture is P_3d.png")
+    parser.add_argument("--annotations", metavar="A.json", type=Path, help="also mark these points")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command. Returns the exit code."""
+    if args.output.suffix.lower() != ".png":
+        raise InputError(f"{args.output}: expected a name that ends in .png.")
+    check_writable(args.output)
+    volume = read_volume(args.volume)
+    labels, geometry, segments = read_segmentation(args.segmentation)
+    labels = resample_labels(labels, geometry, volume.geometry)
+    if not labels.any():
+        raise InputError(
+            f"No segment of {args.segmentation} lies inside {args.volume}; draw it over the volume it was made on."
+        )
+    classes = read_annotations(args.annotations, volume.geometry) if args.annotations else []
+    by_name = {annotated.name: annotated for annotated in classes}
+    if any(segment.name not in by_name for segment in segments) and classes:
+        raise InputError(f"{args.annotations} lacks some of the segments: it has {', '.join(by_name)}.")
+    ordered = [by_name[segment.name] for segment in segments] if classes else []
+    opacities = [annotated.opacity for annotated in ordered] or None
+    for path in draw_pictures(args.output, volume, labels, segments, opacities, ordered):
+        print(path)
+    return 0

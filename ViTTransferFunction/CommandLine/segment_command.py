@@ -1,0 +1,156 @@
+"""`vittf segment`: a volume and annotations in, a segmentation out."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ViTTransferFunction.CommandLine.options import (
+    Subparsers,
+    add_feature_options,
+    load_features,
+    open_session,
+    parse_named_paths,
+)
+from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.Logic.annotations import AnnotatedClass, check_classes, classes_from_markups, read_annotations
+from ViTTransferFunction.Logic.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.geometry import Geometry
+from ViTTransferFunction.Logic.refinement import REFINEMENT_METHODS
+from ViTTransferFunction.Logic.segmentation_io import Segment, check_segmentation_path, write_image, write_segmentation
+from ViTTransferFunction.Logic.segmentation_session import ClassMap, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.weights import WeightsFile
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command to those of `vittf`."""
+    parser = subparsers.add_parser("segment", help="segment structures from a few annotated points")
+    add_feature_options(parser)
+    parser.add_argument("--annotations", metavar="A.json", type=Path, help="classes with their points; see the README")
+    parser.add_argument(
+        "--positive", metavar="NAME=L.mrk.json", action="append", default=[], help="a Slicer point list on a structure"
+    )
+    parser.add_argument("--negative", metavar="NAME=N.mrk.json", action="append", default=[], help="a Slicer point list off it")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", type=Path, required=True, help=".seg.nrrd, or .nii.gz and other label maps"
+    )
+    parser.add_argument("--refine", default="bilateral", choices=REFINEMENT_METHODS, help="how maps are sharpened")
+    parser.add_argument(
+        "--keep-all-components", action="store_true", help="also keep parts of a segment that hold none of its positive points"
+    )
+    parser.add_argument("--similarity-dir", metavar="DIR", type=Path, help="also write each class's map, as .nii.gz")
+    parser.add_argument("--report", metavar="R.json", type=Path, help="also write versions, timings and volumes")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command. Returns the exit code."""
+    _check_outputs(args)
+    with ProgressBar() as progress:
+        session, weights = open_session(args, progress)
+        classes = _read_classes(args, session.volume.geometry)
+        check_classes(classes, session.volume.geometry)
+        print(load_features(session, weights, args.device, progress))
+        segmentation = session.segment(
+            classes,
+            args.refine,
+            only_annotated_components=not args.keep_all_components,
+            progress=progress,
+            on_map=_map_writer(args.similarity_dir, session.volume.geometry),
+        )
+    with session.watch.step("write"):
+        segments = [Segment(annotated.name, annotated.color) for annotated in classes]
+        write_segmentation(args.output, segmentation.labels, session.volume.geometry, segments)
+    _print_summary(segmentation, args.output)
+    if args.report:
+        _write_json(args.report, _report(args, session, weights, segmentation))
+    return 0
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    check_segmentation_path(args.output)
+    check_writable(args.output)
+    if args.report:
+        check_writable(args.report)
+    if args.similarity_dir:
+        check_writable(args.similarity_dir / "map.nii.gz")
+
+
+def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[AnnotatedClass]:
+    if bool(args.annotations) == bool(args.positive):
+        raise InputError("Give the annotated points by either --annotations A.json or --positive NAME=L.mrk.json.")
+    if args.annotations:
+        if args.negative:
+            raise InputError("--negative goes with --positive; with --annotations, put negative points into the file.")
+        return read_annotations(args.annotations, geometry)
+    return classes_from_markups(parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative"))
+
+
+def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[AnnotatedClass, ClassMap], None] | None:
+    if folder is None:
+        return None
+
+    def write(annotated: AnnotatedClass, full: ClassMap) -> None:
+        with replacing(folder / f"{file_stem(annotated.name)}.nii.gz") as temporary:
+            write_image(temporary, full.similarity, geometry)
+
+    return write
+
+
+def file_stem(name: str) -> str:
+    """A class's name as a file name that every platform takes."""
+    return "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
+
+
+def _print_summary(segmentation: Segmentation, output: Path) -> None:
+    for result in segmentation.classes:
+        print(f"  {result.name}: {result.millilitres:.1f} ml, {result.voxels} voxels, iso {result.iso:.2f}")
+    print(f"Segmentation: {output}")
+
+
+def _report(
+    args: argparse.Namespace, session: SegmentationSession, weights: WeightsFile, segmentation: Segmentation
+) -> dict[str, Any]:
+    packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
+    return {
+        "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
+        "volume": {"name": session.volume.name, "size": session.volume.shape[::-1]},
+        "model": {"name": weights.model.name, "sha256": weights.sha256, "licence": weights.model.licence},
+        "preset": args.preset,
+        "refinement": args.refine,
+        "grid": session.features.array.shape[2::-1],
+        "device": args.device,
+        "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
+        "peak_memory_bytes": peak_memory_bytes(),
+        "classes": [
+            {"name": c.name, "iso": round(c.iso, 4), "voxels": c.voxels, "millilitres": round(c.millilitres, 3)}
+            for c in segmentation.classes
+        ],
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2, default=_plain) + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{type(value).__name__} has no JSON form")

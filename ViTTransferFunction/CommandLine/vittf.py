@@ -1,0 +1,42 @@
+"""`vittf`: segment, fill the feature cache, draw, and manage weights, without a screen.
+
+Exit codes: 0 success; 2 something given cannot be used, with one line that says what; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+
+from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
+from ViTTransferFunction.Logic.errors import InputError
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns its exit code."""
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
+    args = build_parser().parse_args(arguments)
+    try:
+        return args.run(args)
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; nothing was left half-written", file=sys.stderr)
+        return 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="vittf", description="Annotation-guided segmentation with vision transformer features."
+    )
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="segment|features|render|weights|cache")
+    for command in (segment_command, features_command, render_command, weights_command, cache_command):
+        command.add_arguments(subparsers)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""`vittf weights list|get|remove`: which model weights are on this computer, fetching them, removing them."""
+
+from __future__ import annotations
+
+import argparse
+
+from ViTTransferFunction.CommandLine.options import Subparsers
+from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS, pretrained_model
+from ViTTransferFunction.Logic.weights import fetch_weights
+from ViTTransferFunction.Logic.weights_cache import CachedWeights, list_weights, remove_weights, weights_folder
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command `weights` and its actions to those of `vittf`."""
+    parser = subparsers.add_parser("weights", help="list, get or remove model weights")
+    parser.set_defaults(run=run)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|remove")
+    actions.add_parser("list", help="show every model, its terms, and whether its weights are in the cache")
+    get = actions.add_parser("get", help="download a model's weights into the cache")
+    remove = actions.add_parser("remove", help="delete a model's weights from the cache")
+    for action in (get, remove):
+        # Not `choices`: the Logic names the known models, with the same words as everywhere else.
+        action.add_argument("name", metavar="NAME", help=", ".join(PRETRAINED_MODELS))
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the action. Returns the exit code."""
+    if args.action == "list":
+        _list()
+    elif args.action == "get":
+        _get(args.name)
+    else:
+        _remove(args.name)
+    return 0
+
+
+def _list() -> None:
+    rows = [("model", "licence", "size", "SHA-256", "where")]
+    rows += [_row(entry) for entry in list_weights()]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    print(f"\nThe cache is {weights_folder()}")
+
+
+def _row(entry: CachedWeights) -> tuple[str, str, str, str, str]:
+    where = "not downloaded" if entry.path is None else str(entry.path)
+    if entry.path is not None and not entry.intact:
+        where = f"DAMAGED, remove and get again: {where}"
+    return entry.model.name, entry.model.licence, f"{entry.model.size_mb} MB", (entry.sha256 or "")[:12], where
+
+
+def _get(name: str) -> None:
+    model = pretrained_model(name)
+    print(f"{model.name}: {model.licence}; {model.citation}; {model.homepage}")
+    with ProgressBar() as progress:
+        weights = fetch_weights(name, progress=progress)
+    print(f"{weights.path} ({weights.origin})\nSHA-256 {weights.sha256}")
+
+
+def _remove(name: str) -> None:
+    for path in remove_weights(name):
+        print(f"removed {path}")

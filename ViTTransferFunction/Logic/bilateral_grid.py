@@ -1,0 +1,295 @@
+"""The bilateral grid: voxels that are near each other in space and in intensity share one cell, and become one unknown.
+
+A 4D grid over (K, J, I, luma). Spatial cells are whole numbers of voxels; luma cells are centred on the multiples of
+`sigma_luma`, in units of the intensity window. Only occupied cells are kept. They are found without sorting or hashing: a
+voxel's place in the dense grid is arithmetic, and the dense grid, although mostly empty, is small beside the volume.
+
+The grid is walked in layers, all cells with the same K: what a layer needs stays in the processor's cache, and no temporary has
+the volume's size. One unoccupied cell pads every row, column and layer, so that neighbours are found without looking for
+borders; voxels that take no part are counted into padding.
+
+Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and the other way round.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from torch import Tensor
+
+DIMENSIONS = 4
+MAX_DENSE_CELLS = 2**27
+"""Bounds the dense grid: half a gigabyte for each number that a cell holds. A 600³ volume in cells of 5 voxels fits twice."""
+
+
+@dataclass(frozen=True)
+class GridLayout:
+    """How many cells there are, and which voxels lie in which: integers only.
+
+    Attributes:
+        voxels: volume shape, (K, J, I).
+        cell_voxels: voxels along each edge of a spatial cell, (K, J, I).
+        luma_cells: cells along luma.
+    """
+
+    voxels: tuple[int, int, int]
+    cell_voxels: tuple[int, int, int]
+    luma_cells: int
+
+    @classmethod
+    def of_sigmas(
+        cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
+    ) -> GridLayout:
+        """The layout whose cells come nearest to `sigma_spatial_mm` along every axis, and measure `sigma_luma` of the window.
+
+        Raises:
+            InputError: the grid would be too large to hold.
+        """
+        # Larger than the volume is as large as the volume; said here so that an infinite ratio needs no case of its own.
+        edges = [max(1, round(min(sigma_spatial_mm / s, n))) for s, n in zip(spacing_mm, voxels, strict=True)]
+        layout = cls(voxels, (edges[0], edges[1], edges[2]), math.floor(min(1.0 / sigma_luma, 2.0**31) + 0.5) + 1)
+        if layout.dense_cells > MAX_DENSE_CELLS:
+            raise InputError(
+                f"sigma_spatial_mm {sigma_spatial_mm:g} and sigma_luma {sigma_luma:g} divide a volume of {voxels} voxels of "
+                f"{tuple(float(s) for s in spacing_mm)} mm into {layout.dense_cells:.3g} cells; expected at most "
+                f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
+            )
+        return layout
+
+    @property
+    def cells(self) -> tuple[int, int, int]:
+        """Spatial cells along (K, J, I), the last of each row perhaps incomplete."""
+        return tuple(-(-n // edge) for n, edge in zip(self.voxels, self.cell_voxels, strict=True))  # type: ignore[return-value]
+
+    @property
+    def layer_shape(self) -> tuple[int, int, int]:
+        """Cells of a layer along (J, I, luma), padding included."""
+        return self.cells[1] + 1, self.cells[2] + 1, self.luma_cells + 1
+
+    @property
+    def layer_size(self) -> int:
+        """Cells of a layer, padding included. The last is padding along every axis."""
+        return math.prod(self.layer_shape)
+
+    @property
+    def dense_cells(self) -> int:
+        """Cells of the dense grid, with the layers of padding before the first and after the last."""
+        return (self.cells[0] + 2) * self.layer_size
+
+    @property
+    def strides(self) -> tuple[int, int, int, int]:
+        """Distance in the dense grid between neighbours along (K, J, I, luma)."""
+        _, columns, rows = self.layer_shape
+        return self.layer_size, columns * rows, rows, 1
+
+    def layers(self) -> Iterator[tuple[int, slice]]:
+        """Number of each layer of cells, and its voxels along K."""
+        for layer in range(self.cells[0]):
+            yield layer, slice(layer * self.cell_voxels[0], min((layer + 1) * self.cell_voxels[0], self.voxels[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelCells:
+    """Which cell of the dense grid each voxel lies in.
+
+    Attributes:
+        layout: the dense grid.
+        intensities: (K, J, I), any real dtype.
+        window: the intensities that count as luma 0 and luma 1; those outside are clamped.
+        sigma_luma: size of a luma cell.
+        all_finite: whether every intensity is; decided once, because the careful way is slow.
+        active: (K, J, I) bool over spatial cells: those that take part; None for all.
+    """
+
+    layout: GridLayout
+    intensities: Tensor
+    window: tuple[float, float]
+    sigma_luma: float
+    all_finite: bool
+    active: Tensor | None = None
+
+    def luma_coordinates(self, slices: slice | int) -> Tensor:
+        """float32: where voxels lie along luma, in cells; 0 and 1/sigma_luma are the ends of the window."""
+        import torch
+
+        low, high = self.window
+        # A window without width tells no intensities apart.
+        cells_per_unit = 1.0 / ((high - low) * self.sigma_luma) if high > low else 0.0
+        intensities = self.intensities[slices]
+        if not self.all_finite:
+            intensities = torch.where(torch.isfinite(intensities), intensities, low)
+        return (intensities.to(torch.float32) - low).mul_(cells_per_unit).clamp_(0.0, 1.0 / self.sigma_luma)
+
+    def keys(self, layer: int, slices: slice) -> tuple[Tensor, Tensor | None]:
+        """Place of each voxel's cell within its layer, and whether the voxel takes part.
+
+        Returns:
+            (slices, J, I) int32, where voxels that take no part are in padding; (slices, J, I) bool, or None where all do.
+        """
+        import torch
+
+        keys = self.luma_coordinates(slices).add_(0.5).to(torch.int32).add_(self._column_keys)
+        part = self.taking_part(layer, slices)
+        return (keys if part is None else torch.where(part, keys, self.layout.layer_size - 1)), part
+
+    def taking_part(self, layer: int, slices: slice) -> Tensor | None:
+        """(slices, J, I) bool: whether the voxels of a layer take part; None where all do."""
+        import torch
+
+        active = None
+        if self.active is not None and not bool(self.active[layer].all()):
+            _, edge_j, edge_i = self.layout.cell_voxels
+            active = self.active[layer].repeat_interleave(edge_j, 0).repeat_interleave(edge_i, 1)
+            active = active[: self.layout.voxels[1], : self.layout.voxels[2]].expand(slices.stop - slices.start, -1, -1)
+        if self.all_finite:
+            return active
+        finite = torch.isfinite(self.intensities[slices])
+        return finite if active is None else finite & active
+
+    @cached_property
+    def _column_keys(self) -> Tensor:
+        """(J, I) int32: the place within a layer of the first of the luma cells that a voxel may lie in."""
+        import torch
+
+        rows, columns = (
+            torch.arange(n, dtype=torch.int32, device=self.intensities.device) // edge
+            for n, edge in zip(self.layout.voxels[1:], self.layout.cell_voxels[1:], strict=True)
+        )
+        return rows[:, None] * self.layout.strides[1] + columns * self.layout.strides[2]
+
+
+@dataclass(frozen=True, eq=False)
+class BilateralGrid:
+    """The occupied cells of a volume, numbered: red cells first, each colour in the order of the dense grid.
+
+    Attributes:
+        voxel_cells: which voxels the cells hold.
+        mass: (cells,) voxels in each cell.
+        confidence: (cells,) sum over each cell's voxels.
+        weighted_target: (cells,) sum of confidence × target over each cell's voxels.
+        red_cells: how many cells are red.
+        numbers: (layers + 2, layer size) int32: number of each cell of the dense grid; `len(mass)` where it is not occupied.
+        neighbours: (8, cells) int32: numbers of each cell's neighbours along the four axes.
+    """
+
+    voxel_cells: VoxelCells
+    mass: Tensor
+    confidence: Tensor
+    weighted_target: Tensor
+    red_cells: int
+    numbers: Tensor
+    neighbours: Tensor
+
+    @classmethod
+    def splat(cls, voxel_cells: VoxelCells, target: Tensor, confidence: Tensor | None) -> BilateralGrid:
+        """Sum `target` (K, J, I) and its `confidence` over cells; without confidence, every finite voxel counts 1."""
+        import torch
+
+        sums = _sums_over_cells(voxel_cells, target, confidence)
+        red, black = _occupied_cells(voxel_cells.layout, sums[0])
+        keys = torch.cat([red, black])
+        numbers = _numbered(voxel_cells.layout, keys)
+        mass, weighted_target, *rest = (dense.view(-1).index_select(0, keys) for dense in sums)
+        return cls(
+            voxel_cells,
+            mass=mass,
+            confidence=rest[0] if rest else mass,
+            weighted_target=weighted_target,
+            red_cells=len(red),
+            numbers=numbers,
+            neighbours=_neighbours(voxel_cells.layout, numbers, keys),
+        )
+
+    def neighbour_sum(self, values: Tensor, cells: slice = slice(None)) -> Tensor:
+        """Sum of `values` (cells + 1,), whose last is the 0 of all cells that do not exist, over the neighbours of `cells`."""
+        neighbours = self.neighbours[:, cells]
+        total = values.index_select(0, neighbours[0])
+        for along in neighbours[1:]:
+            total += values.index_select(0, along)
+        return total
+
+
+def all_finite(values: Tensor) -> bool:
+    """Whether every element is finite. May say no to finite ones whose sum overflows: take the careful way then."""
+    import torch
+
+    # 30 times faster than testing each: what is not finite makes the sum not finite.
+    return not values.is_floating_point() or bool(torch.isfinite(values.sum()))
+
+
+def _sums_over_cells(voxel_cells: VoxelCells, target: Tensor, confidence: Tensor | None) -> list[Tensor]:
+    """Dense sums of 1, confidence × target and, where it is not 1, confidence: each (layers + 2, layer size)."""
+    import torch
+
+    layout = voxel_cells.layout
+    target_is_finite = all_finite(target)
+    uniform = confidence is None and target_is_finite
+    sums = [torch.zeros(layout.cells[0] + 2, layout.layer_size, device=target.device) for _ in range(2 if uniform else 3)]
+    for layer, slices in layout.layers():
+        keys, _ = voxel_cells.keys(layer, slices)
+        values = target[slices].to(torch.float32)
+        addends = [torch.ones_like(values), values]
+        if not uniform:
+            weights = torch.ones_like(values) if confidence is None else confidence[slices].to(torch.float32)
+            if not target_is_finite:
+                finite = torch.isfinite(values)
+                weights, values = torch.where(finite, weights, 0.0), torch.where(finite, values, 0.0)
+            addends[1:] = [weights * values, weights]
+        for dense, addend in zip(sums, addends, strict=True):
+            dense[layer + 1].scatter_add_(0, keys.view(-1).to(torch.int64), addend.reshape(-1))
+    for dense in sums:
+        # What was counted into padding takes no part.
+        dense[:, -1] = 0.0
+    return sums
+
+
+def _occupied_cells(layout: GridLayout, mass: Tensor) -> tuple[Tensor, Tensor]:
+    """Places in the dense grid of the red and of the black cells that hold a voxel, each ascending."""
+    import torch
+
+    j, i, luma = (torch.arange(n, device=mass.device) for n in layout.layer_shape)
+    odd = ((j[:, None, None] + i[:, None] + luma) % 2 == 1).view(-1)
+    occupied = mass > 0
+    red, black = torch.empty_like(occupied), torch.empty_like(occupied)
+    for parity in range(2):
+        layers = slice(parity, None, 2)
+        torch.logical_and(occupied[layers], odd ^ (parity == 1), out=red[layers])
+        torch.logical_and(occupied[layers], odd ^ (parity == 0), out=black[layers])
+    return _places(red), _places(black)
+
+
+def _places(mask: Tensor) -> Tensor:
+    """int64: flat indices of the true elements."""
+    import torch
+
+    if mask.device.type == "cpu":
+        # The same as below, 6 times faster.
+        return torch.from_numpy(np.flatnonzero(mask.numpy()))
+    return mask.view(-1).nonzero()[:, 0]
+
+
+def _numbered(layout: GridLayout, keys: Tensor) -> Tensor:
+    """(layers + 2, layer size) int32: position in `keys` of each cell; `len(keys)` where it is not among them."""
+    import torch
+
+    numbers = torch.full((layout.cells[0] + 2, layout.layer_size), len(keys), dtype=torch.int32, device=keys.device)
+    numbers.view(-1).scatter_(0, keys, torch.arange(len(keys), dtype=torch.int32, device=keys.device))
+    return numbers
+
+
+def _neighbours(layout: GridLayout, numbers: Tensor, keys: Tensor) -> Tensor:
+    """(8, cells) int32: numbers of the cells before and after each along every axis."""
+    import torch
+
+    steps = [step for stride in layout.strides for step in (-stride, stride)]
+    return torch.stack([numbers.view(-1).index_select(0, keys + step) for step in steps])

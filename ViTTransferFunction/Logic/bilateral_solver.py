@@ -1,0 +1,256 @@
+"""The bilateral solver in 3D: smooths a map of similarity within structures and not across their edges in the image.
+
+Of all maps x over the voxels of a volume, the one is sought that minimises
+
+    λ/2 · Σ_ij W_ij (x_i − x_j)²  +  Σ_i c_i (x_i − t_i)²,
+
+where t is the target (the map to be refined), c ≥ 0 its confidence, and W the bistochastised bilateral affinity: large between
+voxels near each other in space and in intensity, with every row's sum 1 (Barron & Poole 2016, Eq. 1–3).
+
+**Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
+of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell share
+one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied cell.
+Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them, which
+leaves no blocks.
+
+**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). A few steps bring n near; then m is *set* to
+n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
+
+**Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (here on paper, not in
+rounded numbers), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal D = λ n · N n + S c. Scaled symmetrically by D^-½
+(Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours differ in
+colour, as on a chessboard, so that E takes red cells to black ones and back. Eliminating the black ones leaves
+(1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones, symmetric and positive definite, which conjugate gradients solve in half
+of the iterations, each on half of the cells.
+
+References:
+    Barron, Adams, Shih, Hernández: Fast bilateral-space stereo for synthetic defocus. CVPR 2015.
+    Barron, Poole: The fast bilateral solver. ECCV 2016.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, get_args
+
+from .bilateral_grid import BilateralGrid, GridLayout, VoxelCells, all_finite
+from .bilateral_slice import slice_multilinear, slice_nearest
+from .bilateral_system import solve_cells
+from .errors import InputError
+from .upsampling import upsampled
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+Slicing = Literal["multilinear", "nearest"]
+
+
+@dataclass(frozen=True)
+class BilateralSolverSettings:
+    """What the solver smooths over, how much, and how far it iterates.
+
+    Attributes:
+        sigma_spatial_mm: distance over which voxels count as near, millimetres; rounded to whole voxels along each axis.
+        sigma_luma: difference of intensity over which voxels count as alike, as a fraction of the intensity window.
+        smoothness: λ, the weight of smoothness against agreement with the target.
+        max_iterations: of conjugate gradients.
+        tolerance: residual, relative to the right-hand side, at which the iteration stops.
+        slicing: "multilinear" interpolates between cells; "nearest" is faster, and shows the cells as blocks.
+    """
+
+    sigma_spatial_mm: float = 6.0
+    sigma_luma: float = 10.0 / 255.0
+    smoothness: float = 8.0
+    max_iterations: int = 50
+    tolerance: float = 1e-3
+    slicing: Slicing = "multilinear"
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_spatial_mm", "sigma_luma", "smoothness", "tolerance"):
+            value = getattr(self, name)
+            if not value > 0.0 or math.isinf(value):
+                raise InputError(f"Bilateral solver: {name} is {value}; expected a finite number above 0.")
+        if self.max_iterations < 1:
+            raise InputError(f"Bilateral solver: max_iterations is {self.max_iterations}; expected at least 1.")
+        if self.slicing not in get_args(Slicing):
+            raise InputError(f"Bilateral solver: slicing is {self.slicing!r}; expected one of {', '.join(get_args(Slicing))}.")
+
+
+@dataclass(frozen=True, eq=False)
+class BilateralSolution:
+    """A refined map, and how it was reached.
+
+    Attributes:
+        map: (K, J, I) float32, within the range of the target.
+        converged: whether the residual came below the tolerance.
+        iterations: of conjugate gradients.
+        residual: norm of what the equation leaves unsolved, relative to its right-hand side, in the Jacobi scaling.
+        cells: occupied cells, the unknowns; 0 where there was nothing to solve.
+        smoothness: λ that was used; below the one asked for where that was beyond `MAX_SMOOTHNESS`.
+        cell_voxels: voxels along the edges of the grid's cells, (K, J, I): what `sigma_spatial_mm` was rounded to.
+    """
+
+    map: Tensor
+    converged: bool
+    iterations: int
+    residual: float
+    cells: int
+    smoothness: float
+    cell_voxels: tuple[int, int, int]
+
+
+def refine_map(
+    low_resolution_map: Tensor,
+    intensities: Tensor,
+    window: tuple[float, float],
+    spacing_mm: Sequence[float],
+    settings: BilateralSolverSettings | None = None,
+    threshold: float | None = None,
+) -> BilateralSolution:
+    """Bring a coarse map to the resolution and to the edges of the volume that it describes.
+
+    Args:
+        low_resolution_map: (K', J', I'), filling the same box as the volume; where not finite, it is not known.
+        intensities: (K, J, I), any real dtype; voxels that are not finite keep the interpolated map.
+        window: the intensities between which differences count.
+        spacing_mm: of the volume, along (K, J, I).
+        settings: default values where None.
+        threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
+
+    Raises:
+        InputError: something about the volume, the window or the settings cannot be used.
+    """
+    _check_volume("low-resolution map", low_resolution_map)
+    _check_volume("volume", intensities)
+    settings = settings or BilateralSolverSettings()
+    layout = _layout(intensities, spacing_mm, settings)
+    active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
+    full_map = upsampled(low_resolution_map, intensities.shape)
+    return _refine_in_place(full_map, intensities, window, None, active, layout, settings)
+
+
+def solve_bilateral(
+    target: Tensor,
+    luma: Tensor,
+    confidence: Tensor | None,
+    spacing_mm: Sequence[float],
+    settings: BilateralSolverSettings | None = None,
+    threshold: float | None = None,
+) -> BilateralSolution:
+    """Minimise the energy for a target that has the volume's resolution.
+
+    Args:
+        target: (K, J, I); where not finite, it has no confidence.
+        luma: (K, J, I), intensity in units of its window, clamped to [0, 1]; voxels that are not finite keep the target.
+        confidence: (K, J, I), not negative; None for 1.
+        spacing_mm: along (K, J, I).
+        settings: default values where None.
+        threshold: solve only near where the target exceeds this, and keep it elsewhere. None solves everywhere.
+
+    Raises:
+        InputError: shapes differ, or a value is out of its range.
+    """
+    import torch
+
+    _check_volume("target", target)
+    for name, other in (("luma", luma), ("confidence", confidence)):
+        if other is not None and other.shape != target.shape:
+            raise InputError(f"Bilateral solver: {name} has shape {tuple(other.shape)}; expected {tuple(target.shape)}.")
+    if confidence is not None and not bool((confidence >= 0).all() & torch.isfinite(confidence).all()):
+        raise InputError("Bilateral solver: confidence has values that are negative or not finite; expected finite ones ≥ 0.")
+    settings = settings or BilateralSolverSettings()
+    layout = _layout(luma, spacing_mm, settings)
+    active = None if threshold is None else _active_cells(target, threshold, layout)
+    full_map = target.to(torch.float32, copy=True).contiguous()
+    return _refine_in_place(full_map, luma, (0.0, 1.0), confidence, active, layout, settings)
+
+
+def _check_volume(name: str, volume: Tensor) -> None:
+    if volume.ndim != 3 or volume.numel() == 0:
+        raise InputError(
+            f"Bilateral solver: {name} has shape {tuple(volume.shape)}; expected three axes (K, J, I), none empty."
+        )
+
+
+def _layout(volume: Tensor, spacing_mm: Sequence[float], settings: BilateralSolverSettings) -> GridLayout:
+    spacing_k, spacing_j, spacing_i = (float(s) for s in spacing_mm)
+    if not all(s > 0.0 and math.isfinite(s) for s in spacing_mm):
+        raise InputError(f"Bilateral solver: spacing_mm is {tuple(spacing_mm)}; expected three finite numbers above 0.")
+    k, j, i = volume.shape
+    return GridLayout.of_sigmas((k, j, i), (spacing_k, spacing_j, spacing_i), settings.sigma_spatial_mm, settings.sigma_luma)
+
+
+def _active_cells(where: Tensor, threshold: float, layout: GridLayout) -> Tensor:
+    """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
+    import torch
+    from torch.nn.functional import adaptive_max_pool3d, max_pool3d
+
+    above = torch.where(where > threshold, 1.0, 0.0)[None, None]
+    return max_pool3d(adaptive_max_pool3d(above, layout.cells), 3, stride=1, padding=1)[0, 0] > 0
+
+
+def _refine_in_place(
+    full_map: Tensor,
+    intensities: Tensor,
+    window: tuple[float, float],
+    confidence: Tensor | None,
+    active: Tensor | None,
+    layout: GridLayout,
+    settings: BilateralSolverSettings,
+) -> BilateralSolution:
+    """Overwrite a target by its refinement where cells are active."""
+    if not (math.isfinite(window[0]) and math.isfinite(window[1]) and window[0] <= window[1]):
+        raise InputError(f"Bilateral solver: window is {window}; expected two finite intensities in ascending order.")
+    confidence = _without_unknown_voxels(full_map, confidence)
+    unsolved = BilateralSolution(full_map, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
+    region = full_map
+    if active is not None:
+        if not bool(active.any()):
+            return unsolved
+        box, layout, active = _cropped(layout, active)
+        region, intensities = full_map[box], intensities[box]
+        confidence = None if confidence is None else confidence[box]
+    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, all_finite(intensities), active)
+    grid = BilateralGrid.splat(voxel_cells, region, confidence)
+    if not bool(grid.confidence.any()):
+        return unsolved
+    solution = solve_cells(grid, settings.smoothness, settings.max_iterations, settings.tolerance)
+    slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
+    slice_cells(grid, solution.values, region)
+    return replace(
+        unsolved,
+        converged=solution.residual <= settings.tolerance,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        cells=len(grid.mass),
+        smoothness=solution.smoothness,
+    )
+
+
+def _without_unknown_voxels(full_map: Tensor, confidence: Tensor | None) -> Tensor | None:
+    """Give voxels whose target is not finite the lowest one that is, and no confidence."""
+    import torch
+
+    if all_finite(full_map):
+        return confidence
+    finite = torch.isfinite(full_map)
+    if not bool(finite.any()):
+        raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
+    full_map.copy_(torch.where(finite, full_map, full_map[finite].min()))
+    return finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
+
+
+def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:
+    """The smallest box of voxels that holds all active cells; its own layout, and its active cells."""
+    cells, voxels = [], []
+    for axis, (edge, n) in enumerate(zip(layout.cell_voxels, layout.voxels, strict=True)):
+        occupied = active.movedim(axis, 0).flatten(1).any(1).nonzero()
+        first, end = int(occupied[0]), int(occupied[-1]) + 1
+        cells.append(slice(first, end))
+        voxels.append(slice(first * edge, min(end * edge, n)))
+    k, j, i = voxels
+    shape = (k.stop - k.start, j.stop - j.start, i.stop - i.start)
+    return (k, j, i), replace(layout, voxels=shape), active[tuple(cells)]

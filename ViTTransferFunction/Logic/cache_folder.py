@@ -1,0 +1,26 @@
+"""The user's cache folder: downloaded weights and computed features lie below it, and nowhere else."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+CACHE_VARIABLE = "VITTF_CACHE"
+"""Environment variable that moves the cache elsewhere, to a larger disk say."""
+
+
+def cache_folder() -> Path:
+    """Root of the cache: `VITTF_CACHE`, or the platform's folder for a user's caches. It need not exist yet."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    return _user_cache_folder() / "vit-transfer-function"
+
+
+def _user_cache_folder() -> Path:
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")

@@ -1,0 +1,106 @@
+"""Features made comparable by the volume's own statistics.
+
+Un-centred keys of the DINOv2 family have cosine above 0.9 between any two cells: no threshold separates anything. What
+tells cells apart is how they differ from the volume's mean, measured against how much each direction varies anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .feature_volume import FeatureVolume, sample_at
+from .geometry import Geometry
+
+Statistics = Literal["none", "centred", "whitened"]
+
+WHITENED_COMPONENTS = 64
+"""Directions of largest variance that are kept; the rest is mostly noise that whitening would blow up."""
+SMALLEST_NORM = 1e-12
+
+
+@dataclass(frozen=True)
+class FeatureTransform:
+    """An affine map of feature vectors: `(F − mean) · projection`.
+
+    Attributes:
+        mean: (C,) float32.
+        projection: (C, C') float32, or None to keep all channels as they are.
+    """
+
+    mean: np.ndarray
+    projection: np.ndarray | None
+
+    def apply(self, vectors: np.ndarray) -> np.ndarray:
+        """Map vectors (…, C) to (…, C') float32."""
+        centred = np.asarray(vectors, dtype=np.float32) - self.mean
+        return centred if self.projection is None else centred @ self.projection
+
+
+@dataclass(frozen=True, eq=False)
+class ComparableFeatures:
+    """Unit vectors whose dot products are the cosine similarities of Eq. 1.
+
+    Attributes:
+        array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
+        geometry: the cells' grid.
+        transform: what was applied before normalising.
+    """
+
+    array: np.ndarray
+    geometry: Geometry
+    transform: FeatureTransform
+    source: FeatureVolume
+
+    def at(self, points_ras: np.ndarray) -> np.ndarray:
+        """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
+        return unit_vectors(self.transform.apply(sample_at(self.source.array, self.geometry, points_ras)))
+
+
+def comparable_features(features: FeatureVolume, statistics: Statistics) -> ComparableFeatures:
+    """Prepare a feature volume for cosine similarity.
+
+    Args:
+        features: as extracted.
+        statistics: "none": as they are, the published way; "centred": minus the volume's mean; "whitened": centred, then
+            the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+    """
+    transform = _fit_transform(features.array, statistics)
+    # Layer by layer, so that no second full-size float32 copy of the raw features is ever made.
+    array = np.stack([unit_vectors(transform.apply(layer)) for layer in features.array])
+    return ComparableFeatures(array, features.geometry, transform, features)
+
+
+def unit_vectors(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (…, C) scaled to length 1; zero vectors stay zero."""
+    norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.maximum(norms, SMALLEST_NORM)
+
+
+def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransform:
+    channels = array.shape[-1]
+    if statistics == "none":
+        return FeatureTransform(np.zeros(channels, dtype=np.float32), None)
+    mean, covariance = _moments(array)
+    if statistics == "centred":
+        return FeatureTransform(mean.astype(np.float32), None)
+    variances, directions = np.linalg.eigh(covariance)
+    order = np.argsort(variances)[::-1][: min(WHITENED_COMPONENTS, channels)]
+    # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
+    order = order[variances[order] > variances[order[0]] * 1e-6]
+    projection = directions[:, order] / np.sqrt(variances[order])
+    return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
+
+
+def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (C,) and covariance (C, C) over all cells, in float64, accumulated layer by layer."""
+    channels = array.shape[-1]
+    count = array.size // channels
+    mean = sum(layer.reshape(-1, channels).sum(axis=0, dtype=np.float64) for layer in array) / count
+    covariance = np.zeros((channels, channels))
+    for layer in array:
+        centred = layer.reshape(-1, channels).astype(np.float64) - mean
+        covariance += centred.T @ centred
+    return mean, covariance / count

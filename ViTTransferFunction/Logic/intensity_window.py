@@ -1,0 +1,100 @@
+"""Which intensities matter: windows that map them to [0, 1], chosen from the volume so that outliers have no say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import InputError
+from .volume import Volume, finite_range
+
+SAMPLE_SIZE = 1_000_000
+"""Percentiles are taken over at most about this many voxels, spread evenly: more would change nothing but the time."""
+
+
+@dataclass(frozen=True)
+class IntensityWindow:
+    """Intensities from `low` to `high` map linearly to [0, 1]; what lies outside is clamped.
+
+    Raises:
+        InputError: the bounds are not finite and increasing.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
+            raise InputError(f"An intensity window needs two finite bounds, the lower first; got {self.low} and {self.high}.")
+
+    @property
+    def width(self) -> float:
+        """Intensity range covered."""
+        return self.high - self.low
+
+    def apply(self, intensities: np.ndarray) -> np.ndarray:
+        """Intensities of any shape to float32 in [0, 1]; +inf becomes 1, NaN and -inf become 0."""
+        scaled = (np.asarray(intensities, dtype=np.float32) - np.float32(self.low)) / np.float32(self.width)
+        return np.clip(np.nan_to_num(scaled, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+
+
+ChannelWindows = tuple[IntensityWindow, IntensityWindow, IntensityWindow]
+"""One window for each of the network's colour channels."""
+
+CT_SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
+CT_LUNG = IntensityWindow(-1000.0, -200.0)
+CT_BONE = IntensityWindow(0.0, 1000.0)
+
+
+def looks_like_hounsfield_units(volume: Volume) -> bool:
+    """Whether the intensities are a CT's: a good share of air far below zero, which no other common modality has.
+
+    A CT cropped to soft tissue fails the test and is windowed by its percentiles instead, which suits it as well.
+    """
+    low, high = np.percentile(_sample(volume.array), (1.0, 99.9))
+    return bool(-4096.0 <= low <= -500.0 and -200.0 <= high <= 32767.0)
+
+
+def display_window(volume: Volume) -> IntensityWindow:
+    """The one window in which a person would look at the volume: soft tissue for CT, the central 99 % otherwise."""
+    if looks_like_hounsfield_units(volume):
+        return CT_SOFT_TISSUE
+    return percentile_window(volume)
+
+
+def network_windows(volume: Volume) -> ChannelWindows:
+    """Windows for the network's three colour channels.
+
+    One soft-tissue window shows lung and outside air alike and all bone as white, so a CT's channels are lung, soft
+    tissue and bone; elsewhere the three channels are equal, as in the paper.
+    """
+    if looks_like_hounsfield_units(volume):
+        return CT_LUNG, CT_SOFT_TISSUE, CT_BONE
+    window = percentile_window(volume)
+    return window, window, window
+
+
+def percentile_window(volume: Volume, outside_percent: float = 0.5) -> IntensityWindow:
+    """The window that leaves `outside_percent` of the finite voxels out at either end.
+
+    Falls back to the full range where almost all voxels are equal, so that the window never collapses.
+    """
+    low, high = np.percentile(_sample(volume.array), (outside_percent, 100.0 - outside_percent))
+    if low < high:
+        return IntensityWindow(float(low), float(high))
+    return full_range_window(volume)
+
+
+def full_range_window(volume: Volume) -> IntensityWindow:
+    """From the smallest to the largest finite intensity: the published way, at the mercy of a single metal voxel."""
+    return IntensityWindow(*finite_range(volume.array))
+
+
+def _sample(array: np.ndarray) -> np.ndarray:
+    """Finite voxels, every n-th of them where there are many, (N,) float64."""
+    flat = array.reshape(-1)
+    flat = flat[:: max(1, flat.size // SAMPLE_SIZE)]
+    finite = flat[np.isfinite(flat)]
+    # Where finite voxels are so few that the stride missed them all, look at every one.
+    return (finite if finite.size else array[np.isfinite(array)]).astype(np.float64)

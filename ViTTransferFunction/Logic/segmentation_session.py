@@ -1,0 +1,209 @@
+"""One volume being segmented: its features once, then maps and labels whenever the annotations change.
+
+This is the object that front ends talk to. It knows no widgets, no files and no MRML.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .annotations import AnnotatedClass, check_classes
+from .classification import choose_iso, compete, keep_annotated_components
+from .feature_cache import FeatureCache
+from .feature_extraction import FeatureSettings, extract_features, feature_key, features_size_bytes
+from .feature_statistics import ComparableFeatures, comparable_features
+from .feature_volume import FeatureVolume, sample_at
+from .geometry import Geometry
+from .presets import Preset
+from .progress import Progress, no_progress
+from .refinement import RefinementMethod, refine
+from .similarity import similarity_map
+from .stopwatch import Stopwatch
+from .volume import Volume
+
+if TYPE_CHECKING:
+    import torch
+
+    from .weights import WeightsFile
+
+
+@dataclass(frozen=True, eq=False)
+class ClassMap:
+    """A class's map at one resolution.
+
+    Attributes:
+        similarity: S_L (K', J', I') or S_H (K, J, I), float32 in [0, 1].
+        iso: the threshold that selects the class.
+    """
+
+    similarity: np.ndarray
+    iso: float
+
+
+@dataclass(frozen=True)
+class ClassResult:
+    """What became of one class.
+
+    Attributes:
+        name: of the class.
+        iso: the threshold that was used on the full-resolution map.
+        voxels: how many voxels the segment has.
+        millilitres: their volume.
+    """
+
+    name: str
+    iso: float
+    voxels: int
+    millilitres: float
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """Labels of all classes.
+
+    Attributes:
+        labels: (K, J, I) uint16, 0 for background, 1 + index of the class elsewhere.
+        classes: one entry for each class, in order.
+    """
+
+    labels: np.ndarray
+    classes: tuple[ClassResult, ...]
+
+
+class SegmentationSession:
+    """Holds a volume, its features, and the settings that stay the same while the user annotates.
+
+    Args:
+        volume: what is segmented.
+        preset: the way through the method.
+        feature_settings: replaces the preset's (another grid, say).
+        cache: where features are kept between sessions; None: nowhere.
+    """
+
+    def __init__(
+        self,
+        volume: Volume,
+        preset: Preset,
+        feature_settings: FeatureSettings | None = None,
+        cache: FeatureCache | None = None,
+    ) -> None:
+        self.volume = volume
+        self.preset = preset
+        self.feature_settings = feature_settings or preset.features
+        self.cache = cache
+        self.watch = Stopwatch()
+        self._features: ComparableFeatures | None = None
+
+    def load_features(self, weights: WeightsFile, device: torch.device, progress: Progress = no_progress) -> bool:
+        """Get the volume's features, from the cache or by computing them; the slow step, once for a volume.
+
+        Returns:
+            Whether they were in the cache.
+
+        Raises:
+            InputError: the weights do not fit, or the cache's disk is full.
+            Cancelled: by the progress callback.
+        """
+        with self.watch.step("features"):
+            key = feature_key(self.volume, weights.model.name, weights.sha256, self.feature_settings)
+            cached = self.cache.get(key) if self.cache else None
+            features = cached or self._extract(weights, device, progress)
+            self._features = comparable_features(features, self.preset.statistics)
+        return cached is not None
+
+    @property
+    def features(self) -> ComparableFeatures:
+        """The volume's features. Raises RuntimeError before `load_features`."""
+        if self._features is None:
+            raise RuntimeError("load_features comes first")
+        return self._features
+
+    def low_resolution_map(self, classes: Sequence[AnnotatedClass], index: int) -> ClassMap:
+        """S_L of the index-th class and its iso value: the answer to a click, in milliseconds."""
+        with self.watch.step("similarity"):
+            similarity = similarity_map(self.features, classes[index], self.preset.similarity)
+            return ClassMap(similarity, self._iso(similarity, self.features.geometry, classes, index))
+
+    def full_resolution_map(self, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
+        """S_H of the index-th class, sharpened against the intensities where the class asks for it, and its iso value.
+
+        The iso value is chosen anew, since refinement changes the range of the map.
+        """
+        low = self.low_resolution_map(classes, index)
+        annotated = classes[index]
+        with self.watch.step("refinement"):
+            wanted = method if annotated.refine else "none"
+            similarity = refine(low.similarity, self.volume, annotated.positive, low.iso, wanted)
+            return ClassMap(similarity, self._iso(similarity, self.volume.geometry, classes, index))
+
+    def segment(
+        self,
+        classes: Sequence[AnnotatedClass],
+        method: RefinementMethod = "bilateral",
+        only_annotated_components: bool = True,
+        progress: Progress = no_progress,
+        on_map: Callable[[AnnotatedClass, ClassMap], None] | None = None,
+    ) -> Segmentation:
+        """Segment all classes, each voxel going to one class at most.
+
+        Args:
+            classes: at least one, of different names, all points inside the volume.
+            method: how maps are refined.
+            only_annotated_components: drop the parts of a segment that hold none of its positive points.
+            progress: told of classes done.
+            on_map: is shown each full-resolution map before the next is made; they are not kept.
+
+        Raises:
+            InputError: the classes are not usable.
+            Cancelled: by the progress callback.
+        """
+        check_classes(classes, self.volume.geometry)
+        isos: list[float] = []
+
+        def maps() -> Iterator[tuple[np.ndarray, float]]:
+            for index, annotated in enumerate(classes):
+                progress(index, len(classes), "Segmenting classes")
+                full = self.full_resolution_map(classes, index, method)
+                if on_map:
+                    on_map(annotated, full)
+                isos.append(full.iso)
+                yield full.similarity, full.iso
+            progress(len(classes), len(classes), "Segmenting classes")
+
+        labels = compete(maps(), self.volume.shape)
+        with self.watch.step("components"):
+            if only_annotated_components:
+                for label, annotated in enumerate(classes, start=1):
+                    keep_annotated_components(labels, label, self.volume.geometry, annotated.positive)
+        return Segmentation(labels, tuple(self._results(classes, isos, labels)))
+
+    def _extract(self, weights: WeightsFile, device: torch.device, progress: Progress) -> FeatureVolume:
+        from .state_dict import load_state_dict
+        from .vision_transformer import VisionTransformer
+
+        network = VisionTransformer(weights.model, load_state_dict(weights.path), weights.sha256, device)
+        if self.cache:
+            self.cache.check_room(features_size_bytes(self.volume.geometry, self.feature_settings, weights.model))
+        features = extract_features(self.volume, network, self.feature_settings, progress)
+        if self.cache:
+            self.cache.put(features)
+        return features
+
+    def _iso(self, similarity: np.ndarray, geometry: Geometry, classes: Sequence[AnnotatedClass], index: int) -> float:
+        annotated = classes[index]
+        if annotated.iso is not None:
+            return annotated.iso
+        others = [other.positive for position, other in enumerate(classes) if position != index]
+        negatives = np.concatenate([annotated.negative, *others])
+        values = similarity[..., None]
+        return choose_iso(sample_at(values, geometry, annotated.positive), sample_at(values, geometry, negatives))
+
+    def _results(self, classes: Sequence[AnnotatedClass], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
+        counts = np.bincount(labels.ravel(), minlength=len(classes) + 1)
+        voxel_ml = self.volume.geometry.voxel_volume_mm3 / 1000.0
+        for annotated, iso, count in zip(classes, isos, counts[1:].tolist(), strict=True):
+            yield ClassResult(annotated.name, iso, count, count * voxel_ml)

@@ -1,0 +1,100 @@
+"""Set up and run everything, on a machine that has Python and pip.
+
+    python dev.py demo     segment a chest CT from a few points and draw the result, in demo_output/
+    python dev.py test     run the tests; further arguments go to pytest
+    python dev.py lint     check style and types
+    python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
+
+Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt.
+Only the standard library is used here, since nothing else is there yet.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+ENVIRONMENT = ROOT / ".venv"
+PYTHON = ENVIRONMENT / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+OLDEST_PYTHON = (3, 10)
+
+
+def main() -> int:
+    """Parse the command line, set up, run, and return the command's exit code."""
+    if sys.version_info < OLDEST_PYTHON:
+        print(
+            f"Python {OLDEST_PYTHON[0]}.{OLDEST_PYTHON[1]} or newer is needed; this is {sys.version.split()[0]}.",
+            file=sys.stderr,
+        )
+        return 2
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", choices=["demo", "test", "lint", "bench"])
+    command, rest = parser.parse_known_args()
+    return {"demo": demo, "test": test, "lint": lint, "bench": bench}[command.command](rest)
+
+
+def demo(arguments: list[str]) -> int:
+    """Run the demo."""
+    set_up()
+    return run("-m", "ViTTransferFunction.CommandLine.demo", *arguments)
+
+
+def test(arguments: list[str]) -> int:
+    """Run the tests."""
+    set_up("test")
+    return run("-m", "pytest", *arguments)
+
+
+def lint(arguments: list[str]) -> int:
+    """Run every check, also after one failed, so that one run shows all there is to mend."""
+    set_up("lint")
+    codes = [run("-m", "ruff", "check"), run("-m", "ruff", "format", "--check"), run("-m", "mypy", *arguments)]
+    return max(codes)
+
+
+def bench(arguments: list[str]) -> int:
+    """Run one benchmark of the folder Benchmarks."""
+    names = sorted(path.stem.removeprefix("bench_") for path in (ROOT / "Benchmarks").glob("bench_*.py"))
+    if not arguments or arguments[0] not in names:
+        print(f"Which benchmark? One of: {', '.join(names)}", file=sys.stderr)
+        return 2
+    set_up("bench")
+    return run("-m", f"Benchmarks.bench_{arguments[0]}", *arguments[1:])
+
+
+def set_up(*extras: str) -> None:
+    """Create the environment and install the project with `extras`, unless that was done for the same requirements."""
+    stamp = ENVIRONMENT / f"installed-{'-'.join(extras) or 'base'}"
+    wanted = requirements_digest()
+    if PYTHON.exists() and stamp.exists() and stamp.read_text() == wanted:
+        return
+    if not PYTHON.exists():
+        print(f"Creating {ENVIRONMENT}", flush=True)
+        venv.create(ENVIRONMENT, with_pip=True)
+    target = f".[{','.join(extras)}]" if extras else "."
+    print(f"Installing {target} (PyTorch and VTK: a few minutes on the first run)", flush=True)
+    command = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", "constraints.txt", "-e", target]
+    installed = subprocess.run(command, cwd=ROOT, check=False)
+    if installed.returncode:
+        sys.exit(f"pip could not install the requirements (exit code {installed.returncode}); its message stands above.")
+    stamp.write_text(wanted)
+
+
+def requirements_digest() -> str:
+    """Changes whenever what is to be installed changes."""
+    return hashlib.sha256(b"".join((ROOT / name).read_bytes() for name in ("pyproject.toml", "constraints.txt"))).hexdigest()
+
+
+def run(*arguments: str) -> int:
+    """Run Python of the environment in the project's folder; returns its exit code."""
+    return subprocess.run([PYTHON, *arguments], cwd=ROOT, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())
