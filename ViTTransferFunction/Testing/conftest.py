@@ -1,0 +1,84 @@
+"""Fixtures that several test files share: small volumes with known answers, a small network, and real data where it is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.geometry import Geometry
+from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.volume import Volume
+from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
+
+DATA_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_DATA") == "1"
+VOLUMES = os.environ.get("VITTF_TEST_VOLUMES")
+WEIGHTS = os.environ.get("VITTF_WEIGHTS")
+
+
+@pytest.fixture(autouse=True)
+def a_cache_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """No test reads or fills the cache of whoever runs it."""
+    folder = tmp_path_factory.mktemp("cache")
+    monkeypatch.setenv("VITTF_CACHE", str(folder))
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def no_weights_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests ask for real weights by the fixture `real_weights`, never by accident."""
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+
+
+@pytest.fixture
+def real_weights() -> Path:
+    """The file of dinov2_vits14_focus."""
+    path = Path(WEIGHTS or "") / "dinov2_vits14_focus.pt"
+    if WEIGHTS and Path(WEIGHTS).is_file():
+        path = Path(WEIGHTS)
+    if not WEIGHTS or not path.exists():
+        _missing("VITTF_WEIGHTS does not name a folder with dinov2_vits14_focus.pt, nor that file")
+    return path
+
+
+@pytest.fixture
+def test_volume() -> Callable[[str], Path]:
+    """The path of a real volume, by its file name."""
+
+    def path_of(name: str) -> Path:
+        path = Path(VOLUMES or "") / name
+        if not VOLUMES or not path.exists():
+            _missing(f"VITTF_TEST_VOLUMES does not name a folder with {name}")
+        return path
+
+    return path_of
+
+
+def _missing(reason: str) -> None:
+    if DATA_IS_REQUIRED:
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+@pytest.fixture
+def tiny_network() -> VisionTransformer:
+    """A two-block network with fixed random weights."""
+    return VisionTransformer(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
+
+
+@pytest.fixture
+def spheres() -> tuple[Volume, np.ndarray]:
+    """Two equal bright spheres and a darker one in noise, and their labels 1, 2 and 3; 48×40×32 voxels of 2×2×3 mm."""
+    shape, spacing = (32, 40, 48), np.array([3.0, 2.0, 2.0])
+    kji = np.stack(np.meshgrid(*[np.arange(n) for n in shape], indexing="ij"), axis=-1) * spacing
+    labels = np.zeros(shape, dtype=np.uint8)
+    for label, centre in enumerate(([48.0, 40.0, 24.0], [48.0, 40.0, 72.0], [24.0, 20.0, 48.0]), start=1):
+        labels[np.linalg.norm(kji - centre, axis=-1) < 16.0] = label
+    means = np.array([0.0, 200.0, 200.0, 100.0])
+    array = means[labels] + np.random.default_rng(0).normal(0.0, 5.0, shape)
+    ijk_to_ras = np.diag([*spacing[::-1], 1.0])
+    ijk_to_ras[:3, 3] = [-40.0, 10.0, 5.0]
+    return Volume(array.astype(np.float32), Geometry(shape, ijk_to_ras), "spheres"), labels

@@ -1,0 +1,180 @@
+"""Slices through the network, and their keys into one volume."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ViTTransferFunction.Logic.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.feature_extraction import (
+    FeatureSettings,
+    extract_features,
+    feature_key,
+    features_size_bytes,
+    grid_shape,
+    slice_samples,
+)
+from ViTTransferFunction.Logic.geometry import Geometry
+from ViTTransferFunction.Logic.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.volume import Volume
+from ViTTransferFunction.Testing.tiny_model import TINY_MODEL
+
+WINDOW = IntensityWindow(0.0, 1.0)
+
+
+class MeanIntensityNetwork:
+    """In the network's place: a patch's key is the mean of its pixels, so that pooling has a known answer."""
+
+    model = TINY_MODEL
+    device = torch.device("cpu")
+    weights_digest = "mean"
+
+    def last_block_keys(self, images: torch.Tensor) -> torch.Tensor:
+        images = images * torch.tensor([0.229, 0.224, 0.225]).view(1, 3, 1, 1) + torch.tensor([0.485, 0.456, 0.406]).view(
+            1, 3, 1, 1
+        )
+        means = torch.nn.functional.avg_pool2d(images, self.model.patch_size).mean(dim=1)
+        return means[..., None].expand(-1, -1, -1, self.model.embed_dim)
+
+
+def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
+    return Volume(array, Geometry(array.shape, np.diag([*spacing_ijk, 1.0])))
+
+
+def block_means(array: np.ndarray, size: int) -> np.ndarray:
+    k, j, i = (n // size for n in array.shape)
+    return array.reshape(k, size, j, size, i, size).mean(axis=(1, 3, 5))
+
+
+def test_pooling_every_slice_gives_the_mean_of_each_cell() -> None:
+    array = np.random.default_rng(0).random((16, 24, 32)).astype(np.float32)
+    settings = FeatureSettings(grid=8, isotropic=False, every_slice=True, windows=(WINDOW,) * 3)
+    features = extract_features(volume_of(array), MeanIntensityNetwork(), settings)
+    assert features.array.shape == (4, 6, 8, TINY_MODEL.embed_dim)
+    np.testing.assert_allclose(features.array[..., 0], block_means(array, 4), atol=1e-3)
+
+
+def test_features_follow_the_axes_of_the_volume() -> None:
+    ramps = np.meshgrid(*[np.linspace(0.0, 1.0, n) for n in (16, 24, 32)], indexing="ij")
+    for axis, ramp in enumerate(ramps):
+        settings = FeatureSettings(grid=8, windows=(WINDOW,) * 3)
+        features = extract_features(volume_of(ramp.astype(np.float32)), MeanIntensityNetwork(), settings).array[..., 0]
+        across = np.moveaxis(features, axis, 0).reshape(features.shape[axis], -1)
+        assert (np.diff(across[:, 0].astype(float)) > 0.05).all()
+        np.testing.assert_allclose(across.max(axis=1), across.min(axis=1), atol=1e-3)
+
+
+@given(st.integers(1, 300), st.integers(1, 80), st.booleans())
+def test_slice_weights_of_every_layer_add_up_to_one(slices: int, layers: int, every_slice: bool) -> None:
+    samples = slice_samples(slices, layers, every_slice)
+    totals = np.zeros(layers)
+    for sample in samples:
+        assert 0.0 <= sample.position <= slices - 1
+        for layer, weight in sample.layers:
+            totals[layer] += weight
+    np.testing.assert_allclose(totals, 1.0)
+
+
+def test_every_slice_pools_as_adaptive_average_pooling_does() -> None:
+    values = torch.rand(1, 1, 157, dtype=torch.float64)
+    pooled = torch.zeros(64, dtype=torch.float64)
+    for sample in slice_samples(157, 64, every_slice=True):
+        for layer, weight in sample.layers:
+            pooled[layer] += weight * values[0, 0, int(sample.position)]
+    torch.testing.assert_close(pooled, torch.nn.functional.adaptive_avg_pool1d(values, 64)[0, 0])
+
+
+def test_one_slice_a_layer_runs_through_the_layers_centres() -> None:
+    assert [sample.position for sample in slice_samples(8, 4, every_slice=False)] == [0.5, 2.5, 4.5, 6.5]
+
+
+def test_cells_are_cubes_in_millimetres() -> None:
+    geometry = Geometry((40, 100, 200), np.diag([1.0, 1.0, 5.0, 1.0]))
+    assert grid_shape(geometry, FeatureSettings(grid=20)) == (20, 10, 20)
+    assert grid_shape(geometry, FeatureSettings(grid=20, isotropic=False)) == (4, 10, 20)
+
+
+def test_the_published_preset_is_repeatable_bit_for_bit(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    settings = replace(PRESETS["published"].features, grid=8)
+    first = extract_features(spheres[0], tiny_network, settings)
+    second = extract_features(spheres[0], tiny_network, settings)
+    np.testing.assert_array_equal(first.array, second.array)
+    assert len(first.array) == round(32 / 48 * 8)
+
+
+def test_one_slice_a_layer_is_close_to_every_slice(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    settings = FeatureSettings(grid=12)
+    sampled = extract_features(spheres[0], tiny_network, settings).array.astype(float)
+    pooled = extract_features(spheres[0], tiny_network, replace(settings, every_slice=True)).array.astype(float)
+    cosine = (sampled * pooled).sum(-1) / np.linalg.norm(sampled, axis=-1) / np.linalg.norm(pooled, axis=-1)
+    assert cosine.mean() > 0.99
+
+
+def test_voxels_that_are_not_finite_or_metal_leave_the_rest_as_it_is(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    volume, _ = spheres
+    damaged = volume.array.copy()
+    damaged[16, 20, 24], damaged[16, 20, 25], damaged[16, 20, 26] = np.nan, np.inf, 30_000.0
+    settings = FeatureSettings(grid=8)
+    clean = extract_features(volume, tiny_network, settings).array.astype(float)
+    features = extract_features(Volume(damaged, volume.geometry), tiny_network, settings).array.astype(float)
+    assert np.isfinite(features).all()
+    far = np.ones(clean.shape[:3], dtype=bool)
+    far[clean.shape[0] // 2 - 1 : clean.shape[0] // 2 + 1, 2:6, 2:6] = False
+    cosine = (clean * features).sum(-1) / np.linalg.norm(clean, axis=-1) / np.linalg.norm(features, axis=-1)
+    assert cosine[far].min() > 0.98
+
+
+def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    reports: list[tuple[int, int]] = []
+    extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), lambda done, total, _: reports.append((done, total)))
+    assert reports[0][0] == 0
+    assert reports[-1][0] == reports[-1][1] == sum((8, 7, 8))
+
+    def cancel(done: int, total: int, what: str) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel)
+
+
+def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    settings = FeatureSettings(grid=8)
+    features = extract_features(spheres[0], tiny_network, settings)
+    assert features.array.nbytes == features_size_bytes(spheres[0].geometry, settings, TINY_MODEL)
+
+
+def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tuple[Volume, np.ndarray]) -> None:
+    volume, _ = spheres
+    settings = FeatureSettings()
+    base = feature_key(volume, "model", "weights", settings)
+    other_array = volume.array.copy()
+    other_array[0, 0, 0] += 1
+    moved = Geometry(volume.shape, volume.geometry.ijk_to_ras + np.diag([0.1, 0.0, 0.0, 0.0]))
+    others = {
+        feature_key(Volume(other_array, volume.geometry), "model", "weights", settings),
+        feature_key(Volume(volume.array, moved), "model", "weights", settings),
+        feature_key(volume, "other", "weights", settings),
+        feature_key(volume, "model", "other", settings),
+        feature_key(volume, "model", "weights", replace(settings, grid=65)),
+        feature_key(volume, "model", "weights", replace(settings, windows=(WINDOW,) * 3)),
+    }
+    assert len(others) == 6
+    assert base not in others
+    assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings)
+
+
+@pytest.mark.parametrize("grid", [3, 129, -1])
+def test_a_grid_out_of_range_is_refused(grid: int) -> None:
+    with pytest.raises(InputError, match=f"4 to 128 cells; got {grid}"):
+        FeatureSettings(grid=grid)
