@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from .annotations import Color, default_color
 from .atomic_file import replacing
 from .errors import InputError
 from .geometry import LPS_TO_RAS, Geometry
-from .volume_io import read_label_map
+from .volume_io import image_geometry, last_line, read_image
 
 LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 
@@ -48,11 +48,9 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
     """
     check_segmentation_path(path)
     labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16)
+    tags = _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {}
     with replacing(path) as temporary:
-        if path.name.lower().endswith(".seg.nrrd"):
-            _write_slicer_segmentation(temporary, labels, geometry, segments)
-        else:
-            write_image(temporary, labels, geometry)
+        write_image(temporary, labels, geometry, tags)
 
 
 def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
@@ -63,16 +61,15 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
         their numbers.
 
     Raises:
-        InputError: missing, unreadable, or the segments overlap.
+        InputError: missing, unreadable, or the segments overlap (Slicer then stores several layers).
     """
-    if not path.is_file():
-        raise InputError(f"There is no segmentation file {path}.")
-    if path.name.lower().endswith(".seg.nrrd"):
-        return _read_slicer_segmentation(path)
-    labels, geometry = read_label_map(path)
-    values = [int(value) for value in np.unique(labels) if value]
-    segments = [Segment(str(value), default_color(index)) for index, value in enumerate(values)]
-    return _relabelled(labels, values), geometry, segments
+    image = read_image(path)
+    labels, geometry = sitk.GetArrayFromImage(image), image_geometry(image)
+    by_label = _segments_from_tags(image, path) if _is_slicer_segmentation(path) else _numbered_segments(labels)
+    relabelled = np.zeros(labels.shape, dtype=np.uint16)
+    for index, label in enumerate(by_label):
+        relabelled[labels == label] = index + 1
+    return relabelled, geometry, list(by_label.values())
 
 
 def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) -> np.ndarray:
@@ -85,15 +82,22 @@ def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) ->
     Returns:
         (K, J, I) of `target`, the dtype of `labels`.
     """
-    source_of_target = np.linalg.inv(geometry.ijk_to_ras) @ target.ijk_to_ras
+    # Rounded, so that grids which coincide but for rounding errors lose no border voxel.
+    source_of_target = np.round(np.linalg.inv(geometry.ijk_to_ras) @ target.ijk_to_ras, 6)
     matrix, offset = source_of_target[2::-1, 2::-1], source_of_target[2::-1, 3]
     return ndimage.affine_transform(
         labels, matrix, offset, output_shape=target.shape, order=0, mode="constant", prefilter=False
     )
 
 
-def write_image(path: Path, array: np.ndarray, geometry: Geometry) -> None:
+def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str] | None = None) -> None:
     """Write an array (K, J, I) as a compressed image of any format that SimpleITK knows by its ending.
+
+    Args:
+        path: where to.
+        array: voxels.
+        geometry: of the voxels.
+        tags: key-value pairs for the header, in formats that have such.
 
     Raises:
         InputError: the file cannot be written.
@@ -103,50 +107,62 @@ def write_image(path: Path, array: np.ndarray, geometry: Geometry) -> None:
     image.SetOrigin(ijk_to_lps[:3, 3].tolist())
     image.SetSpacing(geometry.spacing_mm.tolist())
     image.SetDirection((ijk_to_lps[:3, :3] / geometry.spacing_mm).ravel().tolist())
+    for key, value in (tags or {}).items():
+        image.SetMetaData(key, value)
     try:
         sitk.WriteImage(image, str(path), useCompression=True)
     except RuntimeError as error:
-        raise InputError(f"Cannot write {path}: {str(error).strip().splitlines()[-1].strip()}") from error
+        raise InputError(f"Cannot write {path}: {last_line(error)}") from error
 
 
-def _write_slicer_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segments: Sequence[Segment]) -> None:
-    import slicerio
-
-    slicerio.write_segmentation(
-        str(path),
-        {
-            "voxels": labels.transpose(2, 1, 0),
-            "ijkToLPS": LPS_TO_RAS @ geometry.ijk_to_ras,
-            "containedRepresentationNames": ["Binary labelmap"],
-            "segments": [
-                {"id": f"Segment_{label}", "name": segment.name, "color": list(segment.color), "labelValue": label, "layer": 0}
-                for label, segment in enumerate(segments, start=1)
-            ],
-        },
-        compression_level=4,
-    )
+def _is_slicer_segmentation(path: Path) -> bool:
+    return path.name.lower().endswith(".seg.nrrd")
 
 
-def _read_slicer_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
-    import nrrd
-    import slicerio
+def _segment_tags(shape: tuple[int, ...], segments: Sequence[Segment]) -> dict[str, str]:
+    """The header by which Slicer knows a label map as a segmentation.
 
-    try:
-        content = slicerio.read_segmentation(str(path))
-    except (nrrd.NRRDError, OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path} cannot be read as a Slicer segmentation: {error}") from error
-    voxels = content["voxels"]
-    if voxels.ndim != 3:
-        raise InputError(f"The segments of {path} overlap; expected one label for each voxel. Export them apart.")
-    labels = np.ascontiguousarray(voxels.transpose(2, 1, 0))
-    segments = [Segment(entry["name"], tuple(float(c) for c in entry["color"])) for entry in content["segments"]]
-    geometry = Geometry(labels.shape, LPS_TO_RAS @ np.array(content["ijkToLPS"]))
-    return _relabelled(labels, [int(entry["labelValue"]) for entry in content["segments"]]), geometry, segments
+    Written by SimpleITK and not by the package slicerio, whose writer takes ASCII names only.
+    """
+    tags = {
+        "Segmentation_ContainedRepresentationNames": "Binary labelmap|",
+        "Segmentation_MasterRepresentation": "Binary labelmap",
+        "Segmentation_ReferenceImageExtentOffset": "0 0 0",
+    }
+    extent = " ".join(f"0 {count - 1}" for count in reversed(shape))
+    for index, segment in enumerate(segments):
+        tags |= {
+            f"Segment{index}_ID": f"Segment_{index + 1}",
+            f"Segment{index}_Name": segment.name,
+            f"Segment{index}_NameAutoGenerated": "0",
+            f"Segment{index}_Color": " ".join(f"{component:.6f}" for component in segment.color),
+            f"Segment{index}_ColorAutoGenerated": "0",
+            f"Segment{index}_LabelValue": str(index + 1),
+            f"Segment{index}_Layer": "0",
+            f"Segment{index}_Extent": extent,
+            f"Segment{index}_Tags": "|",
+        }
+    return tags
 
 
-def _relabelled(labels: np.ndarray, values: list[int]) -> np.ndarray:
-    """Labels in which the index-th of `values` has become 1 + index, and all else 0."""
-    relabelled = np.zeros(labels.shape, dtype=np.uint16)
-    for index, value in enumerate(values):
-        relabelled[labels == value] = index + 1
-    return relabelled
+def _segments_from_tags(image: sitk.Image, path: Path) -> dict[int, Segment]:
+    """Segments by label, in the file's order."""
+    tags = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
+    segments = {}
+    index = 0
+    while f"Segment{index}_ID" in tags:
+        try:
+            red, green, blue = (float(component) for component in tags[f"Segment{index}_Color"].split())
+            label = int(tags[f"Segment{index}_LabelValue"])
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{path} is not a complete Slicer segmentation: segment {index} has no usable {error}.") from error
+        segments[label] = Segment(tags.get(f"Segment{index}_Name", str(label)), (red, green, blue))
+        index += 1
+    if not segments:
+        raise InputError(f"{path} names no segments; expected a segmentation saved by Slicer or by this program.")
+    return segments
+
+
+def _numbered_segments(labels: np.ndarray) -> dict[int, Segment]:
+    values = [int(value) for value in np.unique(labels) if value]
+    return {value: Segment(str(value), default_color(index)) for index, value in enumerate(values)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,10 +34,11 @@ def read_volume(path: Path) -> Volume:
     return Volume(sitk.GetArrayFromImage(image), image_geometry(image), name=_name(path))
 
 
-def read_label_map(path: Path) -> tuple[np.ndarray, Geometry]:
-    """Labels (K, J, I) of a label map file, and their geometry. Raises InputError where it is not a scalar 3D image."""
-    image = _read_file(path)
-    return sitk.GetArrayFromImage(image), image_geometry(image)
+def read_image(path: Path) -> sitk.Image:
+    """Read a scalar 3D image file, of label numbers say. Raises InputError where it is none."""
+    if not path.is_file():
+        raise InputError(f"There is no file {path}.")
+    return _read_file(path)
 
 
 def image_geometry(image: sitk.Image) -> Geometry:
@@ -53,10 +55,10 @@ def _read_file(path: Path) -> sitk.Image:
     try:
         # The header first: what cannot be used is refused before its voxels are read.
         reader.ReadImageInformation()
-        _check_header(reader, path)
+        _check_header(reader.GetSize(), reader.GetNumberOfComponents(), path)
         return reader.Execute()
     except RuntimeError as error:
-        raise InputError(f"{path} cannot be read as an image: {_last_line(error)}") from error
+        raise InputError(f"{path} cannot be read as an image: {last_line(error)}") from error
 
 
 def _read_series(folder: Path) -> sitk.Image:
@@ -75,13 +77,12 @@ def _read_series(folder: Path) -> sitk.Image:
         _warn_of_irregular_slices(files[series[0]], folder)
         image = reader.Execute()
     except RuntimeError as error:
-        raise InputError(f"The DICOM series in {folder} cannot be read: {_last_line(error)}") from error
-    _check_header(image, folder)
+        raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
+    _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), folder)
     return image
 
 
-def _check_header(image: sitk.Image | sitk.ImageFileReader, path: Path) -> None:
-    size, components = image.GetSize(), image.GetNumberOfComponents()
+def _check_header(size: Sequence[int], components: int, path: Path) -> None:
     if len(size) != 3 or components != 1:
         kind = f"{len(size)}D image of size {'×'.join(map(str, size))}" + (
             f" with {components} components" if components > 1 else ""
@@ -114,6 +115,6 @@ def _name(path: Path) -> str:
     return name[: -len(".nii.gz")] if name.endswith(".nii.gz") else (name if path.is_dir() else path.stem)
 
 
-def _last_line(error: RuntimeError) -> str:
+def last_line(error: RuntimeError) -> str:
     """SimpleITK's own sentence, without the C++ source lines above it."""
     return str(error).strip().splitlines()[-1].strip()
