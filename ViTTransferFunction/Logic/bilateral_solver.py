@@ -8,10 +8,10 @@ where t is the target (the map to be refined), c ≥ 0 its confidence, and W the
 voxels near each other in space and in intensity, with every row's sum 1 (Barron & Poole 2016, Eq. 1–3).
 
 **Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
-of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell share
-one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied cell.
-Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them, which
-leaves no blocks.
+of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
+share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
+cell. Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them,
+which leaves no blocks.
 
 **Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). A few steps bring n near; then m is *set* to
 n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.

@@ -137,25 +137,42 @@ def _height(
     """How far inside the segment's surface the voxels around it lie, in millimetres (negative: outside).
 
     Returns:
-        The heights (K', J', I') float32; where in the segment's grid their first voxel lies, (i, j, k); their step along i, j, k.
+        The heights (K', J', I') float32; where in the segment's grid their first voxel lies, (i, j, k); their steps there.
     """
+    box_first, box_end = _index_box(segment.mask)
     # Voxels much finer than what is rendered only cost time.
     step = np.maximum(np.round(classified.spacing_mm / geometry.spacing_mm), 1).astype(int)[::-1]
+    if not segment.mask[_box(box_first, box_end, step)].any():
+        step = np.ones_like(step)
+    box = _box(box_first, box_end, step)
     spacing = geometry.spacing_mm[::-1] * step
     margin = np.ceil(1.5 * classified.ramp_mm / spacing).astype(int) + 3
-    box_first, box_end = _index_box(segment.mask)
-    box = tuple(slice(a, b, n) for a, b, n in zip(box_first, box_end, step, strict=True))
     # The margin may reach beyond the volume: a segment that the volume's border cuts gets a flat face there.
     mask = np.pad(segment.mask[box], [(n, n) for n in margin])
-    height = distance_transform_edt(mask, sampling=spacing) - distance_transform_edt(~mask, sampling=spacing)
-    # Smoothed by a voxel, and across the slices of thick-sliced volumes by a part of their distance.
-    sigma_mm = np.maximum(0.8 * spacing, 0.5 * spacing.max())
-    height = gaussian_filter(np.clip(height, -4 * spacing.max(), 4 * spacing.max()), sigma_mm / spacing)
+    height = _height_from_mask(mask, spacing)
     if segment.similarity is not None:
-        similarity = np.pad(segment.similarity[box].astype(np.float32), [(n, n) for n in margin], mode="edge")
-        # The map places the surface to a fraction of a voxel; the mask decides which parts of the map belong to the segment.
-        height = np.minimum(_height_from_similarity(similarity, segment.iso, mask, spacing), height + spacing.max())
+        similarity = np.pad(np.nan_to_num(segment.similarity[box].astype(np.float32)), [(n, n) for n in margin], mode="edge")
+        # The map places the surface to a fraction of a voxel; the mask says which parts of the map belong to the segment.
+        by_map = _height_from_similarity(similarity, segment.iso, mask, spacing)
+        height = np.minimum(by_map, height + spacing.max())
     return height.astype(np.float32), (box_first - margin * step)[::-1], step[::-1]
+
+
+def _box(first: np.ndarray, end: np.ndarray, step: np.ndarray) -> tuple[slice, ...]:
+    return tuple(slice(a, b, n) for a, b, n in zip(first, end, step, strict=True))
+
+
+def _height_from_mask(mask: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """Signed distance from the mask's border in millimetres, smoothed as far as thin structures survive it."""
+    distance = distance_transform_edt(mask, sampling=spacing) - distance_transform_edt(~mask, sampling=spacing)
+    distance = np.clip(distance, -4 * spacing.max(), 4 * spacing.max())
+    # By a voxel, and within thick slices by a part of their distance: their borders jump from one to the next.
+    sigma = np.maximum(0.8 * spacing, 0.5 * spacing.max()) / spacing
+    for strength in (1.0, 0.6):
+        height = gaussian_filter(distance, strength * sigma)
+        if np.median(height[mask]) > 0.2 * np.median(distance[mask]):
+            return height
+    return distance
 
 
 def _height_from_similarity(similarity: np.ndarray, iso: float | None, mask: np.ndarray, spacing: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """The guided filter in 3D: what the bilateral solver is compared with.
 
-Within a window around each voxel the map is taken to be a linear function of the intensity, a · luma + b, fitted by least squares
-with a penalty of ε a². Where the intensity varies by much more than √ε the map follows its edges; where by much less, the map is
-averaged. All windows that hold a voxel have a say in its a and b. Windows are summed over blocks of voxels, and a and b are
-interpolated between blocks (the *fast* guided filter).
+Within a window around each voxel the map is taken to be a linear function of the intensity, a · luma + b, fitted by least
+squares with a penalty of ε a². Where the intensity varies by much more than √ε the map follows its edges; where by less, the
+map is averaged. All windows that hold a voxel have a say in its a and b. Windows are summed over blocks of voxels, and a and b
+are interpolated between blocks (the *fast* guided filter).
 
 References:
     He, Sun, Tang: Guided image filtering. ECCV 2010.
@@ -116,6 +116,6 @@ def _coefficients(moments: Tensor, epsilon: float) -> tuple[Tensor, Tensor]:
 
 def _window_sums(blocks: Tensor) -> Tensor:
     """Sums over the windows centred on each block; (N, K', J', I') of N quantities."""
-    from torch.nn.functional import avg_pool3d
+    from torch.nn.functional import avg_pool3d, pad
 
-    return avg_pool3d(blocks, BLOCKS, stride=1, padding=BLOCKS // 2, divisor_override=1)
+    return avg_pool3d(pad(blocks, (BLOCKS // 2,) * 6), BLOCKS, stride=1, divisor_override=1)

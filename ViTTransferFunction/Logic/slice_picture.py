@@ -153,8 +153,8 @@ def _centre(
 ) -> np.ndarray:
     """RAS position (3,) through which the planes pass.
 
-    Along each axis it is where the segments' areas, each as a share of its largest, and the annotated points add up to most; the
-    box's middle where there is nothing to show.
+    Along each axis it is where the segments' areas, each as a share of its largest, and the annotated points add up to most;
+    the box's middle where there is nothing to show.
     """
     bin_mm = float(geometry.spacing_mm.max())
     counts = np.maximum(np.ceil((high - low) / bin_mm).astype(int), 1)

@@ -26,7 +26,7 @@ from vtkmodules.vtkRenderingCore import (
 )
 from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 
-from .classified_volume import SURFACE, ClassifiedVolume, classify, surface_opacity
+from .classified_volume import ClassifiedVolume, classify, surface_opacity
 from .errors import InputError
 from .picture import BACKGROUND, Canvas, Color, PictureSegment, check_segments, draw_legend, legend_height
 from .volume import Volume
@@ -150,13 +150,16 @@ def _camera(classified: ClassifiedVolume, height: int) -> tuple[vtkCamera, int]:
     towards = np.array([0.0, np.cos(elevation), np.sin(elevation)])
     up = np.array([0.0, -np.sin(elevation), np.cos(elevation)])
     middle = (classified.origin_ras + classified.far_corner_ras) / 2
-    # A few of the voxels that are seen will do to know how far they reach.
-    seen = np.argwhere(classified.rgba[::4, ::4, ::4, CODE_COMPONENT] > SURFACE)[:, ::-1] * 4 * classified.spacing_mm
+    # A few of the voxels that are seen will do to know how far they reach; ramps are wide enough not to be stepped over.
+    seen = np.argwhere(classified.rgba[::4, ::4, ::4, CODE_COMPONENT] > 0)[:, ::-1] * 4 * classified.spacing_mm
     seen += classified.origin_ras - middle
+    if not len(seen):
+        # Everything is transparent.
+        seen = (classified.far_corner_ras - middle)[None]
     across, along = abs(seen[:, 0]), abs(seen @ up)
     # Neither a strip nor a panorama.
     aspect = float(np.clip(across.max() / along.max(), 0.75, 1.6))
-    margin = 1.08
+    margin = 1.05
     reach = margin * np.maximum(across / aspect, along) / np.tan(np.radians(VIEW_ANGLE_DEGREES / 2))
     camera = vtkCamera()
     camera.SetViewAngle(VIEW_ANGLE_DEGREES)
