@@ -8,10 +8,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ViTTransferFunction.CommandLine.options import load_features
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.annotations import read_annotations
+from ViTTransferFunction.Logic.device import choose_device
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_extraction import FeatureSettings
@@ -51,7 +51,10 @@ def run() -> None:
         size = "×".join(str(n) for n in volume.shape[::-1])
         print(f"{volume.name}: {size} voxels; {len(classes)} classes from {ANNOTATIONS.name}")
         session = SegmentationSession(volume, chosen, FeatureSettings(grid=GRID), FeatureCache())
-        print(load_features(session, weights, "auto", progress))
+        provenance = session.load_features(weights, choose_device("auto"), progress)
+        print(
+            f"Features {'found in the cache' if provenance.cached else 'computed'}: {session.watch.seconds['features']:.1f} s"
+        )
         segmentation = session.segment(classes, progress=progress)
     segments = [Segment(annotated.name, annotated.color) for annotated in classes]
     with session.watch.step("save"):

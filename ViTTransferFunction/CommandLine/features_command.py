@@ -19,8 +19,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     with ProgressBar() as progress:
-        session, weights = open_session(args, progress)
-        print(load_features(session, weights, args.device, progress))
+        load_features(open_session(args), args, progress)
     cache = FeatureCache()
     print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e6:.0f} MB")
     return 0

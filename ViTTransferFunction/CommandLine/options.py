@@ -14,9 +14,9 @@ from ViTTransferFunction.Logic.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.presets import PRESETS, preset
 from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.progress import Progress
-from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.segmentation_session import FeatureProvenance, SegmentationSession
 from ViTTransferFunction.Logic.volume_io import read_volume
-from ViTTransferFunction.Logic.weights import WeightsFile, find_weights, identify_model
+from ViTTransferFunction.Logic.weights import find_weights, identify_model
 
 # Its name is private, but it is the documented return value of add_subparsers.
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -38,10 +38,11 @@ def add_feature_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def open_session(args: argparse.Namespace, progress: Progress) -> tuple[SegmentationSession, WeightsFile]:
-    """Read the volume, choose the model, find its weights.
+def open_session(args: argparse.Namespace) -> SegmentationSession:
+    """Read the volume and choose the settings.
 
-    Everything that can be refused is refused here, before features are computed.
+    Raises:
+        InputError: the volume or a setting cannot be used.
     """
     chosen = preset(args.preset)
     settings = chosen.features
@@ -49,19 +50,23 @@ def open_session(args: argparse.Namespace, progress: Progress) -> tuple[Segmenta
         settings = replace(settings, grid=args.grid)
     if args.window is not None:
         settings = replace(settings, windows=(IntensityWindow(*args.window),) * 3)
-    volume = read_volume(args.volume)
-    model = args.model or identify_model(args.weights) or chosen.model
+    return SegmentationSession(read_volume(args.volume), chosen, settings, FeatureCache())
+
+
+def load_features(session: SegmentationSession, args: argparse.Namespace, progress: Progress) -> FeatureProvenance:
+    """Choose the model, find its weights, load the session's features, and print one line that says from where.
+
+    Raises:
+        InputError: the model, its weights or the device is not to be had.
+    """
+    device = choose_device(args.device)
+    model = args.model or identify_model(args.weights) or session.preset.model
     weights = find_weights(model, args.weights, progress=progress)
-    return SegmentationSession(volume, chosen, settings, FeatureCache()), weights
-
-
-def load_features(session: SegmentationSession, weights: WeightsFile, device_name: str, progress: Progress) -> str:
-    """Load the session's features; returns one line that says from where."""
-    device = choose_device(device_name)
-    cached = session.load_features(weights, device, progress)
+    provenance = session.load_features(weights, device, progress)
     shape = "×".join(str(n) for n in session.features.array.shape[2::-1])
-    source = "from the cache" if cached else f"computed on {device}"
-    return f"Features {shape} of {weights.model.name}, {source}: {session.watch.seconds['features']:.1f} s"
+    source = "from the cache" if provenance.cached else f"computed on {device}"
+    print(f"Features {shape} of {weights.model.name}, {source}: {session.watch.seconds['features']:.1f} s")
+    return provenance
 
 
 def parse_named_paths(values: list[str], option: str) -> dict[str, Path]:

@@ -26,9 +26,8 @@ from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.segmentation_io import Segment, check_segmentation_path, write_image, write_segmentation
-from ViTTransferFunction.Logic.segmentation_session import ClassMap, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.segmentation_session import ClassMap, FeatureProvenance, Segmentation, SegmentationSession
 from ViTTransferFunction.Logic.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.weights import WeightsFile
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -56,10 +55,10 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     _check_outputs(args)
     with ProgressBar() as progress:
-        session, weights = open_session(args, progress)
+        session = open_session(args)
         classes = _read_classes(args, session.volume.geometry)
         check_classes(classes, session.volume.geometry)
-        print(load_features(session, weights, args.device, progress))
+        provenance = load_features(session, args, progress)
         segmentation = session.segment(
             classes,
             args.refine,
@@ -72,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         write_segmentation(args.output, segmentation.labels, session.volume.geometry, segments)
     _print_summary(segmentation, args.output)
     if args.report:
-        _write_json(args.report, _report(args, session, weights, segmentation))
+        _write_json(args.report, _report(args, session, provenance, segmentation))
     return 0
 
 
@@ -118,17 +117,18 @@ def _print_summary(segmentation: Segmentation, output: Path) -> None:
 
 
 def _report(
-    args: argparse.Namespace, session: SegmentationSession, weights: WeightsFile, segmentation: Segmentation
+    args: argparse.Namespace, session: SegmentationSession, provenance: FeatureProvenance, segmentation: Segmentation
 ) -> dict[str, Any]:
+    model = provenance.weights.model
     packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
     return {
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
         "volume": {"name": session.volume.name, "size": session.volume.shape[::-1]},
-        "model": {"name": weights.model.name, "sha256": weights.sha256, "licence": weights.model.licence},
+        "model": {"name": model.name, "sha256": provenance.weights.sha256, "licence": model.licence},
         "preset": args.preset,
         "refinement": args.refine,
         "grid": session.features.array.shape[2::-1],
-        "device": args.device,
+        "device": provenance.device,
         "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
         "peak_memory_bytes": peak_memory_bytes(),
         "classes": [

@@ -6,7 +6,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import torch
+    from collections.abc import Callable
+
     from torch import Tensor
 
     from .bilateral_grid import BilateralGrid
@@ -20,18 +21,24 @@ def slice_nearest(grid: BilateralGrid, values: Tensor, out: Tensor) -> None:
         values: (cells,) float32.
         out: (K, J, I) float32, written where voxels take part, left as it is elsewhere.
     """
+    import torch
+
     padded = _with_absent_cell(values)
     for layer, slices in grid.voxel_cells.layout.layers():
         keys, part = grid.voxel_cells.keys(layer, slices)
         within_layer = padded.index_select(0, grid.numbers[layer + 1])
-        _assign(out[slices], within_layer.index_select(0, keys.view(-1)).view(keys.shape), part)
+        if part is None and out.is_contiguous():
+            torch.index_select(within_layer, 0, keys.view(-1), out=out[slices].view(-1))
+        else:
+            _assign(out[slices], within_layer.index_select(0, keys.view(-1)).view(keys.shape), part)
 
 
 def slice_multilinear(grid: BilateralGrid, values: Tensor, out: Tensor) -> None:
-    """Give every voxel the mean of the occupied ones of the 16 cells around it, weighted multilinearly.
+    """Give every voxel the multilinear interpolation of the 16 cells around it.
 
-    Sums of value × weight and of weight are interpolated along K for a slice, then along J for its rows; `grid_sample`
-    interpolates the last two axes, I and luma, at each voxel. A cell that is not occupied adds 0 to both sums.
+    Of these, the ones that are not occupied take the mean of the occupied ones among the 80 cells around them. Cells are
+    interpolated along K for a slice, then along J for its rows; `grid_sample` interpolates I and luma at each voxel. Voxels
+    beyond the outermost cells' centres lie at the centres.
 
     Args: as for `slice_nearest`.
     """
@@ -40,29 +47,60 @@ def slice_multilinear(grid: BilateralGrid, values: Tensor, out: Tensor) -> None:
 
     layout = grid.voxel_cells.layout
     edge_k, edge_j, edge_i = layout.cell_voxels
-    _, padded_columns, padded_lumas = layout.layer_shape
-    value_and_weight = _with_absent_cell(torch.stack([values, torch.ones_like(values)]))
-
-    @lru_cache(maxsize=2)
-    def layer_table(layer: int) -> Tensor:
-        table = value_and_weight.index_select(1, grid.numbers[layer + 1]).view(2, *layout.layer_shape)
-        return table.transpose(0, 1).contiguous()
-
-    rows, row_weights = _cells_below(layout.voxels[1], edge_j, out.device)
-    columns, column_weights = _cells_below(layout.voxels[2], edge_i, out.device)
+    _, columns, lumas = layout.layer_shape
+    cells_of_layer = _extended_layers(grid, values)
+    slice_weights = _weights_between_centres(edge_k).tolist()
+    row_weights = _weights_between_centres(edge_j).to(out.device)[:, None, None]
+    rows = slice(edge_j - edge_j // 2, edge_j - edge_j // 2 + layout.voxels[1])
     # grid_sample's coordinates: (luma, I), where -1 and 1 are the first and the last cell of the padded row.
     places = torch.empty(layout.voxels[1], 1, layout.voxels[2], 2, device=out.device)
-    places[..., 1] = (columns + column_weights) * (2.0 / (padded_columns - 1)) - 1.0
-    slice_layers, slice_weights = _cells_below(layout.voxels[0], edge_k, "cpu")
+    along_columns = (torch.arange(layout.voxels[2], device=out.device) - 0.5 * (edge_i - 1)) / edge_i
+    places[..., 1] = along_columns.clamp_(0, layout.cells[2] - 1) * (2.0 / (columns - 1)) - 1.0
     for layer, slices in layout.layers():
         part = grid.voxel_cells.taking_part(layer, slices)
         for k in range(slices.start, slices.stop):
-            lower = int(slice_layers[k])
-            table = torch.lerp(layer_table(lower), layer_table(lower + 1), float(slice_weights[k]))
-            by_row = torch.lerp(table.index_select(0, rows), table.index_select(0, rows + 1), row_weights[:, None, None, None])
-            places[:, 0, :, 0] = grid.voxel_cells.luma_coordinates(k) * (2.0 / (padded_lumas - 1)) - 1.0
-            sums = grid_sample(by_row, places, mode="bilinear", padding_mode="border", align_corners=True)
-            _assign(out[k], sums[:, 0, 0] / sums[:, 1, 0], None if part is None else part[k - slices.start])
+            below, after_centre = divmod(k - edge_k // 2, edge_k)
+            cells = torch.lerp(cells_of_layer(below), cells_of_layer(below + 1), slice_weights[after_centre])
+            by_row = torch.lerp(cells[:-1, None], cells[1:, None], row_weights).flatten(0, 1)[rows]
+            grid.voxel_cells.luma_coordinates(k, -1.0, 2.0 / (lumas - 1), out=places[:, 0, :, 0])
+            sampled = grid_sample(by_row[:, None], places, mode="bilinear", padding_mode="border", align_corners=True)
+            _assign(out[k], sampled[:, 0, 0], None if part is None else part[k - slices.start])
+
+
+def _extended_layers(grid: BilateralGrid, values: Tensor) -> Callable[[int], Tensor]:
+    """A function from a layer to its cells, (1 + J + 1, I, luma): occupied ones, and beside these the means of them.
+
+    The outermost layers and rows are there twice, for voxels beyond their centres.
+    """
+    import torch
+
+    layout = grid.voxel_cells.layout
+    addends = _with_absent_cell(values), _with_absent_cell(torch.ones_like(values))
+
+    def own(layer: int) -> Tensor:
+        """(2, J, I, luma): value, and whether the cell is occupied."""
+        return torch.stack([addend.index_select(0, grid.numbers[layer + 1]).view(layout.layer_shape) for addend in addends])
+
+    @lru_cache(maxsize=3)
+    def around_within(layer: int) -> Tensor:
+        """(2, J, I, luma): sums over each cell and the 26 around it in its layer."""
+        sums = own(layer)
+        for axis in (1, 2, 3):
+            first, last = sums.narrow(axis, 0, sums.shape[axis] - 1), sums.narrow(axis, 1, sums.shape[axis] - 1)
+            sums = sums.clone()
+            sums.narrow(axis, 1, sums.shape[axis] - 1).add_(first)
+            sums.narrow(axis, 0, sums.shape[axis] - 1).add_(last)
+        return sums
+
+    @lru_cache(maxsize=2)
+    def extended(layer: int) -> Tensor:
+        layer = min(max(layer, 0), layout.cells[0] - 1)
+        value, occupied = own(layer)
+        total, count = around_within(layer - 1) + around_within(layer) + around_within(layer + 1)
+        cells = torch.where(occupied > 0, value, total / count.clamp_(min=1.0))[: layout.cells[1]]
+        return torch.cat([cells[:1], cells, cells[-1:]])
+
+    return extended
 
 
 def _with_absent_cell(values: Tensor) -> Tensor:
@@ -72,13 +110,11 @@ def _with_absent_cell(values: Tensor) -> Tensor:
     return pad(values, (0, 1))
 
 
-def _cells_below(voxels: int, edge: int, device: torch.device | str) -> tuple[Tensor, Tensor]:
-    """Along one axis: the last cell whose centre is not beyond each voxel, and the weight in [0, 1) of the next one."""
+def _weights_between_centres(edge: int) -> Tensor:
+    """(edge,): weight of the next cell for each voxel from a cell's centre to before the next one's."""
     import torch
 
-    coordinates = ((torch.arange(voxels, device=device) - 0.5 * (edge - 1)) / edge).clamp_(min=0.0)
-    cells = coordinates.floor()
-    return cells.to(torch.int32), coordinates - cells
+    return (torch.arange(edge) + edge // 2 - 0.5 * (edge - 1)) / edge
 
 
 def _assign(out: Tensor, values: Tensor, where: Tensor | None) -> None:

@@ -34,6 +34,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+from . import large_arrays
 from .bilateral_grid import BilateralGrid, GridLayout, VoxelCells, all_finite
 from .bilateral_slice import slice_multilinear, slice_nearest
 from .bilateral_system import solve_cells
@@ -164,7 +165,7 @@ def solve_bilateral(
     settings = settings or BilateralSolverSettings()
     layout = _layout(luma, spacing_mm, settings)
     active = None if threshold is None else _active_cells(target, threshold, layout)
-    full_map = target.to(torch.float32, copy=True).contiguous()
+    full_map = large_arrays.empty(target.shape, torch.float32, target.device).copy_(target)
     return _refine_in_place(full_map, luma, (0.0, 1.0), confidence, active, layout, settings)
 
 

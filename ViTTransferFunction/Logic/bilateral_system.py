@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-BISTOCHASTISATION_STEPS = 3
+BISTOCHASTISATION_STEPS = 2
 CONFIDENCE_FLOOR = 1e-3
 """Of the largest mean confidence of a cell: a cell with less believes the target's mean this much, so that it has an answer."""
 MAX_SMOOTHNESS = 1e4
@@ -56,17 +56,14 @@ def solve_cells(grid: BilateralGrid, smoothness: float, max_iterations: int, tol
     mass, confidence = grid.mass.to(dtype), confidence.to(dtype)
     # Solved for the deviation from the mean: rounding errors are relative to what is left.
     weighted_target = (grid.weighted_target - mean * grid.confidence).to(dtype)
-    cell_target = weighted_target / confidence
 
     n, neighbour_mass = _bistochastised(grid, mass)
     diagonal = smoothness * neighbour_mass + confidence
     coupling = n * (smoothness / diagonal).sqrt()
     scale = diagonal.sqrt()
-    solution, iterations, residual = _solve_by_colour(
-        grid, coupling, weighted_target / scale, scale * cell_target, max_iterations, tolerance
-    )
+    solution, iterations, residual = _solve_by_colour(grid, coupling, weighted_target / scale, max_iterations, tolerance)
     # The exact solution keeps to the range of its target; an inexact one is made to.
-    deviations = torch.clamp(solution / scale, *torch.aminmax(cell_target))
+    deviations = torch.clamp(solution / scale, *torch.aminmax(weighted_target / confidence))
     return CellSolution((deviations + mean).to(torch.float32), iterations, residual, smoothness)
 
 
@@ -91,7 +88,7 @@ def _bistochastised(grid: BilateralGrid, mass: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _solve_by_colour(
-    grid: BilateralGrid, coupling: Tensor, right_hand_side: Tensor, start: Tensor, max_iterations: int, tolerance: float
+    grid: BilateralGrid, coupling: Tensor, right_hand_side: Tensor, max_iterations: int, tolerance: float
 ) -> tuple[Tensor, int, float]:
     """Solve (1 − E) z = f, E = Dg N Dg: conjugate gradients for the red cells, from which the black ones follow."""
     import torch
@@ -108,21 +105,23 @@ def _solve_by_colour(
 
     work[black] = coupling[black] * right_hand_side[black]
     reduced = right_hand_side[red] + coupling[red] * grid.neighbour_sum(work, red)
-    z_red, iterations, residual = _conjugate_gradients(without_detour, reduced, start[red], max_iterations, tolerance)
+    z_red, iterations, residual = _conjugate_gradients(without_detour, reduced, max_iterations, tolerance)
     work[red] = coupling[red] * z_red
     z_black = right_hand_side[black] + coupling[black] * grid.neighbour_sum(work, black)
     return torch.cat([z_red, z_black]), iterations, residual
 
 
 def _conjugate_gradients(
-    apply: Callable[[Tensor], Tensor], right_hand_side: Tensor, start: Tensor, max_iterations: int, tolerance: float
+    apply: Callable[[Tensor], Tensor], right_hand_side: Tensor, max_iterations: int, tolerance: float
 ) -> tuple[Tensor, int, float]:
     """Solve a symmetric positive definite system; return the solution, the iterations done and the relative residual."""
-    solution = start.clone()
-    remainder = right_hand_side - apply(solution)
-    direction = remainder.clone()
-    goal = tolerance**2 * _dot(right_hand_side, right_hand_side)
+    import torch
+
+    solution = torch.zeros_like(right_hand_side)
+    remainder = right_hand_side.clone()
+    direction = right_hand_side.clone()
     squared = _dot(remainder, remainder)
+    goal = tolerance**2 * squared
     iterations = 0
     while squared > goal and iterations < max_iterations:
         applied = apply(direction)

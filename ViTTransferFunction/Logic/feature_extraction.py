@@ -20,6 +20,7 @@ from .errors import InputError
 from .feature_volume import FeatureVolume
 from .geometry import Geometry
 from .intensity_window import ChannelWindows, full_range_window, network_windows
+from .orientation import AS_STORED, upright_orientation
 from .pretrained_models import PretrainedModel
 from .progress import Progress, no_progress
 from .volume import Volume
@@ -45,6 +46,8 @@ class FeatureSettings:
     Attributes:
         grid: number of cells along the volume's longest edge.
         isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as published.
+        upright: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as
+            published.
         every_slice: run every slice and average-pool, as published; otherwise one slice through each layer's centre.
         windows: intensity windows of the three colour channels: chosen from the volume ("robust", `network_windows`), from
             its smallest to its largest value ("full range", as published), or as given.
@@ -55,6 +58,7 @@ class FeatureSettings:
 
     grid: int = 64
     isotropic: bool = True
+    upright: bool = True
     every_slice: bool = False
     windows: ChannelWindows | Literal["robust", "full range"] = "robust"
 
@@ -101,27 +105,29 @@ def extract_features(
     import torch
 
     geometry = volume.geometry.resized(grid_shape(volume.geometry, settings))
-    merged = torch.zeros((*geometry.shape, network.model.embed_dim), dtype=torch.float32, device=network.device)
+    orientation = upright_orientation(volume.geometry) if settings.upright else AS_STORED
+    array, grid = orientation.upright(volume.array), orientation.upright_shape(geometry.shape)
+    merged = torch.zeros((*grid, network.model.embed_dim), dtype=torch.float32, device=network.device)
     plan = [
         (axis, samples)
         for axis in range(3)
-        for samples in _batches(
-            slice_samples(volume.shape[axis], geometry.shape[axis], settings.every_slice), geometry.shape, axis
-        )
+        for samples in _batches(slice_samples(array.shape[axis], grid[axis], settings.every_slice), grid, axis)
     ]
     total = sum(len(samples) for _, samples in plan)
     windows = settings.windows_for(volume)
     done = 0
     progress(done, total, "Extracting features")
     for axis, samples in plan:
-        images = _network_input(volume.array, windows, axis, samples, geometry.shape, network.model.patch_size)
+        images = _network_input(array, windows, axis, samples, grid, network.model.patch_size)
         keys = network.last_block_keys(images).float()
         _accumulate(merged, keys, axis, samples)
         done += len(samples)
         progress(done, total, "Extracting features")
     merged /= 3.0
-    features = merged.to(torch.float16).cpu().numpy()
-    return FeatureVolume(features, geometry, feature_key(volume, network.model.name, network.weights_digest, settings))
+    features = orientation.restored(merged.to(torch.float16).cpu().numpy())
+    return FeatureVolume(
+        np.ascontiguousarray(features), geometry, feature_key(volume, network.model.name, network.weights_digest, settings)
+    )
 
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:

@@ -65,7 +65,8 @@ class Geometry:
         ijk = self.ras_to_ijk(points_ras)
         # A point that was rounded to the box's face when it was saved is still a point of this volume.
         tolerance = 1e-3
-        return ((ijk >= -0.5 - tolerance) & (ijk <= np.array(self.shape[::-1]) - 0.5 + tolerance)).all(axis=1)
+        inside = (ijk >= -0.5 - tolerance) & (ijk <= np.array(self.shape[::-1]) - 0.5 + tolerance)
+        return np.all(inside, axis=1)
 
     def resized(self, shape: tuple[int, int, int]) -> Geometry:
         """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""

@@ -40,7 +40,7 @@ PRESETS = {
     "published": Preset(
         meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
         model="dino_vits8",
-        features=FeatureSettings(isotropic=False, every_slice=True, windows="full range"),
+        features=FeatureSettings(isotropic=False, upright=False, every_slice=True, windows="full range"),
         statistics="none",
         similarity="published",
     ),

@@ -74,6 +74,21 @@ class Segmentation:
     classes: tuple[ClassResult, ...]
 
 
+@dataclass(frozen=True)
+class FeatureProvenance:
+    """Where features come from.
+
+    Attributes:
+        weights: what they were computed with.
+        device: what they were computed on, or would have been.
+        cached: whether they were found in the cache.
+    """
+
+    weights: WeightsFile
+    device: str
+    cached: bool
+
+
 class SegmentationSession:
     """Holds a volume, its features, and the settings that stay the same while the user annotates.
 
@@ -82,6 +97,10 @@ class SegmentationSession:
         preset: the way through the method.
         feature_settings: replaces the preset's (another grid, say).
         cache: where features are kept between sessions; None: nowhere.
+
+    Attributes:
+        provenance: where the loaded features come from; None before `load_features`.
+        watch: seconds spent in each step.
     """
 
     def __init__(
@@ -97,12 +116,10 @@ class SegmentationSession:
         self.cache = cache
         self.watch = Stopwatch()
         self._features: ComparableFeatures | None = None
+        self.provenance: FeatureProvenance | None = None
 
-    def load_features(self, weights: WeightsFile, device: torch.device, progress: Progress = no_progress) -> bool:
+    def load_features(self, weights: WeightsFile, device: torch.device, progress: Progress = no_progress) -> FeatureProvenance:
         """Get the volume's features, from the cache or by computing them; the slow step, once for a volume.
-
-        Returns:
-            Whether they were in the cache.
 
         Raises:
             InputError: the weights do not fit, or the cache's disk is full.
@@ -113,7 +130,8 @@ class SegmentationSession:
             cached = self.cache.get(key) if self.cache else None
             features = cached or self._extract(weights, device, progress)
             self._features = comparable_features(features, self.preset.statistics)
-        return cached is not None
+        self.provenance = FeatureProvenance(weights, str(device), cached is not None)
+        return self.provenance
 
     @property
     def features(self) -> ComparableFeatures:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from . import large_arrays
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -20,7 +22,7 @@ def upsampled(coarse: Tensor, shape: Sequence[int]) -> Tensor:
 
     planes = coarse.to(torch.float32)[:, None]
     planes = interpolate(planes, size=tuple(shape[1:]), mode="bilinear", align_corners=False)[:, 0]
-    fine = planes.new_empty(tuple(shape))
+    fine = large_arrays.empty(shape, torch.float32, planes.device)
     last = len(planes) - 1
     for k, fine_plane in enumerate(fine):
         position = min(max((k + 0.5) * len(planes) / len(fine) - 0.5, 0.0), float(last))

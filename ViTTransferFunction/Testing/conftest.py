@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -13,6 +14,10 @@ from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
+
+# The same examples on every run, and no judgement by the clock of a busy machine.
+hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("repeatable")
 
 DATA_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_DATA") == "1"
 VOLUMES = os.environ.get("VITTF_TEST_VOLUMES")

@@ -93,25 +93,27 @@ def test_solution_minimises_the_energy_where_confidence_varies():
     np.testing.assert_allclose(solution.map, dense_map(target, luma, confidence, solution, options), atol=1e-5)
 
 
-def test_multilinear_slice_is_the_weighted_mean_of_the_occupied_cells_around_a_voxel():
+def test_multilinear_slice_interpolates_the_cells_around_a_voxel():
     target, luma = a_noisy_step()
     options = some_settings(slicing="multilinear")
     solution = solve_bilateral(target, luma, None, UNIT_SPACING, options)
     occupied, _, values = dense_solution(target, luma, torch.ones_like(target), solution.cell_voxels, options)
     value_of = {tuple(cell): value for cell, value in zip(occupied, values, strict=True)}
+
+    def value_or_mean_of_values_around(*cell):
+        around = itertools.product(*[(c - 1, c, c + 1) for c in cell])
+        return value_of[cell] if cell in value_of else np.mean([value_of[c] for c in around if c in value_of])
+
     last_cell = occupied.max(axis=0)
     for voxel in itertools.product(range(0, 8, 3), range(9), range(10)):
-        # A voxel beyond the outermost cells' centres lies at theirs.
         place = [(v - 0.5 * (edge - 1)) / edge for v, edge in zip(voxel, solution.cell_voxels, strict=True)]
+        # A voxel beyond the outermost cells' centres lies at theirs.
         place = [*np.clip(place, 0, last_cell[:3]), float(luma[voxel]) / options.sigma_luma]
-        total = weight_sum = 0.0
-        for corner in itertools.product((0, 1), repeat=4):
-            cell = tuple(int(np.floor(p)) + up for p, up in zip(place, corner, strict=True))
-            weight = np.prod([1 - abs(p - c) for p, c in zip(place, cell, strict=True)])
-            if cell in value_of:
-                total += weight * value_of[cell]
-                weight_sum += weight
-        assert float(solution.map[voxel]) == pytest.approx(total / weight_sum, abs=1e-5)
+        expected = 0.0
+        for corner in itertools.product(*[(int(np.floor(p)), int(np.floor(p)) + 1) for p in place]):
+            weight = np.prod([1 - abs(p - c) for p, c in zip(place, corner, strict=True)])
+            expected += weight * value_or_mean_of_values_around(*corner) if weight > 0 else 0.0
+        assert float(solution.map[voxel]) == pytest.approx(expected, abs=1e-5)
 
 
 def test_map_steps_where_the_image_does():
@@ -127,6 +129,15 @@ def test_result_does_not_depend_on_the_order_of_axes():
     straight = solve_bilateral(target, luma, None, (1.0, 1.5, 3.0), options)
     turned = solve_bilateral(target.permute(2, 0, 1), luma.permute(2, 0, 1), None, (3.0, 1.0, 1.5), options)
     np.testing.assert_allclose(turned.map.permute(1, 2, 0), straight.map, atol=1e-5)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_result_does_not_depend_on_the_direction_of_axes(axis):
+    target, luma = a_noisy_step((6, 9, 12))
+    options = some_settings(sigma_spatial_mm=3.0, slicing="multilinear")
+    straight = solve_bilateral(target, luma, None, UNIT_SPACING, options)
+    mirrored = solve_bilateral(target.flip(axis), luma.flip(axis), None, UNIT_SPACING, options)
+    np.testing.assert_allclose(mirrored.map.flip(axis), straight.map, atol=1e-5)
 
 
 @settings(max_examples=25, deadline=None)

@@ -21,20 +21,22 @@ from ViTTransferFunction.Logic.feature_extraction import (
 )
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.orientation import Orientation, upright_orientation
 from ViTTransferFunction.Logic.presets import PRESETS
 from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
-from ViTTransferFunction.Testing.tiny_model import TINY_MODEL
+from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
 WINDOW = IntensityWindow(0.0, 1.0)
 
 
-class MeanIntensityNetwork:
+class MeanIntensityNetwork(VisionTransformer):
     """In the network's place: a patch's key is the mean of its pixels, so that pooling has a known answer."""
 
-    model = TINY_MODEL
-    device = torch.device("cpu")
-    weights_digest = "mean"
+    def __init__(self) -> None:
+        self.model = TINY_MODEL
+        self.device = torch.device("cpu")
+        self.weights_digest = "mean"
 
     def last_block_keys(self, images: torch.Tensor) -> torch.Tensor:
         images = images * torch.tensor([0.229, 0.224, 0.225]).view(1, 3, 1, 1) + torch.tensor([0.485, 0.456, 0.406]).view(
@@ -146,6 +148,42 @@ def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.nda
 
     with pytest.raises(Cancelled):
         extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel)
+
+
+@given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))
+def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], mirrored: tuple[bool, bool, bool]) -> None:
+    array = np.random.default_rng(0).random((8, 10, 12)).astype(np.float32)
+    network = VisionTransformer(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
+    settings = FeatureSettings(grid=4, windows=(WINDOW,) * 3)
+    geometry = Geometry(array.shape, np.diag([1.0, 1.0, 1.0, 1.0]))
+    expected = extract_features(Volume(array, geometry), network, settings).array
+
+    stored = Orientation((order[0], order[1], order[2]), mirrored)
+    stored_array = np.ascontiguousarray(stored.upright(array))
+    features = extract_features(Volume(stored_array, stored_geometry(geometry, stored)), network, settings).array
+
+    np.testing.assert_array_equal(stored.restored(features), expected)
+
+
+def stored_geometry(geometry: Geometry, stored: Orientation) -> Geometry:
+    """Geometry of `stored.upright(array)`, of an array on `geometry`."""
+    shape = stored.upright_shape(geometry.shape)
+    matrix = np.eye(4)
+    for column, axis in enumerate(reversed(range(3))):
+        source = 2 - stored.order[axis]
+        matrix[:3, column] = geometry.ijk_to_ras[:3, source] * (-1.0 if stored.mirrored[axis] else 1.0)
+    first = [0.0, 0.0, 0.0]
+    for axis in range(3):
+        first[2 - stored.order[axis]] = shape[axis] - 1.0 if stored.mirrored[axis] else 0.0
+    matrix[:3, 3] = geometry.ijk_to_ras_points(np.array([first]))[0]
+    return Geometry(shape, matrix)
+
+
+def test_upright_axes_point_to_inferior_posterior_and_left() -> None:
+    lps = Geometry((4, 5, 6), np.diag([-1.0, -1.0, 1.0, 1.0]))
+    assert upright_orientation(lps) == Orientation((0, 1, 2), (True, False, False))
+    turned = np.array([[0.1, 0.0, -1.0, 0.0], [1.0, 0.0, 0.1, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    assert upright_orientation(Geometry((4, 5, 6), turned)) == Orientation((1, 2, 0), (False, True, False))
 
 
 def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:

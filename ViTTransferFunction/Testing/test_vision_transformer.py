@@ -49,7 +49,9 @@ def test_keys_equal_those_of_timm_with_real_weights(real_weights: Path) -> None:
 
 def timm_keys(name: str, state: dict[str, torch.Tensor], images: torch.Tensor) -> torch.Tensor:
     """Last-block keys (B, rows, columns, C), tapped from timm's own forward pass."""
-    network = import_timm().create_model(name, pretrained=False, dynamic_img_size=True, num_classes=0, weight_init="skip").eval()
+    network = (
+        import_timm().create_model(name, pretrained=False, dynamic_img_size=True, num_classes=0, weight_init="skip").eval()
+    )
     network.load_state_dict(as_timm_names(state), strict=False)
     tapped: list[torch.Tensor] = []
     network.blocks[-1].attn.qkv.register_forward_hook(lambda _, __, output: tapped.append(output))
@@ -72,6 +74,10 @@ def as_timm_names(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     return converted
 
 
+_torchvision_operators: list[torch.library.Library] = []
+"""Kept for the life of the process: an operator's definition goes when its library is collected."""
+
+
 def import_timm() -> Any:
     """timm, also beside a torchvision whose compiled operators belong to another build of torch; it needs none of them."""
     try:
@@ -82,9 +88,8 @@ def import_timm() -> Any:
         library = torch.library.Library("torchvision", "DEF")
         for operator in ("nms", "qnms"):
             library.define(f"{operator}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+        _torchvision_operators.append(library)
         import timm
-
-        timm.operators_of_torchvision = library  # Its definitions go when it is collected.
     return timm
 
 
