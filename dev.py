@@ -79,7 +79,18 @@ def set_up(*extras: str) -> None:
         venv.create(ENVIRONMENT, with_pip=True)
     target = f".[{','.join(extras)}]" if extras else "."
     print(f"Installing {target} (PyTorch and VTK: a few minutes on the first run)", flush=True)
-    command = [PYTHON, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-c", "constraints.txt", "-e", target]
+    command: list[str | Path] = [
+        PYTHON,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "-c",
+        "constraints.txt",
+        "-e",
+        target,
+    ]
     installed = subprocess.run(command, cwd=ROOT, check=False)
     if installed.returncode:
         sys.exit(f"pip could not install the requirements (exit code {installed.returncode}); its message stands above.")
