@@ -79,19 +79,10 @@ def set_up(*extras: str) -> None:
         venv.create(ENVIRONMENT, with_pip=True)
     target = f".[{','.join(extras)}]" if extras else "."
     print(f"Installing {target} (PyTorch and VTK: a few minutes on the first run)", flush=True)
-    command: list[str | Path] = [
-        PYTHON,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--disable-pip-version-check",
-        "-c",
-        "constraints.txt",
-        "-e",
-        target,
-    ]
-    installed = subprocess.run(command, cwd=ROOT, check=False)
+    # Somebody who watches sees pip's progress; a log does without.
+    quiet = [] if sys.stdout.isatty() else ["--quiet"]
+    options = ["--disable-pip-version-check", *quiet, "--constraint", "constraints.txt", "--editable", target]
+    installed = subprocess.run([PYTHON, "-m", "pip", "install", *options], cwd=ROOT, check=False)
     if installed.returncode:
         sys.exit(f"pip could not install the requirements (exit code {installed.returncode}); its message stands above.")
     stamp.write_text(wanted)

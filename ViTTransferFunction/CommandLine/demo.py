@@ -56,12 +56,14 @@ def run() -> None:
             f"Features {'found in the cache' if provenance.cached else 'computed'}: {session.watch.seconds['features']:.1f} s"
         )
         segmentation = session.segment(classes, progress=progress)
-    segments = [Segment(annotated.name, annotated.color) for annotated in classes]
-    with session.watch.step("save"):
-        output = OUTPUT / "ct_chest.seg.nrrd"
-        write_segmentation(output, segmentation.labels, volume.geometry, segments)
-    with session.watch.step("pictures"):
-        pictures = draw_pictures(OUTPUT / "ct_chest.png", volume, segmentation.labels, segments, classes=classes)
+        segments = [Segment(annotated.name, annotated.color) for annotated in classes]
+        with session.watch.step("save"):
+            output = OUTPUT / "ct_chest.seg.nrrd"
+            write_segmentation(output, segmentation.labels, volume.geometry, segments)
+        with session.watch.step("pictures"):
+            pictures = draw_pictures(
+                OUTPUT / "ct_chest.png", volume, segmentation.labels, segments, classes=classes, progress=progress
+            )
 
     print("\nSegments")
     for result in segmentation.classes:

@@ -10,6 +10,7 @@ import numpy as np
 from ViTTransferFunction.Logic.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.intensity_window import display_window, looks_like_hounsfield_units
 from ViTTransferFunction.Logic.picture import PictureSegment, save_png
+from ViTTransferFunction.Logic.progress import Progress, no_progress
 from ViTTransferFunction.Logic.segmentation_io import Segment
 from ViTTransferFunction.Logic.slice_picture import PicturePoint, draw_slices
 from ViTTransferFunction.Logic.volume import Volume
@@ -23,6 +24,7 @@ def draw_pictures(
     segments: Sequence[Segment],
     opacities: Sequence[float] | None = None,
     classes: Sequence[AnnotatedClass] = (),
+    progress: Progress = no_progress,
 ) -> tuple[Path, Path]:
     """Draw the slices to `path` and the 3D rendering beside it, as `<name>_3d.png`.
 
@@ -33,6 +35,7 @@ def draw_pictures(
         segments: names and colours.
         opacities: of the rendered segments, in [0, 1]; opaque where None.
         classes: annotations to mark in the slices; in the order of the segments.
+        progress: told of pictures drawn.
 
     Returns:
         The two paths.
@@ -53,7 +56,10 @@ def draw_pictures(
         for position in positions
     ]
     rendering_path = path.with_name(f"{path.stem}_3d{path.suffix}")
+    progress(0, 2, "Drawing pictures")
     save_png(draw_slices(volume, shown, window=bounds, points=points), path)
+    progress(1, 2, "Drawing pictures")
     bone = BONE_HU if looks_like_hounsfield_units(volume) else None
     save_png(render_3d(volume, shown, context_above=bone), rendering_path)
+    progress(2, 2, "Drawing pictures")
     return path, rendering_path

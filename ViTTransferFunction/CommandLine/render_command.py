@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
+from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.annotations import read_annotations
 from ViTTransferFunction.Logic.atomic_file import check_writable
 from ViTTransferFunction.Logic.errors import InputError
@@ -42,6 +43,8 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{args.annotations} lacks some of the segments: it has {', '.join(by_name)}.")
     ordered = [by_name[segment.name] for segment in segments] if classes else []
     opacities = [annotated.opacity for annotated in ordered] or None
-    for path in draw_pictures(args.output, volume, labels, segments, opacities, ordered):
+    with ProgressBar() as progress:
+        pictures = draw_pictures(args.output, volume, labels, segments, opacities, ordered, progress)
+    for path in pictures:
         print(path)
     return 0

@@ -32,7 +32,11 @@ class Orientation:
 
     def upright(self, array: np.ndarray) -> np.ndarray:
         """A view of (K, J, I) with upright axes."""
-        return np.flip(array.transpose(self.order), [axis for axis in range(3) if self.mirrored[axis]])
+        return np.flip(array.transpose(self.order), self._mirrored_axes)
+
+    @property
+    def _mirrored_axes(self) -> tuple[int, ...]:
+        return tuple(axis for axis in range(3) if self.mirrored[axis])
 
     def upright_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
         """The shape of `upright`, of an array of `shape`."""
@@ -40,7 +44,7 @@ class Orientation:
 
     def restored(self, array: np.ndarray) -> np.ndarray:
         """A view of an upright array (…, …, …, C) with its first three axes as they were stored."""
-        unmirrored = np.flip(array, [axis for axis in range(3) if self.mirrored[axis]])
+        unmirrored = np.flip(array, self._mirrored_axes)
         return unmirrored.transpose(*np.argsort(self.order), 3)
 
 

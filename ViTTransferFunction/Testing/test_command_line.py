@@ -31,7 +31,7 @@ def torso_labels(test_volume: Callable[[str], Path]) -> sitk.Image:
 
 
 @pytest.fixture
-def annotations(tmp_path: Path, torso_labels: sitk.Image) -> Path:
+def clicks(tmp_path: Path, torso_labels: sitk.Image) -> Path:
     """Three points each in the liver, the spleen and the right kidney."""
     array, geometry = sitk.GetArrayFromImage(torso_labels), image_geometry(torso_labels)
     classes = []
@@ -53,12 +53,12 @@ def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
     tmp_path: Path,
     torso: Path,
     torso_labels: sitk.Image,
-    annotations: Path,
+    clicks: Path,
     real_weights: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     output, report, maps = tmp_path / "out" / "torso.seg.nrrd", tmp_path / "report.json", tmp_path / "maps"
-    arguments = ["segment", str(torso), "--annotations", str(annotations), "--weights", str(real_weights), "--grid", GRID]
+    arguments = ["segment", str(torso), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", GRID]
     code = main([*arguments, "-o", str(output), "--report", str(report), "--similarity-dir", str(maps)])
 
     assert code == 0
@@ -83,7 +83,7 @@ def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
     assert "computed on" in capsys.readouterr().out
 
     picture = tmp_path / "picture.png"
-    assert main(["render", str(torso), str(output), "-o", str(picture), "--annotations", str(annotations)]) == 0
+    assert main(["render", str(torso), str(output), "-o", str(picture), "--annotations", str(clicks)]) == 0
     for path in (picture, tmp_path / "picture_3d.png"):
         assert path.read_bytes().startswith(b"\x89PNG")
 
@@ -103,14 +103,14 @@ def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path
 
 
 def test_an_oblique_anisotropic_left_handed_scan_gives_the_same_segments_as_its_upright_twin(
-    tmp_path: Path, torso: Path, annotations: Path, real_weights: Path
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
 ) -> None:
     upright = sitk.ReadImage(str(torso), sitk.sitkFloat32)
     sitk.WriteImage(resampled_askew(upright), str(tmp_path / "askew.nrrd"))
     labels = {}
     for name, path in (("upright", torso), ("askew", tmp_path / "askew.nrrd")):
         output = tmp_path / f"{name}.nii.gz"
-        arguments = ["segment", str(path), "--annotations", str(annotations), "--weights", str(real_weights), "--grid", GRID]
+        arguments = ["segment", str(path), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", GRID]
         assert main([*arguments, "-o", str(output)]) == 0
         labels[name] = sitk.ReadImage(str(output))
     back = sitk.GetArrayFromImage(sitk.Resample(labels["askew"], labels["upright"], sitk.Transform(), sitk.sitkNearestNeighbor))
