@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from ViTTransferFunction.CommandLine import demo
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.segmentation_io import read_segmentation
 from ViTTransferFunction.Logic.volume_io import image_geometry, read_volume
@@ -287,3 +288,18 @@ def test_a_segmentation_of_another_place_is_not_drawn(tmp_path: Path, scan: Path
     message = refusal(["render", str(scan), str(tmp_path / "labels.nrrd"), "-o", str(tmp_path / "p.png")], capsys)
     assert "lies inside" in message
     assert not (tmp_path / "p.png").exists()
+
+
+def test_the_demo_segments_and_draws_three_structures(
+    tmp_path: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("VITTF_WEIGHTS", str(real_weights))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo, "GRID", 10)
+    assert demo.main() == 0
+    labels, _, segments = read_segmentation(tmp_path / "demo_output" / "ct_chest.seg.nrrd")
+    assert [segment.name for segment in segments] == ["right lung", "left lung", "spine"]
+    assert set(np.unique(labels)) == {0, 1, 2, 3}
+    for name in ("ct_chest.png", "ct_chest_3d.png"):
+        assert (tmp_path / "demo_output" / name).read_bytes().startswith(b"\x89PNG")
+    assert "Seconds" in capsys.readouterr().out
