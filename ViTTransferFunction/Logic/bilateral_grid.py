@@ -25,11 +25,18 @@ from . import large_arrays
 from .errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Sequence
 
     from torch import Tensor
 
+    from .workers import Workers
+
+    ReadSlices = Callable[[slice], Tensor]
+    """From slices along K to the target there, (slices, J, I)."""
+
 DIMENSIONS = 4
+CHUNK_CELLS = 2**17
+"""Cells whose neighbours are visited at a time: what is read for all eight of them stays in the processor's cache."""
 MAX_DENSE_CELLS = 2**27
 """Bounds the dense grid: half a gigabyte for each number that a cell holds. A 600³ volume in cells of 5 voxels fits twice."""
 
@@ -94,10 +101,10 @@ class GridLayout:
         _, columns, rows = self.layer_shape
         return self.layer_size, columns * rows, rows, 1
 
-    def layers(self) -> Iterator[tuple[int, slice]]:
+    def layers(self) -> list[tuple[int, slice]]:
         """Number of each layer of cells, and its voxels along K."""
-        for layer in range(self.cells[0]):
-            yield layer, slice(layer * self.cell_voxels[0], min((layer + 1) * self.cell_voxels[0], self.voxels[0]))
+        edge, end = self.cell_voxels[0], self.voxels[0]
+        return [(layer, slice(layer * edge, min((layer + 1) * edge, end))) for layer in range(self.cells[0])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,20 +127,22 @@ class VoxelCells:
     all_finite: bool
     active: Tensor | None = None
 
-    def luma_coordinates(self, slices: slice | int, origin: float, unit: float, out: Tensor | None = None) -> Tensor:
+    def luma_coordinates(
+        self, voxels: slice | tuple[int, slice], origin: float, unit: float, out: Tensor | None = None
+    ) -> Tensor:
         """float32: where voxels lie along luma, on an axis with luma 0 at `origin` and cells of length `unit`."""
         import torch
 
         low, high = self.window
         # A window without width tells no intensities apart.
         units_per_intensity = unit / ((high - low) * self.sigma_luma) if high > low else 0.0
-        intensities = self.intensities[slices]
+        intensities = self.intensities[voxels]
         if not self.all_finite:
             intensities = torch.where(torch.isfinite(intensities), intensities, low)
-        above_low = intensities.to(torch.float32) - low
-        torch.add(torch.tensor(origin, device=above_low.device), above_low, alpha=units_per_intensity, out=above_low)
+        at_zero = torch.tensor(origin - low * units_per_intensity, device=intensities.device)
+        coordinates = torch.add(at_zero, intensities.to(torch.float32), alpha=units_per_intensity)
         last_cell = min(1.0 / self.sigma_luma, self.layout.luma_cells - 1.0)
-        return torch.clamp(above_low, origin, origin + unit * last_cell, out=above_low if out is None else out)
+        return torch.clamp(coordinates, origin, origin + unit * last_cell, out=coordinates if out is None else out)
 
     def keys(self, layer: int, slices: slice) -> tuple[Tensor, Tensor | None]:
         """Place of each voxel's cell within its layer, and whether the voxel takes part.
@@ -174,85 +183,83 @@ class VoxelCells:
 
 
 @dataclass(frozen=True, eq=False)
-class BilateralGrid:
-    """The occupied cells of a volume, numbered: red cells first, each colour in the order of the dense grid.
+class OccupiedCells:
+    """Cells that hold voxels: what these sum to, and which cells are neighbours.
+
+    They are numbered: red ones first, each colour in the order of the dense grid.
 
     Attributes:
-        voxel_cells: which voxels the cells hold.
         mass: (cells,) voxels in each cell.
         confidence: (cells,) sum over each cell's voxels.
         weighted_target: (cells,) sum of confidence × target over each cell's voxels.
         red_cells: how many cells are red.
-        numbers: (layers + 2, layer size) int32: number of each cell of the dense grid; `len(mass)` where it is not occupied.
-        neighbours: (8, cells) int32: numbers of each cell's neighbours along the four axes.
+        neighbours: (8, cells) int32: numbers of each cell's neighbours along the four axes; the number of cells where none is.
     """
 
-    voxel_cells: VoxelCells
     mass: Tensor
     confidence: Tensor
     weighted_target: Tensor
     red_cells: int
-    numbers: Tensor
     neighbours: Tensor
 
-    @classmethod
-    def splat(cls, voxel_cells: VoxelCells, target: Tensor, confidence: Tensor | None) -> BilateralGrid:
-        """Sum `target` (K, J, I) and its `confidence` over cells; without confidence, every finite voxel counts 1."""
+    def neighbour_sum(self, values: Tensor, cells: slice | None = None) -> Tensor:
+        """Sum of `values` (cells + 1,), whose last is the 0 of all cells that do not exist, over the neighbours of `cells`."""
         import torch
 
-        sums = _sums_over_cells(voxel_cells, target, confidence)
-        red, black = _occupied_cells(sums[0])
-        keys = torch.cat([red, black])
-        numbers = _numbered(voxel_cells.layout, keys)
-        mass, weighted_target, *rest = (dense.view(-1).index_select(0, keys) for dense in sums)
-        return cls(
-            voxel_cells,
-            mass=mass,
-            confidence=rest[0] if rest else mass,
-            weighted_target=weighted_target,
-            red_cells=len(red),
-            numbers=numbers,
-            neighbours=_neighbours(voxel_cells.layout, numbers, keys),
-        )
-
-    def neighbour_sum(self, values: Tensor, cells: slice = slice(None)) -> Tensor:
-        """Sum of `values` (cells + 1,), whose last is the 0 of all cells that do not exist, over the neighbours of `cells`."""
-        neighbours = self.neighbours[:, cells]
-        total = values.index_select(0, neighbours[0])
-        for along in neighbours[1:]:
-            total += values.index_select(0, along)
+        neighbours = self.neighbours if cells is None else self.neighbours[:, cells]
+        total = values.new_empty(neighbours.shape[1])
+        for chunk in _chunks(len(total)):
+            first, *others = neighbours[:, chunk]
+            torch.index_select(values, 0, first, out=total[chunk])
+            for along in others:
+                total[chunk] += values.index_select(0, along)
         return total
 
 
-def all_finite(values: Tensor) -> bool:
-    """Whether every element is finite. May say no to finite ones whose sum overflows: take the careful way then."""
+def splat(
+    voxel_cells: VoxelCells, read_target: ReadSlices, confidence: Tensor | None, workers: Workers
+) -> tuple[OccupiedCells, Tensor]:
+    """Sum a finite target and its confidence (K, J, I) over cells; without confidence, every voxel counts 1.
+
+    Returns:
+        The cells, and (layers + 2, layer size) int32: the number of each cell of the dense grid, or of cells where unoccupied.
+    """
     import torch
 
-    # 30 times faster than testing each: what is not finite makes the sum not finite.
-    return not values.is_floating_point() or bool(torch.isfinite(values.sum()))
+    sums = _sums_over_cells(voxel_cells, read_target, confidence, workers)
+    red, black = _occupied_cells(sums[0])
+    keys = torch.cat([red, black])
+    mass, weighted_target, *rest = (dense.view(-1).index_select(0, keys) for dense in sums)
+    # Memory for what follows.
+    del sums
+    numbers = _numbered(voxel_cells.layout, keys)
+    neighbours = _neighbours(voxel_cells.layout, numbers, keys, workers)
+    return OccupiedCells(mass, rest[0] if rest else mass, weighted_target, len(red), neighbours), numbers
 
 
-def _sums_over_cells(voxel_cells: VoxelCells, target: Tensor, confidence: Tensor | None) -> list[Tensor]:
-    """Dense sums of 1, confidence × target and, where it is not 1, confidence: each (layers + 2, layer size)."""
+def _sums_over_cells(
+    voxel_cells: VoxelCells, read_target: ReadSlices, confidence: Tensor | None, workers: Workers
+) -> list[Tensor]:
+    """Dense sums of 1, confidence × target and, where given, confidence: each (layers + 2, layer size)."""
     import torch
 
-    layout = voxel_cells.layout
-    target_is_finite = all_finite(target)
-    uniform = confidence is None and target_is_finite
+    layout, device = voxel_cells.layout, voxel_cells.intensities.device
     shape = layout.cells[0] + 2, layout.layer_size
-    sums = [large_arrays.empty(shape, torch.float32, target.device).zero_() for _ in range(2 if uniform else 3)]
-    for layer, slices in layout.layers():
-        keys = voxel_cells.keys(layer, slices)[0].view(-1).to(torch.int64)
-        values = target[slices].to(torch.float32)
-        addends = [torch.ones_like(values), values]
-        if not uniform:
-            weights = torch.ones_like(values) if confidence is None else confidence[slices].to(torch.float32)
-            if not target_is_finite:
-                finite = torch.isfinite(values)
-                weights, values = torch.where(finite, weights, 0.0), torch.where(finite, values, 0.0)
-            addends[1:] = [weights * values, weights]
-        for dense, addend in zip(sums, addends, strict=True):
-            dense[layer + 1].scatter_add_(0, keys, addend.reshape(-1))
+    sums = [large_arrays.empty(shape, torch.float32, device).zero_() for _ in range(2 if confidence is None else 3)]
+    ones = torch.ones(layout.cell_voxels[0], *layout.voxels[1:], device=device)
+
+    def add_layers(layers: Sequence[tuple[int, slice]]) -> None:
+        for layer, slices in layers:
+            keys = voxel_cells.keys(layer, slices)[0].view(-1).to(torch.int64)
+            target = read_target(slices).to(torch.float32)
+            addends = [ones[: len(target)], target]
+            if confidence is not None:
+                weights = confidence[slices].to(torch.float32)
+                addends[1:] = [weights * target, weights]
+            for dense, addend in zip(sums, addends, strict=True):
+                dense[layer + 1].scatter_add_(0, keys, addend.reshape(-1))
+
+    workers.share_out(layout.layers(), add_layers)
     for dense in sums:
         # What was counted into padding takes no part.
         dense[:, -1] = 0.0
@@ -284,12 +291,21 @@ def _numbered(layout: GridLayout, keys: Tensor) -> Tensor:
     return numbers
 
 
-def _neighbours(layout: GridLayout, numbers: Tensor, keys: Tensor) -> Tensor:
+def _neighbours(layout: GridLayout, numbers: Tensor, keys: Tensor, workers: Workers) -> Tensor:
     """(8, cells) int32: numbers of the cells before and after each along every axis."""
     import torch
 
     steps = [step for stride in layout.strides for step in (-stride, stride)]
     neighbours = large_arrays.empty((len(steps), len(keys)), torch.int32, keys.device)
-    for along, step in zip(neighbours, steps, strict=True):
-        torch.index_select(numbers.view(-1), 0, keys + step, out=along)
+
+    def find(chunks: Sequence[slice]) -> None:
+        for chunk in chunks:
+            for along, step in zip(neighbours, steps, strict=True):
+                torch.index_select(numbers.view(-1), 0, keys[chunk] + step, out=along[chunk])
+
+    workers.share_out(_chunks(len(keys)), find)
     return neighbours
+
+
+def _chunks(cells: int) -> list[slice]:
+    return [slice(start, min(start + CHUNK_CELLS, cells)) for start in range(0, cells, CHUNK_CELLS)]

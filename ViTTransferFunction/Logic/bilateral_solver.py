@@ -35,16 +35,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 from . import large_arrays
-from .bilateral_grid import BilateralGrid, GridLayout, VoxelCells, all_finite
+from .bilateral_grid import GridLayout, VoxelCells, splat
 from .bilateral_slice import slice_multilinear, slice_nearest
 from .bilateral_system import solve_cells
 from .errors import InputError
-from .upsampling import upsampled
+from .upsampling import Upsampling, upsampled
+from .workers import Workers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from torch import Tensor
+
+    from .bilateral_grid import ReadSlices
 
 Slicing = Literal["multilinear", "nearest"]
 
@@ -129,8 +132,21 @@ def refine_map(
     settings = settings or BilateralSolverSettings()
     layout = _layout(intensities, spacing_mm, settings)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
-    full_map = upsampled(low_resolution_map, intensities.shape)
-    return _refine_in_place(full_map, intensities, window, None, active, layout, settings)
+    with Workers(intensities.device) as workers:
+        if large_arrays.all_finite(low_resolution_map):
+            # Held by no name here, so that it can be let go of before the map is written.
+            return _refine(
+                Upsampling(low_resolution_map, intensities.shape).read,
+                None,
+                intensities,
+                window,
+                active,
+                layout,
+                settings,
+                workers,
+            )
+        target, confidence = _without_unknown_voxels(upsampled(low_resolution_map, intensities.shape), None)
+        return _refine(target, confidence, intensities, window, active, layout, settings, workers)
 
 
 def solve_bilateral(
@@ -165,8 +181,9 @@ def solve_bilateral(
     settings = settings or BilateralSolverSettings()
     layout = _layout(luma, spacing_mm, settings)
     active = None if threshold is None else _active_cells(target, threshold, layout)
-    full_map = large_arrays.empty(target.shape, torch.float32, target.device).copy_(target)
-    return _refine_in_place(full_map, luma, (0.0, 1.0), confidence, active, layout, settings)
+    with Workers(luma.device) as workers:
+        known_target, confidence = _without_unknown_voxels(target, confidence)
+        return _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
 
 
 def _check_volume(name: str, volume: Tensor) -> None:
@@ -193,55 +210,71 @@ def _active_cells(where: Tensor, threshold: float, layout: GridLayout) -> Tensor
     return max_pool3d(adaptive_max_pool3d(above, layout.cells), 3, stride=1, padding=1)[0, 0] > 0
 
 
-def _refine_in_place(
-    full_map: Tensor,
+def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[ReadSlices, Tensor | None]:
+    """The target, where voxels that are not finite have the lowest value that is; and confidence, which these have none of."""
+    import torch
+
+    if large_arrays.all_finite(target):
+        return target.__getitem__, confidence
+    finite = torch.isfinite(target)
+    if not bool(finite.any()):
+        raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
+    known = finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
+    return torch.where(finite, target, target[finite].min()).__getitem__, known
+
+
+def _refine(
+    read_target: ReadSlices,
+    confidence: Tensor | None,
     intensities: Tensor,
     window: tuple[float, float],
-    confidence: Tensor | None,
     active: Tensor | None,
     layout: GridLayout,
     settings: BilateralSolverSettings,
+    workers: Workers,
 ) -> BilateralSolution:
-    """Overwrite a target by its refinement where cells are active."""
+    """Solve for the active cells of a volume; all other voxels keep the target."""
+    import torch
+
     if not (math.isfinite(window[0]) and math.isfinite(window[1]) and window[0] <= window[1]):
         raise InputError(f"Bilateral solver: window is {window}; expected two finite intensities in ascending order.")
-    confidence = _without_unknown_voxels(full_map, confidence)
-    unsolved = BilateralSolution(full_map, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
-    region = full_map
-    if active is not None:
-        if not bool(active.any()):
-            return unsolved
-        box, layout, active = _cropped(layout, active)
-        region, intensities = full_map[box], intensities[box]
-        confidence = None if confidence is None else confidence[box]
-    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, all_finite(intensities), active)
-    grid = BilateralGrid.splat(voxel_cells, region, confidence)
-    if not bool(grid.confidence.any()):
+    refined = large_arrays.empty(intensities.shape, torch.float32, intensities.device)
+    unsolved = BilateralSolution(refined, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
+    region = refined
+    finite = large_arrays.all_finite(intensities)
+    if active is not None or not finite:
+        # Otherwise every voxel is written once, by slicing.
+        _read_all(read_target, layout, out=refined)
+        if active is not None:
+            if not bool(active.any()):
+                return unsolved
+            box, layout, active = _cropped(layout, active)
+            region, intensities = refined[box], intensities[box]
+            confidence = None if confidence is None else confidence[box]
+        read_target = region.__getitem__
+    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, finite, active)
+    cells, numbers = splat(voxel_cells, read_target, confidence, workers)
+    if not bool(cells.confidence.any()):
+        _read_all(read_target, layout, out=region)
         return unsolved
-    solution = solve_cells(grid, settings.smoothness, settings.max_iterations, settings.tolerance)
+    solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance)
+    # Memory for the map, which is written now.
+    del cells, read_target
     slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
-    slice_cells(grid, solution.values, region)
+    slice_cells(voxel_cells, numbers, solution.values, region, workers)
     return replace(
         unsolved,
         converged=solution.residual <= settings.tolerance,
         iterations=solution.iterations,
         residual=solution.residual,
-        cells=len(grid.mass),
+        cells=len(solution.values),
         smoothness=solution.smoothness,
     )
 
 
-def _without_unknown_voxels(full_map: Tensor, confidence: Tensor | None) -> Tensor | None:
-    """Give voxels whose target is not finite the lowest one that is, and no confidence."""
-    import torch
-
-    if all_finite(full_map):
-        return confidence
-    finite = torch.isfinite(full_map)
-    if not bool(finite.any()):
-        raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
-    full_map.copy_(torch.where(finite, full_map, full_map[finite].min()))
-    return finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
+def _read_all(read_target: ReadSlices, layout: GridLayout, out: Tensor) -> None:
+    for _, slices in layout.layers():
+        out[slices] = read_target(slices)
 
 
 def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:

@@ -1,4 +1,4 @@
-"""The linear system of the bilateral solver: set up over the occupied cells of a grid, and solved.
+"""The linear system of the bilateral solver: set up over the cells of a grid, and solved.
 
 `bilateral_solver` states the equations, in the same names.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .bilateral_grid import DIMENSIONS, BilateralGrid
+from .bilateral_grid import DIMENSIONS, OccupiedCells
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,29 +42,30 @@ class CellSolution:
     smoothness: float
 
 
-def solve_cells(grid: BilateralGrid, smoothness: float, max_iterations: int, tolerance: float) -> CellSolution:
-    """Minimise the energy over the occupied cells of `grid`, one of which at least has confidence."""
+def solve_cells(cells: OccupiedCells, smoothness: float, max_iterations: int, tolerance: float) -> CellSolution:
+    """Minimise the energy over cells, one of which at least has confidence."""
     import torch
 
-    precise = _accumulation_dtype(grid.mass.device)
-    largest_confidence = float((grid.confidence / grid.mass).max())
+    precise = _accumulation_dtype(cells.mass.device)
+    largest_confidence = float((cells.confidence / cells.mass).max())
     smoothness = min(smoothness, MAX_SMOOTHNESS * largest_confidence)
-    confidence = torch.maximum(grid.confidence, CONFIDENCE_FLOOR * largest_confidence * grid.mass)
-    mean = grid.weighted_target.sum(dtype=precise) / grid.confidence.sum(dtype=precise)
-    hard = bool((smoothness * grid.mass > MAX_FLOAT32_RATIO * confidence).any())
+    confidence = torch.maximum(cells.confidence, CONFIDENCE_FLOOR * largest_confidence * cells.mass)
+    mean = cells.weighted_target.sum(dtype=precise) / cells.confidence.sum(dtype=precise)
+    hard = bool((smoothness * cells.mass > MAX_FLOAT32_RATIO * confidence).any())
     dtype = precise if hard else torch.float32
-    mass, confidence = grid.mass.to(dtype), confidence.to(dtype)
+    mass, confidence = cells.mass.to(dtype), confidence.to(dtype)
     # Solved for the deviation from the mean: rounding errors are relative to what is left.
-    weighted_target = (grid.weighted_target - mean * grid.confidence).to(dtype)
+    weighted_target = (cells.weighted_target - mean * cells.confidence).to(dtype)
 
-    n, neighbour_mass = _bistochastised(grid, mass)
-    diagonal = smoothness * neighbour_mass + confidence
-    coupling = n * (smoothness / diagonal).sqrt()
-    scale = diagonal.sqrt()
-    solution, iterations, residual = _solve_by_colour(grid, coupling, weighted_target / scale, max_iterations, tolerance)
+    target_range = torch.aminmax(weighted_target / confidence)
+
+    n, neighbour_mass = _bistochastised(cells, mass)
+    scale = neighbour_mass.mul_(smoothness).add_(confidence).sqrt_()
+    coupling = n.mul_(smoothness**0.5).div_(scale)
+    solution, iterations, residual = _solve_by_colour(cells, coupling, weighted_target.div_(scale), max_iterations, tolerance)
     # The exact solution keeps to the range of its target; an inexact one is made to.
-    deviations = torch.clamp(solution / scale, *torch.aminmax(weighted_target / confidence))
-    return CellSolution((deviations + mean).to(torch.float32), iterations, residual, smoothness)
+    deviations = solution.div_(scale).clamp_(*target_range)
+    return CellSolution(deviations.add_(mean).to(torch.float32), iterations, residual, smoothness)
 
 
 def _accumulation_dtype(device: torch.device) -> torch.dtype:
@@ -74,7 +75,7 @@ def _accumulation_dtype(device: torch.device) -> torch.dtype:
     return torch.float32 if device.type == "mps" else torch.float64
 
 
-def _bistochastised(grid: BilateralGrid, mass: Tensor) -> tuple[Tensor, Tensor]:
+def _bistochastised(cells: OccupiedCells, mass: Tensor) -> tuple[Tensor, Tensor]:
     """n, such that n · B n is nearly the mass; and n · N n, what the neighbours have of it."""
     import torch
 
@@ -82,32 +83,32 @@ def _bistochastised(grid: BilateralGrid, mass: Tensor) -> tuple[Tensor, Tensor]:
     # Exact where a cell and its neighbours hold equally many voxels.
     n[:-1] = (mass / (4 * DIMENSIONS)).sqrt_()
     for _ in range(BISTOCHASTISATION_STEPS):
-        blurred = grid.neighbour_sum(n).add_(n[:-1], alpha=2 * DIMENSIONS)
+        blurred = cells.neighbour_sum(n).add_(n[:-1], alpha=2 * DIMENSIONS)
         n[:-1].mul_(mass).div_(blurred).sqrt_()
-    return n[:-1], n[:-1] * grid.neighbour_sum(n)
+    return n[:-1], n[:-1] * cells.neighbour_sum(n)
 
 
 def _solve_by_colour(
-    grid: BilateralGrid, coupling: Tensor, right_hand_side: Tensor, max_iterations: int, tolerance: float
+    cells: OccupiedCells, coupling: Tensor, right_hand_side: Tensor, max_iterations: int, tolerance: float
 ) -> tuple[Tensor, int, float]:
     """Solve (1 − E) z = f, E = Dg N Dg: conjugate gradients for the red cells, from which the black ones follow."""
     import torch
 
-    red, black = slice(0, grid.red_cells), slice(grid.red_cells, len(coupling))
+    red, black = slice(0, cells.red_cells), slice(cells.red_cells, len(coupling))
     work = torch.zeros(len(coupling) + 1, dtype=coupling.dtype, device=coupling.device)
     black_coupling_squared = coupling[black] ** 2
 
     def without_detour(z: Tensor) -> Tensor:
         """(1 − E_rb E_br) z."""
         torch.mul(coupling[red], z, out=work[red])
-        torch.mul(black_coupling_squared, grid.neighbour_sum(work, black), out=work[black])
-        return z - coupling[red] * grid.neighbour_sum(work, red)
+        torch.mul(black_coupling_squared, cells.neighbour_sum(work, black), out=work[black])
+        return z - coupling[red] * cells.neighbour_sum(work, red)
 
     work[black] = coupling[black] * right_hand_side[black]
-    reduced = right_hand_side[red] + coupling[red] * grid.neighbour_sum(work, red)
+    reduced = right_hand_side[red] + coupling[red] * cells.neighbour_sum(work, red)
     z_red, iterations, residual = _conjugate_gradients(without_detour, reduced, max_iterations, tolerance)
     work[red] = coupling[red] * z_red
-    z_black = right_hand_side[black] + coupling[black] * grid.neighbour_sum(work, black)
+    z_black = right_hand_side[black] + coupling[black] * cells.neighbour_sum(work, black)
     return torch.cat([z_red, z_black]), iterations, residual
 
 

@@ -20,6 +20,8 @@ WHITENED_COMPONENTS = 64
 """Directions of largest variance that are kept; the rest is mostly noise that whitening would blow up."""
 STATISTICS_CELLS = 30_000
 """Enough for a covariance of some hundred channels: with all cells of a 64³ grid the result is the same to a few percent."""
+CELLS_PER_COMPONENT = 50
+"""Fewer cells than this for each direction would make every cell look unlike its neighbours."""
 BLOCK_CELLS = 16_384
 SMALLEST_NORM = 1e-12
 
@@ -92,7 +94,8 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     if statistics == "centred":
         return FeatureTransform(mean.astype(np.float32), None)
     variances, directions = np.linalg.eigh(covariance)
-    order = np.argsort(variances)[::-1][: min(WHITENED_COMPONENTS, channels)]
+    count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
+    order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
     projection = directions[:, order] / np.sqrt(variances[order])

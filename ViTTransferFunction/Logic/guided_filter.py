@@ -16,8 +16,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from . import large_arrays
 from .errors import InputError
 from .upsampling import upsampled
+from .window_sums import block_sums, window_sums
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +72,8 @@ def guided_filter(
         raise InputError(
             f"Guided filter: target has shape {tuple(target.shape)} and luma {tuple(luma.shape)}; expected the same three axes."
         )
-    if not bool(torch.isfinite(target).any()):
+    known_target = target if large_arrays.all_finite(target) else target[torch.isfinite(target)]
+    if known_target.numel() == 0:
         raise InputError("Guided filter: no voxel of the map is finite. Compute the map again.")
     settings = settings or GuidedFilterSettings()
     edges = [max(1, round(min(2.0 * settings.radius_mm / BLOCKS / s, n))) for s, n in zip(spacing_mm, luma.shape, strict=True)]
@@ -78,23 +81,20 @@ def guided_filter(
     # The last blocks may reach beyond the volume.
     padded_shape = [n * edge for n, edge in zip(a.shape, edges, strict=True)]
     a_fine, b_fine = (upsampled(c, padded_shape)[: luma.shape[0], : luma.shape[1], : luma.shape[2]] for c in (a, b))
-    lowest, highest = torch.aminmax(target[torch.isfinite(target)])
-    filtered = (a_fine * luma + b_fine).clamp_(lowest, highest)
-    return torch.where(torch.isfinite(luma), filtered, target.to(torch.float32))
+    filtered = (a_fine * luma + b_fine).clamp_(*torch.aminmax(known_target))
+    return filtered if large_arrays.all_finite(luma) else torch.where(torch.isfinite(luma), filtered, target)
 
 
 def _block_moments(target: Tensor, luma: Tensor, edges: Sequence[int]) -> Tensor:
     """(5, K', J', I'): sums over blocks of 1, luma, target, luma² and luma × target, of voxels where both are finite."""
     import torch
-    from torch.nn.functional import avg_pool3d
 
     layers = []
     for k in range(0, len(luma), edges[0]):
         t, g = target[k : k + edges[0]].to(torch.float32), luma[k : k + edges[0]].to(torch.float32)
         finite = torch.isfinite(t) & torch.isfinite(g)
         t, g = torch.where(finite, t, 0.0), torch.where(finite, g, 0.0)
-        moments = torch.stack([finite.to(torch.float32), g, t, g * g, g * t])
-        layers.append(avg_pool3d(moments, (len(t), *edges[1:]), ceil_mode=True, divisor_override=1))
+        layers.append(block_sums(torch.stack([finite.to(torch.float32), g, t, g * g, g * t]), edges))
     return torch.cat(layers, dim=1)
 
 
@@ -102,7 +102,7 @@ def _coefficients(moments: Tensor, epsilon: float) -> tuple[Tensor, Tensor]:
     """The slope a and the offset b of each block: fitted over windows, then averaged over windows. (K', J', I') each."""
     import torch
 
-    count, luma, target, squared, product = _window_sums(moments)
+    count, luma, target, squared, product = window_sums(moments, BLOCKS // 2)
     known = count > 0
     count = count.clamp(min=1.0)
     luma, target = luma / count, target / count
@@ -110,12 +110,5 @@ def _coefficients(moments: Tensor, epsilon: float) -> tuple[Tensor, Tensor]:
     a = (product / count - luma * target) / (variance + epsilon)
     b = target - a * luma
     known_coefficients = torch.where(known, torch.stack([torch.ones_like(a), a, b]), 0.0)
-    windows, a_sum, b_sum = _window_sums(known_coefficients)
+    windows, a_sum, b_sum = window_sums(known_coefficients, BLOCKS // 2)
     return a_sum / windows.clamp(min=1.0), b_sum / windows.clamp(min=1.0)
-
-
-def _window_sums(blocks: Tensor) -> Tensor:
-    """Sums over the windows centred on each block; (N, K', J', I') of N quantities."""
-    from torch.nn.functional import avg_pool3d, pad
-
-    return avg_pool3d(pad(blocks, (BLOCKS // 2,) * 6), BLOCKS, stride=1, divisor_override=1)

@@ -52,7 +52,7 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
 
     A CT cropped to soft tissue fails the test and is windowed by its percentiles instead, which suits it as well.
     """
-    low, high = np.percentile(_sample(volume.array), (1.0, 99.9))
+    low, high = np.percentile(finite_sample(volume.array), (1.0, 99.9))
     return bool(-4096.0 <= low <= -500.0 and -200.0 <= high <= 32767.0)
 
 
@@ -80,7 +80,7 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
 
     Falls back to the full range where almost all voxels are equal, so that the window never collapses.
     """
-    low, high = np.percentile(_sample(volume.array), (outside_percent, 100.0 - outside_percent))
+    low, high = np.percentile(finite_sample(volume.array), (outside_percent, 100.0 - outside_percent))
     if low < high:
         return IntensityWindow(float(low), float(high))
     return full_range_window(volume)
@@ -91,7 +91,7 @@ def full_range_window(volume: Volume) -> IntensityWindow:
     return IntensityWindow(*finite_range(volume.array))
 
 
-def _sample(array: np.ndarray) -> np.ndarray:
+def finite_sample(array: np.ndarray) -> np.ndarray:
     """Finite voxels, every n-th of them where there are many, (N,) float64."""
     flat = array.reshape(-1)
     flat = flat[:: max(1, flat.size // SAMPLE_SIZE)]

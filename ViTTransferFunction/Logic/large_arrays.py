@@ -1,4 +1,4 @@
-"""Arrays of a volume's size, from memory that is quick to write first."""
+"""What is done to arrays of a volume's size, and is slow when done in the obvious way."""
 
 from __future__ import annotations
 
@@ -22,3 +22,11 @@ def empty(shape: Sequence[int], dtype: torch.dtype, device: torch.device) -> Ten
     # numpy asks the system for huge pages where torch does not: the first write is up to 4 times faster.
     same_dtype_in_numpy = torch.empty(0, dtype=dtype).numpy().dtype
     return torch.from_numpy(np.empty(tuple(shape), same_dtype_in_numpy))
+
+
+def all_finite(values: Tensor) -> bool:
+    """Whether every element is finite. May say no to finite ones whose sum overflows: take the careful way then."""
+    import torch
+
+    # 30 times faster than testing each: what is not finite makes the sum not finite.
+    return not values.is_floating_point() or bool(torch.isfinite(values.sum()))

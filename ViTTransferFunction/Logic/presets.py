@@ -35,7 +35,7 @@ PRESETS = {
         model="dinov2_vits14",
         features=FeatureSettings(),
         statistics="whitened",
-        similarity="cosine",
+        similarity="kernel",
     ),
     "published": Preset(
         meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",

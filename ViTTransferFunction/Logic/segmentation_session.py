@@ -18,10 +18,11 @@ from .feature_extraction import FeatureSettings, extract_features, feature_key, 
 from .feature_statistics import ComparableFeatures, comparable_features
 from .feature_volume import FeatureVolume, sample_at
 from .geometry import Geometry
+from .kernel_similarity import KernelSimilarity, prior_iso
 from .presets import Preset
 from .progress import Progress, no_progress
 from .refinement import RefinementMethod, refine
-from .similarity import similarity_map
+from .similarity import mean_cosine, mean_published_similarity, mean_similarity_map, proximity
 from .stopwatch import Stopwatch
 from .volume import Volume
 
@@ -116,6 +117,7 @@ class SegmentationSession:
         self.cache = cache
         self.watch = Stopwatch()
         self._features: ComparableFeatures | None = None
+        self._kernel_similarity: KernelSimilarity | None = None
         self.provenance: FeatureProvenance | None = None
 
     def load_features(self, weights: WeightsFile, device: torch.device, progress: Progress = no_progress) -> FeatureProvenance:
@@ -130,6 +132,8 @@ class SegmentationSession:
             cached = self.cache.get(key) if self.cache else None
             features = cached or self._extract(weights, device, progress)
             self._features = comparable_features(features, self.preset.statistics)
+            if self.preset.similarity == "kernel":
+                self._kernel_similarity = KernelSimilarity(self._features, self.volume)
         self.provenance = FeatureProvenance(weights, str(device), cached is not None)
         return self.provenance
 
@@ -140,18 +144,23 @@ class SegmentationSession:
             raise RuntimeError("load_features comes first")
         return self._features
 
-    def low_resolution_map(self, classes: Sequence[AnnotatedClass], index: int) -> ClassMap:
-        """S_L of the index-th class and its iso value: the answer to a click, in milliseconds."""
+    def low_resolution_maps(self, classes: Sequence[AnnotatedClass]) -> list[ClassMap]:
+        """S_L of every class and its iso value: the answer to a click, in milliseconds."""
         with self.watch.step("similarity"):
-            similarity = similarity_map(self.features, classes[index], self.preset.similarity)
-            return ClassMap(similarity, self._iso(similarity, self.features.geometry, classes, index))
+            maps = self._similarity(classes)
+            for similarity, annotated in zip(maps, classes, strict=True):
+                if annotated.proximity > 0.0:
+                    similarity *= proximity(self.features.geometry, annotated.positive, annotated.proximity)
+            return [
+                ClassMap(similarity, self._iso(similarity, self.features.geometry, classes, index))
+                for index, similarity in enumerate(maps)
+            ]
 
-    def full_resolution_map(self, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
-        """S_H of the index-th class, sharpened against the intensities where the class asks for it, and its iso value.
+    def refined_map(self, low: ClassMap, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
+        """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its iso value.
 
         The iso value is chosen anew, since refinement changes the range of the map.
         """
-        low = self.low_resolution_map(classes, index)
         annotated = classes[index]
         with self.watch.step("refinement"):
             wanted = method if annotated.refine else "none"
@@ -183,14 +192,15 @@ class SegmentationSession:
         isos: list[float] = []
 
         def maps() -> Iterator[tuple[np.ndarray, float]]:
+            progress(0, len(classes), "Segmenting classes")
+            low_maps = self.low_resolution_maps(classes)
             for index, annotated in enumerate(classes):
-                progress(index, len(classes), "Segmenting classes")
-                full = self.full_resolution_map(classes, index, method)
+                full = self.refined_map(low_maps[index], classes, index, method)
                 if on_map:
                     on_map(annotated, full)
                 isos.append(full.iso)
                 yield full.similarity, full.iso
-            progress(len(classes), len(classes), "Segmenting classes")
+                progress(index + 1, len(classes), "Segmenting classes")
 
         labels = compete(maps(), self.volume.shape)
         with self.watch.step("components"):
@@ -211,10 +221,18 @@ class SegmentationSession:
             self.cache.put(features)
         return features
 
+    def _similarity(self, classes: Sequence[AnnotatedClass]) -> list[np.ndarray]:
+        if self._kernel_similarity is not None:
+            return list(self._kernel_similarity.maps(classes))
+        average = mean_published_similarity if self.preset.similarity == "published" else mean_cosine
+        return [mean_similarity_map(self.features, annotated, average) for annotated in classes]
+
     def _iso(self, similarity: np.ndarray, geometry: Geometry, classes: Sequence[AnnotatedClass], index: int) -> float:
         annotated = classes[index]
         if annotated.iso is not None:
             return annotated.iso
+        if self._kernel_similarity is not None:
+            return prior_iso(annotated)
         others = [other.positive for position, other in enumerate(classes) if position != index]
         negatives = np.concatenate([annotated.negative, *others])
         values = similarity[..., None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -10,34 +11,33 @@ from .annotations import AnnotatedClass
 from .feature_statistics import ComparableFeatures
 from .geometry import Geometry
 
-SimilarityMethod = Literal["cosine", "published"]
+SimilarityMethod = Literal["kernel", "cosine", "published"]
+"""How annotations become maps: learned from all classes' points (`kernel_similarity`), by the mean cosine of Eq. 1, or by the
+variant of it that the authors' program computes."""
 
 PUBLISHED_LOWER_BOUND = 0.25
 PUBLISHED_EXPONENT = 2.5
 
 
-def similarity_map(features: ComparableFeatures, annotated: AnnotatedClass, method: SimilarityMethod) -> np.ndarray:
-    """How similar each cell is to a class, faded by distance where the class asks for it.
+def mean_similarity_map(
+    features: ComparableFeatures, annotated: AnnotatedClass, average: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """How similar each cell is to a class's points.
 
     Negative points, which the paper names as future work, count as the positive ones do but with the opposite sign.
 
     Args:
         features: comparable features of the volume.
         annotated: the class with its points.
-        method: "cosine": Eq. 1, the mean cosine; "published": as the authors' program does, each cosine below 0.25 set
-            to zero and the others raised to the power 2.5 before averaging.
+        average: `mean_cosine` (Eq. 1) or `mean_published_similarity` (what the authors' program computes).
 
     Returns:
         S_L, (K', J', I') float32 in [0, 1].
     """
-    mean_similarity = mean_cosine if method == "cosine" else mean_published_similarity
-    similarity = mean_similarity(features.array, features.at(annotated.positive))
+    similarity = average(features.array, features.at(annotated.positive))
     if len(annotated.negative):
-        similarity = similarity - mean_similarity(features.array, features.at(annotated.negative))
-    similarity = np.clip(similarity, 0.0, 1.0)
-    if annotated.proximity > 0.0:
-        similarity = similarity * proximity(features.geometry, annotated.positive, annotated.proximity)
-    return similarity.astype(np.float32)
+        similarity = similarity - average(features.array, features.at(annotated.negative))
+    return np.clip(similarity, 0.0, 1.0).astype(np.float32)
 
 
 def mean_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
@@ -56,7 +56,7 @@ def mean_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
 
 
 def mean_published_similarity(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
-    """Mean over the queries of their cosine with each cell, low ones dropped and the others sharpened; in [0, 1]."""
+    """As `mean_cosine`, but each cosine below 0.25 counts as 0 and the others are raised to the power 2.5; in [0, 1]."""
     total = np.zeros(cells.shape[:3], dtype=np.float32)
     for query in queries:
         cosine = cells @ query

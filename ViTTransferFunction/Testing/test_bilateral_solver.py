@@ -467,6 +467,22 @@ def test_repeated_runs_are_bitwise_equal():
     assert torch.equal(first.map, second.map)
 
 
+@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
+def test_number_of_threads_changes_no_bit(slicing):
+    target, luma = a_noisy_step((40, 20, 20))
+    one = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    torch.set_num_threads(3)
+    several = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    assert torch.equal(one.map, several.map)
+
+
+def test_pytorch_keeps_its_number_of_threads():
+    target, luma = a_noisy_step()
+    torch.set_num_threads(3)
+    solve_bilateral(target, luma, None, UNIT_SPACING)
+    assert torch.get_num_threads() == 3
+
+
 def test_inputs_are_not_changed():
     target, luma = a_noisy_step()
     target[0, 0, 0] = torch.nan

@@ -1,0 +1,192 @@
+"""Similarity learned from the clicks: kernel ridge regression of every class against the rest of the volume.
+
+Eq. 1 of the paper looks like a vote: each cell is as similar as the mean of its cosines with the positive points. Its map can
+not bend around what the user marked as wrong, and cosines of one organ differ from those of the next. Here each class c is a
+function of the cell,
+
+    S_c(x) = Σ_p α_pc k(x, p),    α = (K + Λ)⁻¹ Y,
+
+over the annotated points and a few random cells p, with target Y_pc 1 where p is a positive point of c and 0 elsewhere: other
+classes' points and negative points count against c, and so do the random cells. Those stand for the background; each is
+believed little (Λ), since any of them may lie in a structure of interest, and those that turn out to are dropped.
+
+Two places are alike when their features, their intensities and their positions are, so the kernel is a product:
+
+    k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from .annotations import AnnotatedClass
+from .feature_statistics import ComparableFeatures
+from .geometry import Geometry
+from .intensity_window import finite_sample
+from .volume import Volume
+
+FEATURE_SHARPNESS = 2.5
+"""γ: how fast similarity falls with the angle between whitened features."""
+INTENSITY_SIGMA = 0.12
+"""σ_u, in ranks: intensities are compared by the share of the volume's voxels that lie between them."""
+POSITION_SIGMA = 0.15
+"""σ_x, as a share of the volume's longest edge."""
+POSITION_WEIGHT = 0.5
+"""a: similarity of far places is this much smaller, so that the second kidney is found, but after the first."""
+POINT_RIDGE = 0.05
+BACKGROUND_RIDGE = 2.0
+"""Diagonal of Λ: what annotated points, and what random cells, may be missed by."""
+BACKGROUND_CELLS = 100
+BACKGROUND_ROUNDS = 2
+BACKGROUND_LIMIT = 0.5
+"""After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
+ISO_AT_MANY_POINTS = 0.5
+POINTS_TO_HALF_ISO = 2.0
+
+_NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
+_RANKS = 512
+
+
+class KernelSimilarity:
+    """Maps of classes on one volume; what does not change between clicks is computed once.
+
+    Args:
+        features: unit feature vectors of the volume's cells.
+        volume: the intensities.
+    """
+
+    def __init__(self, features: ComparableFeatures, volume: Volume) -> None:
+        self._features = features
+        self._volume = volume
+        self._rank_levels = np.unique(np.quantile(finite_sample(volume.array), np.linspace(0.0, 1.0, _RANKS + 1)))
+        centres = _cell_centres(features.geometry)
+        self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._ranks_at(centres))
+        self._longest_edge_mm = float(volume.geometry.extent_mm.max())
+        # Always the same cells, so that the same clicks always give the same map.
+        chosen = np.random.default_rng(0).permutation(len(centres))[:BACKGROUND_CELLS]
+        self._background = self._cells.subset(chosen)
+        self._background_columns = self._kernel(self._cells, self._background)
+        self._background_kernel = self._background_columns[chosen].astype(np.float64)
+        self._point_columns: dict[bytes, np.ndarray] = {}
+
+    def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
+        """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
+        points_ras, targets = _targets(classes)
+        points = _Places(self._features.at(points_ras), points_ras, self._ranks_at(points_ras))
+        point_weights, background_weights = self._weights(points, targets)
+        scores = self._background_columns @ background_weights.astype(np.float32)
+        scores += self._columns_of(points) @ point_weights.astype(np.float32)
+        return np.clip(scores.T, 0.0, 1.0).reshape(len(classes), *self._features.geometry.shape)
+
+    def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
+        to_points = self._kernel(self._background, points).astype(np.float64)
+        kernel = np.block([
+            [self._kernel(points, points).astype(np.float64), to_points.T],
+            [to_points, self._background_kernel],
+        ])  # fmt: skip
+        background = np.zeros((len(to_points), targets.shape[1]))
+        wanted = np.concatenate([targets, background])
+        ridge = np.concatenate([np.full(len(targets), POINT_RIDGE), np.full(len(background), BACKGROUND_RIDGE)])
+        seen = ~np.isnan(wanted)
+        for _ in range(BACKGROUND_ROUNDS):
+            scores = (kernel @ _solve(kernel, ridge, wanted, seen))[len(targets) :]
+            # A cell that turns out to lie inside any of the classes is no background for the others either.
+            seen[len(targets) :] &= (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
+        weights = _solve(kernel, ridge, wanted, seen)
+        return weights[: len(targets)], weights[len(targets) :]
+
+    def _columns_of(self, points: _Places) -> np.ndarray:
+        """Kernel between all cells and the points, (cells, P) float32; columns of points known from before are kept."""
+        keys = [position.tobytes() for position in points.positions_ras]
+        fresh = [index for index, key in enumerate(keys) if key not in self._point_columns]
+        computed = self._kernel(self._cells, points.subset(np.array(fresh, dtype=int)))
+        columns = {keys[index]: computed[:, column] for column, index in enumerate(fresh)}
+        # Points that were removed are forgotten.
+        self._point_columns = {key: columns.get(key, self._point_columns.get(key)) for key in keys}  # type: ignore[misc]
+        return np.stack([self._point_columns[key] for key in keys], axis=1)
+
+    def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
+        """k of every place of `a` with every place of `b`, (len a, len b) float32."""
+        exponent = np.float32(FEATURE_SHARPNESS) * (a.features @ b.features.T - np.float32(1.0))
+        exponent -= (a.ranks[:, None] - b.ranks[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
+        sigma_mm = POSITION_SIGMA * self._longest_edge_mm
+        near = np.exp(-_squared_distances(a.positions_ras, b.positions_ras) / np.float32(2.0 * sigma_mm**2))
+        return np.exp(exponent) * (np.float32(1.0 - POSITION_WEIGHT) + np.float32(POSITION_WEIGHT) * near)
+
+    def _ranks_at(self, points_ras: np.ndarray) -> np.ndarray:
+        """Ranks in [0, 1] of the mean intensity of 3 × 3 × 3 voxels around world points, (N,) float32.
+
+        The mean keeps noise out. Ranks are indifferent to units and outliers, and tell apart best what is most frequent.
+        """
+        ijk = self._volume.geometry.ras_to_ijk(points_ras)
+        total, count = np.zeros(len(ijk)), np.zeros(len(ijk))
+        for offset in _NEIGHBOURS:
+            samples = ndimage.map_coordinates(
+                self._volume.array, (ijk + offset)[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
+            )
+            finite = np.isfinite(samples)
+            total[finite] += samples[finite]
+            count += finite
+        mean = total / np.maximum(count, 1.0)
+        ranks = np.interp(mean, self._rank_levels, np.linspace(0.0, 1.0, len(self._rank_levels)))
+        return ranks.astype(np.float32)
+
+
+class _Places:
+    """Where and what: features (N, C) unit vectors, positions (N, 3) RAS millimetres, intensity ranks (N,)."""
+
+    def __init__(self, features: np.ndarray, positions_ras: np.ndarray, ranks: np.ndarray) -> None:
+        self.features, self.positions_ras, self.ranks = features, positions_ras, ranks
+
+    def subset(self, index: np.ndarray) -> _Places:
+        return _Places(self.features[index], self.positions_ras[index], self.ranks[index])
+
+
+def prior_iso(annotated: AnnotatedClass) -> float:
+    """Where a class's map ends: lower while few points have raised it, towards a half when it is well known."""
+    count = len(annotated.positive)
+    return ISO_AT_MANY_POINTS * count / (count + POINTS_TO_HALF_ISO)
+
+
+def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]:
+    """All points (P, 3) and what each class should be there (P, classes): 1, 0, or NaN where a point says nothing of a class.
+
+    A negative point says that its own class is not there, and leaves open what is.
+    """
+    points, targets = [], []
+    for index, annotated in enumerate(classes):
+        for positions, own, of_others in ((annotated.positive, 1.0, 0.0), (annotated.negative, 0.0, np.nan)):
+            rows = np.full((len(positions), len(classes)), of_others)
+            rows[:, index] = own
+            points.append(positions)
+            targets.append(rows)
+    return np.concatenate(points), np.concatenate(targets)
+
+
+def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """(K + Λ)⁻¹ Y, class by class over the places that the class sees; 0 at the others."""
+    weights = np.zeros_like(wanted)
+    for column in range(wanted.shape[1]):
+        rows = seen[:, column]
+        system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
+        weights[rows, column] = np.linalg.solve(system, wanted[rows, column])
+    return weights
+
+
+def _cell_centres(geometry: Geometry) -> np.ndarray:
+    """World positions of all cells, (N, 3) RAS millimetres, in the order of the flattened array."""
+    kji = np.indices(geometry.shape).reshape(3, -1).T
+    return geometry.ijk_to_ras_points(kji[:, ::-1])
+
+
+def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(len a, len b) float32, mm²."""
+    # Around a common centre, so that float32 holds the differences of positions far from the origin.
+    centre = a.mean(axis=0)
+    a, b = (a - centre).astype(np.float32), (b - centre).astype(np.float32)
+    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2.0 * a @ b.T
+    return np.maximum(squared, 0.0)
