@@ -43,9 +43,9 @@ def _tables(measured: dict[str, Any]) -> str:
         _table(["stage", "seconds"], [[name, f"{seconds:.3f}"] for name, seconds in measured["stages"].items()]),
         "## Error after iterations",
         _table(
-            ["λ", "precision", "iterations", "RMS error", "seconds"],
+            ["λ", "precision", "iterations", "RMS error", "processor seconds"],
             [
-                [f"{r['smoothness']:g}", r["precision"], r["iterations"], f"{r['rms']:.1e}", _seconds(r.get("seconds"))]
+                [f"{r['smoothness']:g}", r["precision"], r["iterations"], f"{r['rms']:.1e}", _seconds(r.get("cpu_seconds"))]
                 for r in measured["iterations"]
             ],
         ),
@@ -102,9 +102,9 @@ def _plot_error(rows: list[dict[str, Any]], path: Path) -> None:
         for precision, style in (("float32", "o-"), ("float64", "x:")):
             curve = [r for r in rows if r["smoothness"] == smoothness and r["precision"] == precision]
             label = f"λ {smoothness:g}, {precision}"
-            axes.loglog([r["seconds"] for r in curve], [r["rms"] for r in curve], style, label=label, markersize=4)
+            axes.semilogy([r["cpu_seconds"] for r in curve], [r["rms"] for r in curve], style, label=label, markersize=4)
     axes.axhline(1e-4, color="grey", linewidth=0.8)
-    axes.set(xlabel="seconds, nearest slice", ylabel="RMS error", title="Error after 1 to 25 iterations")
+    axes.set(xlabel="processor seconds, nearest slice", ylabel="RMS error", title="Error after 1 to 25 iterations")
     axes.legend(fontsize="small")
     figure.savefig(path, dpi=110)
     plt.close(figure)

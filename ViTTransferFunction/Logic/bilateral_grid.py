@@ -5,7 +5,7 @@ A 4D grid over (K, J, I, luma). Spatial cells are whole numbers of voxels; luma 
 voxel's place in the dense grid is arithmetic, and the dense grid, although mostly empty, is small beside the volume.
 
 The grid is walked in layers, all cells with the same K: what a layer needs stays in the processor's cache, and no temporary has
-the volume's size. One unoccupied cell pads every row, column and layer, so that neighbours are found without looking for
+the volume's size. Unoccupied cells pad every row, column and layer, so that neighbours are found without looking for
 borders; voxels that take no part are counted into padding.
 
 Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and the other way round. The padding
