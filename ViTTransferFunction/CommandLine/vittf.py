@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 
 from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
@@ -15,6 +16,8 @@ from ViTTransferFunction.Logic.errors import InputError
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    # Read when PyTorch loads. Where another program uses a core, spinning while waiting makes it many times slower.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING)
     args = build_parser().parse_args(arguments)
     try:

@@ -60,6 +60,10 @@ class Geometry:
         """World points (N, 3) in RAS millimetres of continuous voxel coordinates (N, 3) as (i, j, k)."""
         return transform_points(self.ijk_to_ras, points_ijk)
 
+    def voxel_centres_ras(self) -> np.ndarray:
+        """World positions of all voxels, (N, 3) RAS millimetres, in the order of a flattened (K, J, I) array."""
+        return self.ijk_to_ras_points(np.indices(self.shape).reshape(3, -1).T[:, ::-1])
+
     def contains(self, points_ras: np.ndarray) -> np.ndarray:
         """(N,) bool: whether world points lie within the grid's box, the outer half of border voxels included."""
         ijk = self.ras_to_ijk(points_ras)

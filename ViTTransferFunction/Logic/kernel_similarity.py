@@ -20,12 +20,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import ndimage
 
 from .annotations import AnnotatedClass
 from .feature_statistics import ComparableFeatures
-from .geometry import Geometry
-from .intensity_window import finite_sample
+from .intensity_rank import IntensityRank
+from .iso_value import choose_iso_by_edges, edge_strength_at, prior_iso
 from .volume import Volume
 
 FEATURE_SHARPNESS = 2.5
@@ -43,11 +42,8 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 2
 BACKGROUND_LIMIT = 0.5
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
-ISO_AT_MANY_POINTS = 0.5
-POINTS_TO_HALF_ISO = 2.0
-
-_NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
-_RANKS = 512
+EDGE_STEP_CELLS = 1 / 3
+"""Distance over which intensity differences count as an edge, in cells."""
 
 
 class KernelSimilarity:
@@ -60,10 +56,10 @@ class KernelSimilarity:
 
     def __init__(self, features: ComparableFeatures, volume: Volume) -> None:
         self._features = features
-        self._volume = volume
-        self._rank_levels = np.unique(np.quantile(finite_sample(volume.array), np.linspace(0.0, 1.0, _RANKS + 1)))
-        centres = _cell_centres(features.geometry)
-        self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._ranks_at(centres))
+        self._rank = IntensityRank(volume)
+        centres = features.geometry.voxel_centres_ras()
+        self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._rank.around(centres))
+        self._edge_strength = edge_strength_at(self._rank, centres, EDGE_STEP_CELLS * features.geometry.spacing_mm.min())
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, so that the same clicks always give the same map.
         chosen = np.random.default_rng(0).permutation(len(centres))[:BACKGROUND_CELLS]
@@ -75,11 +71,16 @@ class KernelSimilarity:
     def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
         """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
         points_ras, targets = _targets(classes)
-        points = _Places(self._features.at(points_ras), points_ras, self._ranks_at(points_ras))
+        points = _Places(self._features.at(points_ras), points_ras, self._rank.around(points_ras))
         point_weights, background_weights = self._weights(points, targets)
         scores = self._background_columns @ background_weights.astype(np.float32)
         scores += self._columns_of(points) @ point_weights.astype(np.float32)
         return np.clip(scores.T, 0.0, 1.0).reshape(len(classes), *self._features.geometry.shape)
+
+    def iso(self, annotated: AnnotatedClass, at_cells: np.ndarray, at_positives: np.ndarray) -> float:
+        """The iso value of a map, from its values at the cells' centres (K', J', I') and at the positive points (P,)."""
+        prior = prior_iso(len(np.unique(annotated.positive, axis=0)))
+        return choose_iso_by_edges(at_cells.ravel(), self._edge_strength, at_positives, prior)
 
     def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
@@ -117,24 +118,6 @@ class KernelSimilarity:
         near = np.exp(-_squared_distances(a.positions_ras, b.positions_ras) / np.float32(2.0 * sigma_mm**2))
         return np.exp(exponent) * (np.float32(1.0 - POSITION_WEIGHT) + np.float32(POSITION_WEIGHT) * near)
 
-    def _ranks_at(self, points_ras: np.ndarray) -> np.ndarray:
-        """Ranks in [0, 1] of the mean intensity of 3 × 3 × 3 voxels around world points, (N,) float32.
-
-        The mean keeps noise out. Ranks are indifferent to units and outliers, and tell apart best what is most frequent.
-        """
-        ijk = self._volume.geometry.ras_to_ijk(points_ras)
-        total, count = np.zeros(len(ijk)), np.zeros(len(ijk))
-        for offset in _NEIGHBOURS:
-            samples = ndimage.map_coordinates(
-                self._volume.array, (ijk + offset)[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
-            )
-            finite = np.isfinite(samples)
-            total[finite] += samples[finite]
-            count += finite
-        mean = total / np.maximum(count, 1.0)
-        ranks = np.interp(mean, self._rank_levels, np.linspace(0.0, 1.0, len(self._rank_levels)))
-        return ranks.astype(np.float32)
-
 
 class _Places:
     """Where and what: features (N, C) unit vectors, positions (N, 3) RAS millimetres, intensity ranks (N,)."""
@@ -144,12 +127,6 @@ class _Places:
 
     def subset(self, index: np.ndarray) -> _Places:
         return _Places(self.features[index], self.positions_ras[index], self.ranks[index])
-
-
-def prior_iso(annotated: AnnotatedClass) -> float:
-    """Where a class's map ends: lower while few points have raised it, towards a half when it is well known."""
-    count = len(annotated.positive)
-    return ISO_AT_MANY_POINTS * count / (count + POINTS_TO_HALF_ISO)
 
 
 def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]:
@@ -175,12 +152,6 @@ def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.n
         system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
         weights[rows, column] = np.linalg.solve(system, wanted[rows, column])
     return weights
-
-
-def _cell_centres(geometry: Geometry) -> np.ndarray:
-    """World positions of all cells, (N, 3) RAS millimetres, in the order of the flattened array."""
-    kji = np.indices(geometry.shape).reshape(3, -1).T
-    return geometry.ijk_to_ras_points(kji[:, ::-1])
 
 
 def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:

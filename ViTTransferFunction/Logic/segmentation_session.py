@@ -18,7 +18,7 @@ from .feature_extraction import FeatureSettings, extract_features, feature_key, 
 from .feature_statistics import ComparableFeatures, comparable_features
 from .feature_volume import FeatureVolume, sample_at
 from .geometry import Geometry
-from .kernel_similarity import KernelSimilarity, prior_iso
+from .kernel_similarity import KernelSimilarity
 from .presets import Preset
 from .progress import Progress, no_progress
 from .refinement import RefinementMethod, refine
@@ -231,12 +231,22 @@ class SegmentationSession:
         annotated = classes[index]
         if annotated.iso is not None:
             return annotated.iso
+        at_positives = sample_at(similarity[..., None], geometry, annotated.positive)
         if self._kernel_similarity is not None:
-            return prior_iso(annotated)
+            return self._kernel_similarity.iso(annotated, self._at_cells(similarity, geometry), at_positives)
         others = [other.positive for position, other in enumerate(classes) if position != index]
         negatives = np.concatenate([annotated.negative, *others])
-        values = similarity[..., None]
-        return choose_iso(sample_at(values, geometry, annotated.positive), sample_at(values, geometry, negatives))
+        return choose_iso(at_positives, sample_at(similarity[..., None], geometry, negatives))
+
+    def _at_cells(self, similarity: np.ndarray, geometry: Geometry) -> np.ndarray:
+        """A map's values at the feature cells' centres, (K', J', I'): of the nearest voxel where it has full resolution."""
+        if geometry is self.features.geometry:
+            return similarity
+        nearest = [
+            np.clip(np.round((np.arange(cells) + 0.5) * voxels / cells - 0.5).astype(int), 0, voxels - 1)
+            for cells, voxels in zip(self.features.geometry.shape, similarity.shape, strict=True)
+        ]
+        return similarity[np.ix_(*nearest)]
 
     def _results(self, classes: Sequence[AnnotatedClass], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
         counts = np.bincount(labels.ravel(), minlength=len(classes) + 1)

@@ -9,7 +9,8 @@ from ViTTransferFunction.Logic.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.feature_statistics import comparable_features
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.geometry import Geometry
-from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity, prior_iso
+from ViTTransferFunction.Logic.iso_value import prior_iso
+from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity
 from ViTTransferFunction.Logic.volume import Volume
 
 CELLS = (12, 12, 12)
@@ -45,7 +46,7 @@ IN_LEFT, IN_RIGHT, IN_ABOVE = at_cell(4, 6, 3), at_cell(4, 6, 9), at_cell(9, 6, 
 def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelSimilarity) -> None:
     annotated = a_class("a", IN_LEFT)
     (found,) = similarity.maps([annotated])
-    iso = prior_iso(annotated)
+    iso = prior_iso(len(annotated.positive))
     assert (found[LEFT] > iso).mean() > 0.7
     assert (found[ABOVE] > iso).mean() < 0.1
     background = np.ones(CELLS, dtype=bool)
@@ -61,8 +62,8 @@ def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(simil
 def test_a_negative_click_takes_the_twin_away(similarity: KernelSimilarity) -> None:
     annotated = a_class("a", IN_LEFT, negative=IN_RIGHT)
     (found,) = similarity.maps([annotated])
-    assert (found[RIGHT] > prior_iso(annotated)).mean() < 0.05
-    assert (found[LEFT] > prior_iso(annotated)).mean() > 0.65
+    assert (found[RIGHT] > prior_iso(len(annotated.positive))).mean() < 0.05
+    assert (found[LEFT] > prior_iso(len(annotated.positive))).mean() > 0.65
 
 
 def test_the_clicks_of_one_class_are_negatives_of_the_others(similarity: KernelSimilarity) -> None:
@@ -105,16 +106,10 @@ def test_degenerate_clicks_give_finite_maps_between_zero_and_one(
 
 
 def test_voxels_that_are_not_finite_do_not_spread(similarity: KernelSimilarity) -> None:
-    volume = similarity._volume
+    volume = similarity._rank._volume
     damaged = volume.array.copy()
     damaged[0, 0, 0], damaged[12, 12, 12], damaged[20:, 20:, 20:] = np.nan, np.inf, np.nan
     clean = similarity.maps([a_class("a", IN_LEFT)])
     maps = KernelSimilarity(similarity._features, Volume(damaged, volume.geometry)).maps([a_class("a", IN_LEFT)])
     assert np.isfinite(maps).all()
     assert np.abs(maps[0][LEFT] - clean[0][LEFT]).max() < 0.05
-
-
-def test_the_iso_value_rises_with_the_number_of_points() -> None:
-    isos = [prior_iso(a_class("a", np.repeat(IN_LEFT, count, axis=0))) for count in (1, 2, 5, 50)]
-    assert isos == sorted(isos)
-    assert 0.1 < isos[0] < isos[-1] < 0.5

@@ -1,0 +1,71 @@
+"""Intensity ranks, and iso values chosen where the image has edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.geometry import Geometry
+from ViTTransferFunction.Logic.intensity_rank import IntensityRank
+from ViTTransferFunction.Logic.iso_value import choose_iso_by_edges, edge_strength_at, prior_iso
+from ViTTransferFunction.Logic.volume import Volume
+
+
+def volume_of(array: np.ndarray) -> Volume:
+    return Volume(array, Geometry(array.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+
+
+def test_the_prior_rises_from_a_fifth_towards_a_half() -> None:
+    isos = [prior_iso(count) for count in (1, 2, 5, 100)]
+    assert isos == sorted(isos)
+    assert isos[0] == pytest.approx(0.2)
+    assert 0.49 < isos[-1] < 0.5
+
+
+@pytest.mark.parametrize("level", [0.2, 0.3, 0.45])
+def test_the_iso_value_is_drawn_to_the_level_where_the_image_has_an_edge(level: float) -> None:
+    similarity = np.linspace(0.0, 1.0, 20_000)
+    edges = np.where(np.abs(np.log(np.maximum(similarity, 1e-6) / level)) < 0.15, 6.0, 0.5)
+    flat = choose_iso_by_edges(similarity, np.ones_like(similarity), np.array([0.95]), prior_iso(3))
+    drawn = choose_iso_by_edges(similarity, edges, np.array([0.95]), prior_iso(3))
+    assert flat == pytest.approx(prior_iso(3), rel=0.1)
+    assert drawn == pytest.approx(level, rel=0.15)
+
+
+def test_the_iso_value_stays_below_the_map_at_the_positive_points() -> None:
+    similarity = np.linspace(0.0, 1.0, 20_000)
+    edges = np.where(similarity > 0.6, 5.0, 0.1)
+    assert choose_iso_by_edges(similarity, edges, np.array([0.4]), 0.5) <= 0.32 + 1e-9
+
+
+def test_an_empty_map_has_a_defined_iso_value() -> None:
+    assert 0.0 < choose_iso_by_edges(np.zeros(10), np.ones(10), np.array([0.0]), 0.3) < 1.0
+
+
+def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:
+    array = np.random.default_rng(0).gamma(2.0, 100.0, (20, 20, 20))
+    points = volume_of(array).geometry.voxel_centres_ras()
+    rank = IntensityRank(volume_of(array)).at(points)
+    expected = array.ravel().argsort().argsort() / array.size
+    np.testing.assert_allclose(rank, expected, atol=0.005)
+    np.testing.assert_allclose(IntensityRank(volume_of(array**3)).at(points), rank, atol=0.005)
+
+
+def test_ranks_of_a_neighbourhood_pass_over_voxels_that_are_not_finite() -> None:
+    array = np.random.default_rng(0).normal(0.0, 1.0, (9, 9, 9))
+    array[4, 4, 4] = np.nan
+    array[:3, :3, :3] = np.nan
+    rank = IntensityRank(volume_of(array))
+    around = rank.around(np.array([[8.0, 8.0, 8.0], [0.0, 0.0, 0.0]]))
+    assert 0.2 < around[0] < 0.8
+    assert around[1] == 0.0
+
+
+def test_edge_strength_is_large_where_intensities_change() -> None:
+    array = np.random.default_rng(0).normal(0.0, 1.0, (20, 20, 20))
+    array[:, :, 10:] += 100.0
+    volume = volume_of(array)
+    points = volume.geometry.voxel_centres_ras()
+    strength = edge_strength_at(IntensityRank(volume), points, 2.0).reshape(20, 20, 20)
+    assert strength[:, :, 9:11].mean() > strength[:, :, :8].mean() * 1.3
+    assert strength.mean() == pytest.approx(1.0, rel=1e-3)
