@@ -25,6 +25,7 @@ from .annotations import AnnotatedClass
 from .feature_statistics import ComparableFeatures
 from .intensity_rank import IntensityRank
 from .iso_value import choose_iso_by_edges, edge_strength_at, prior_iso
+from .orientation import upright_orientation
 from .volume import Volume
 
 FEATURE_SHARPNESS = 2.5
@@ -61,8 +62,9 @@ class KernelSimilarity:
         self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._rank.around(centres))
         self._edge_strength = edge_strength_at(self._rank, centres, EDGE_STEP_CELLS * features.geometry.spacing_mm.min())
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
-        # Always the same cells, so that the same clicks always give the same map.
-        chosen = np.random.default_rng(0).permutation(len(centres))[:BACKGROUND_CELLS]
+        # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
+        indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))
+        chosen = np.random.default_rng(0).permutation(indices.ravel())[:BACKGROUND_CELLS]
         self._background = self._cells.subset(chosen)
         self._background_columns = self._kernel(self._cells, self._background)
         self._background_kernel = self._background_columns[chosen].astype(np.float64)

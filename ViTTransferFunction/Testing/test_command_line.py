@@ -103,20 +103,54 @@ def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path
     assert "0 volumes" in capsys.readouterr().out
 
 
-def test_an_oblique_anisotropic_left_handed_scan_gives_the_same_segments_as_its_upright_twin(
+def test_a_scan_stored_and_lying_another_way_gives_the_same_voxels_the_same_labels(
     tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
 ) -> None:
+    """Axes permuted and mirrored, hence left-handed, and everything turned by 20° about an oblique axis, points as well."""
+    upright = sitk.ReadImage(str(torso))
+    stored = sitk.PermuteAxes(upright, [1, 0, 2])
+    turn = sitk.VersorTransform([0.3, 0.5, 0.8], np.radians(20.0))
+    rotation = np.array(turn.GetMatrix()).reshape(3, 3)
+    stored.SetDirection((rotation @ np.array(stored.GetDirection()).reshape(3, 3)).ravel().tolist())
+    stored.SetOrigin((rotation @ np.array(stored.GetOrigin())).tolist())
+    assert np.linalg.det(np.array(stored.GetDirection()).reshape(3, 3)) < 0
+    sitk.WriteImage(stored, str(tmp_path / "stored.nii.gz"))
+    content = json.loads(clicks.read_text())
+    for entry in content["classes"]:
+        lps = np.array(entry["positive"]) * [-1, -1, 1]
+        entry["positive"] = (lps @ rotation.T).tolist()
+    content["coordinate_system"] = "LPS"
+    (tmp_path / "turned.json").write_text(json.dumps(content))
+
+    labels = {}
+    for name, path, points in (("upright", torso, clicks), ("stored", tmp_path / "stored.nii.gz", tmp_path / "turned.json")):
+        output = tmp_path / f"labels_{name}.nrrd"
+        arguments = ["segment", str(path), "--annotations", str(points), "--weights", str(real_weights), "--grid", GRID]
+        assert main([*arguments, "-o", str(output)]) == 0
+        labels[name] = sitk.ReadImage(str(output))
+    back = sitk.GetArrayFromImage(sitk.PermuteAxes(labels["stored"], [1, 0, 2]))
+    for index, name in enumerate(CLICKS, start=1):
+        assert dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index) > 0.98, name
+
+
+def test_an_oblique_anisotropic_left_handed_scan_gives_about_the_segments_of_its_upright_twin(
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
+) -> None:
+    """The network sees slices that are turned by 8° and resampled, so that the features differ a little."""
     upright = sitk.ReadImage(str(torso), sitk.sitkFloat32)
     sitk.WriteImage(resampled_askew(upright), str(tmp_path / "askew.nrrd"))
     labels = {}
     for name, path in (("upright", torso), ("askew", tmp_path / "askew.nrrd")):
         output = tmp_path / f"{name}.nii.gz"
-        arguments = ["segment", str(path), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", GRID]
+        arguments = ["segment", str(path), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", "24"]
         assert main([*arguments, "-o", str(output)]) == 0
         labels[name] = sitk.ReadImage(str(output))
     back = sitk.GetArrayFromImage(sitk.Resample(labels["askew"], labels["upright"], sitk.Transform(), sitk.sitkNearestNeighbor))
-    for index, name in enumerate(CLICKS, start=1):
-        assert dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index) > 0.75, name
+    agreement = {
+        name: dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index)
+        for index, name in enumerate(CLICKS, start=1)
+    }
+    assert min(agreement.values()) > 0.7, agreement
 
 
 def resampled_askew(image: sitk.Image) -> sitk.Image:

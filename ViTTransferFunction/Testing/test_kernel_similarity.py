@@ -62,7 +62,7 @@ def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(simil
 def test_a_negative_click_takes_the_twin_away(similarity: KernelSimilarity) -> None:
     annotated = a_class("a", IN_LEFT, negative=IN_RIGHT)
     (found,) = similarity.maps([annotated])
-    assert (found[RIGHT] > prior_iso(len(annotated.positive))).mean() < 0.05
+    assert (found[RIGHT] > prior_iso(len(annotated.positive))).mean() < 0.15
     assert (found[LEFT] > prior_iso(len(annotated.positive))).mean() > 0.65
 
 
