@@ -50,7 +50,7 @@ def real_weights() -> Path:
 
 
 @pytest.fixture
-def test_volume() -> Callable[[str], Path]:
+def real_volume() -> Callable[[str], Path]:
     """The path of a real volume, by its file name."""
 
     def path_of(name: str) -> Path:

@@ -22,13 +22,13 @@ CLICKS = {"liver": 5, "spleen": 1, "kidney": 2}
 
 
 @pytest.fixture
-def torso(test_volume: Callable[[str], Path]) -> Path:
-    return test_volume("torso_small_ct.nii.gz")
+def torso(real_volume: Callable[[str], Path]) -> Path:
+    return real_volume("torso_small_ct.nii.gz")
 
 
 @pytest.fixture
-def torso_labels(test_volume: Callable[[str], Path]) -> sitk.Image:
-    return sitk.ReadImage(str(test_volume("torso_small_labels.nii.gz")))
+def torso_labels(real_volume: Callable[[str], Path]) -> sitk.Image:
+    return sitk.ReadImage(str(real_volume("torso_small_labels.nii.gz")))
 
 
 @pytest.fixture

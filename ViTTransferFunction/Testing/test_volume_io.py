@@ -53,8 +53,8 @@ def test_array_and_geometry_survive_every_format(tmp_path: Path, ending: str) ->
     assert volume.name == "scan"
 
 
-def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, test_volume: Callable[[str], Path]) -> None:
-    folder = test_volume("torso_dicom")
+def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, real_volume: Callable[[str], Path]) -> None:
+    folder = real_volume("torso_dicom")
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(folder)))
     sitk.WriteImage(reader.Execute(), str(tmp_path / "scan.nii.gz"))
@@ -66,9 +66,9 @@ def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, test_
 
 
 def test_a_series_with_a_missing_slice_is_read_with_a_warning(
-    tmp_path: Path, test_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
 ) -> None:
-    for index, file in enumerate(sorted(test_volume("torso_dicom").iterdir())):
+    for index, file in enumerate(sorted(real_volume("torso_dicom").iterdir())):
         if index != 7:
             (tmp_path / file.name).write_bytes(file.read_bytes())
     with caplog.at_level(logging.WARNING):
