@@ -1,4 +1,4 @@
-"""The main job on real input, end to end: three structures of a chest CT from ten points.
+"""The main job on real input, end to end: three structures of a chest CT from 21 points.
 
 The CT is the one that the package slicerio carries. Run it by `python dev.py demo`.
 """
