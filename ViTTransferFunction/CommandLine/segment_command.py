@@ -10,8 +10,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ViTTransferFunction.CommandLine.options import (
     Subparsers,
     add_feature_options,
@@ -147,10 +145,4 @@ def _version(package: str) -> str | None:
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
     with replacing(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2, default=_plain) + "\n", encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{type(value).__name__} has no JSON form")
+        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -15,6 +15,7 @@ from .errors import InputError
 from .geometry import LPS_TO_RAS, Geometry, transform_points
 
 Color = tuple[float, float, float]
+"""Red, green and blue, each 0 to 1."""
 
 # Anatomy-like hues that stay apart from each other, also for the common colour deficiencies, in the order handed out.
 DEFAULT_COLORS: tuple[Color, ...] = (

@@ -16,10 +16,8 @@ from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkRenderingCore import vtkTextProperty, vtkTextRenderer
 from vtkmodules.vtkRenderingFreeType import vtkFreeTypeTools  # noqa: F401  (importing it gives vtkTextRenderer its fonts)
 
+from .annotations import Color
 from .atomic_file import replacing
-
-Color = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
 
 BACKGROUND: Color = (0.055, 0.063, 0.078)
 TEXT: Color = (0.86, 0.88, 0.91)

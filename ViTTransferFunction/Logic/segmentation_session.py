@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from .feature_extraction import FeatureSettings, extract_features, feature_key, 
 from .feature_statistics import ComparableFeatures, comparable_features
 from .feature_volume import FeatureVolume, sample_at
 from .geometry import Geometry
+from .intensity_window import IntensityWindow, display_window
 from .kernel_similarity import KernelSimilarity
 from .presets import Preset
 from .progress import Progress, no_progress
@@ -144,6 +146,11 @@ class SegmentationSession:
             raise RuntimeError("load_features comes first")
         return self._features
 
+    @cached_property
+    def display_window(self) -> IntensityWindow:
+        """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
+        return display_window(self.volume)
+
     def low_resolution_maps(self, classes: Sequence[AnnotatedClass]) -> list[ClassMap]:
         """S_L of every class and its iso value: the answer to a click, in milliseconds."""
         with self.watch.step("similarity"):
@@ -164,7 +171,7 @@ class SegmentationSession:
         annotated = classes[index]
         with self.watch.step("refinement"):
             wanted = method if annotated.refine else "none"
-            similarity = refine(low.similarity, self.volume, annotated.positive, low.iso, wanted)
+            similarity = refine(low.similarity, self.volume, self.display_window, annotated.positive, low.iso, wanted)
             return ClassMap(similarity, self._iso(similarity, self.volume.geometry, classes, index))
 
     def segment(
