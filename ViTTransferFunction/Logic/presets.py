@@ -29,18 +29,31 @@ class Preset:
     similarity: SimilarityMethod
 
 
+def _whitened(meaning: str, features: FeatureSettings) -> Preset:
+    return Preset(meaning, model="dinov2_vits14", features=features, statistics="whitened", similarity="kernel")
+
+
+# Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
+_BALANCED = _whitened(
+    "five patches for eight cells along an edge: about a quarter of the patches of full detail",
+    FeatureSettings(patches_per_cell=0.625),
+)
 PRESETS = {
-    "default": Preset(
-        meaning="one slice for each layer of cubic cells, features whitened by the volume's own statistics",
-        model="dinov2_vits14",
-        features=FeatureSettings(),
-        statistics="whitened",
-        similarity="kernel",
+    "preview": _whitened(
+        "three patches for eight cells along an edge: a first look within seconds", FeatureSettings(patches_per_cell=0.375)
     ),
+    "fast": _whitened(
+        "one patch for two cells along an edge: half of the patches of balanced",
+        FeatureSettings(patches_per_cell=0.5),
+    ),
+    "balanced": _BALANCED,
+    "default": _BALANCED,
     "published": Preset(
         meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
         model="dino_vits8",
-        features=FeatureSettings(isotropic=False, upright=False, every_slice=True, windows="full range"),
+        features=FeatureSettings(
+            isotropic=False, upright=False, every_slice=True, thin_air=False, windows="full range", precision="float32"
+        ),
         statistics="none",
         similarity="published",
     ),

@@ -10,6 +10,8 @@ is looked up by its published name.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .errors import InputError
@@ -20,6 +22,24 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 LAYER_NORM_EPSILON = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class PatchTokens:
+    """One slice as the network reads it: patches of a grid, perhaps not all of them.
+
+    Attributes:
+        patches: (T, 3·p²) pixels, channel by channel, normalised as the model expects.
+        rows, columns: the slice's grid of patches.
+        places: (T,) int64, row · columns + column of each patch; None where all are there, row by row.
+        counts: (T,) how many alike patches each stands for, itself included; None where each stands for itself.
+    """
+
+    patches: Tensor
+    rows: int
+    columns: int
+    places: Tensor | None = None
+    counts: Tensor | None = None
 
 
 class VisionTransformer:
@@ -54,6 +74,14 @@ class VisionTransformer:
         self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in state_dict.items()}
         self._position_tables: dict[tuple[int, int], Tensor] = {}
 
+    def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
+        """The same network on another device or in another precision; this one where both are its own."""
+        import torch
+
+        if (self.device, self.dtype) == (torch.device(device), dtype):
+            return self
+        return VisionTransformer(self.model, self._weights, self.weights_digest, device, dtype)
+
     def last_block_keys(self, images: Tensor) -> Tensor:
         """Keys `K` of the last block's self-attention, heads side by side, without class and register tokens.
 
@@ -63,32 +91,58 @@ class VisionTransformer:
         Returns:
             (B, H / patch_size, W / patch_size, C) on the same device, in the network's precision.
         """
+        size = self.model.patch_size
+        rows, columns = (edge // size for edge in images.shape[-2:])
+        patches = images.reshape(-1, 3, rows, size, columns, size).permute(0, 2, 4, 1, 3, 5).flatten(0, 2).flatten(1)
+        return self.keys_of_tokens([PatchTokens(group, rows, columns) for group in patches.split(rows * columns)]).reshape(
+            len(images), rows, columns, self.model.embed_dim
+        )
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> Tensor:
+        """Last-block keys of slices of which not every patch is there; the slices do not see each other.
+
+        All layers but attention work on the tokens of all slices in one array, so no slice is padded to the longest.
+
+        Returns:
+            (T, C), the keys of the slices' patches one after the other, on the network's device, in its precision.
+        """
         import torch
 
         with torch.inference_mode():
-            tokens, rows, columns = self._embed(images.to(self.device, self.dtype))
+            tokens = torch.cat([self._embed(group) for group in slices])
+            extra = 1 + self.model.num_register_tokens
+            lengths = [extra + len(group.patches) for group in slices]
+            biases = [self._attention_bias(group, extra) for group in slices]
             for block in range(self.model.depth - 1):
-                tokens = tokens + self._attention(tokens, f"blocks.{block}")
+                tokens = tokens + self._attention(tokens, lengths, biases, f"blocks.{block}")
                 tokens = tokens + self._mlp(tokens, f"blocks.{block}")
             keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")
-            patches = keys[:, 1 + self.model.num_register_tokens :]
-            return patches.reshape(len(images), rows, columns, self.model.embed_dim)
+            return torch.cat([of_slice[extra:] for of_slice in keys.split(lengths)])
 
-    def _embed(self, images: Tensor) -> tuple[Tensor, int, int]:
-        """Tokens (B, 1 + registers + patches, C): the class token, the registers, then the patches row by row."""
+    def _embed(self, group: PatchTokens) -> Tensor:
+        """Tokens (1 + registers + patches, C): the class token, the registers, then the patches."""
         import torch
         import torch.nn.functional as F
 
         w = self._weights
-        patches = F.conv2d(images, w["patch_embed.proj.weight"], w["patch_embed.proj.bias"], stride=self.model.patch_size)
-        rows, columns = patches.shape[-2:]
-        tokens = torch.cat([w["cls_token"].expand(len(images), -1, -1), patches.flatten(2).transpose(1, 2)], dim=1)
-        tokens = tokens + self._position_table(rows, columns)
-        if self.model.num_register_tokens:
-            # Registers carry no position (Darcet et al. 2023), so they join after the table is added.
-            registers = w["register_tokens"].expand(len(images), -1, -1)
-            tokens = torch.cat([tokens[:, :1], registers, tokens[:, 1:]], dim=1)
-        return tokens, rows, columns
+        patches = group.patches.to(self.device, self.dtype)
+        tokens = F.linear(patches, w["patch_embed.proj.weight"].flatten(1), w["patch_embed.proj.bias"])
+        positions = self._position_table(group.rows, group.columns)[0]
+        at_patches = positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
+        # Registers carry no position (Darcet et al. 2023).
+        registers = [w["register_tokens"][0]] if self.model.num_register_tokens else []
+        return torch.cat([w["cls_token"][0] + positions[:1], *registers, tokens + at_patches])
+
+    def _attention_bias(self, group: PatchTokens, extra: int) -> Tensor | None:
+        """What is added to every token's logits, (1, extra + patches): a token that stands for n counts n times.
+
+        log n on the logit of a key is what n equal keys side by side amount to (Bolya et al., Token Merging, 2023, Eq. 1).
+        """
+        import torch
+
+        if group.counts is None:
+            return None
+        return torch.cat([torch.zeros(extra), group.counts.float().log()])[None].to(self.device, self.dtype)
 
     def _position_table(self, rows: int, columns: int) -> Tensor:
         """Position embeddings (1, 1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
@@ -97,16 +151,21 @@ class VisionTransformer:
             self._position_tables[rows, columns] = table.to(self.dtype)
         return self._position_tables[rows, columns]
 
-    def _attention(self, tokens: Tensor, block: str) -> Tensor:
+    def _attention(self, tokens: Tensor, lengths: list[int], biases: Sequence[Tensor | None], block: str) -> Tensor:
+        """Self-attention within each slice of packed tokens (T, C), whose numbers of tokens are `lengths`."""
+        import torch
         import torch.nn.functional as F
 
         w = self._weights
-        batch, count, channels = tokens.shape
+        heads, channels = self.model.num_heads, tokens.shape[1]
         normed = self._layer_norm(tokens, f"{block}.norm1")
         qkv = F.linear(normed, w[f"{block}.attn.qkv.weight"], w[f"{block}.attn.qkv.bias"])
-        heads = self.model.num_heads
-        query, key, value = qkv.reshape(batch, count, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
-        attended = F.scaled_dot_product_attention(query, key, value).transpose(1, 2).reshape(batch, count, channels)
+        attended = torch.empty_like(tokens)
+        for of_slice, out, bias in zip(qkv.split(lengths), attended.split(lengths), biases, strict=True):
+            query, key, value = of_slice.reshape(1, -1, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
+            mask = None if bias is None else bias.expand(1, 1, len(out), -1)
+            of_heads = F.scaled_dot_product_attention(query, key, value, attn_mask=mask)
+            out.copy_(of_heads[0].transpose(0, 1).flatten(1))
         projected = F.linear(attended, w[f"{block}.attn.proj.weight"], w[f"{block}.attn.proj.bias"])
         return self._layer_scale(projected, f"{block}.ls1")
 

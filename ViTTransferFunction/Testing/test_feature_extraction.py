@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,19 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.errors import Cancelled, InputError
-from ViTTransferFunction.Logic.feature_extraction import (
-    FeatureSettings,
-    extract_features,
-    feature_key,
-    features_size_bytes,
-    grid_shape,
-    slice_samples,
-)
+from ViTTransferFunction.Logic.feature_extraction import extract_features, features_size_bytes
+from ViTTransferFunction.Logic.feature_settings import FeatureSettings, feature_key, grid_shape
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.orientation import Orientation, upright_orientation
 from ViTTransferFunction.Logic.presets import PRESETS
-from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.slice_sampling import slice_samples
+from ViTTransferFunction.Logic.vision_transformer import PatchTokens, VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
@@ -38,12 +35,13 @@ class MeanIntensityNetwork(VisionTransformer):
         self.device = torch.device("cpu")
         self.weights_digest = "mean"
 
-    def last_block_keys(self, images: torch.Tensor) -> torch.Tensor:
-        images = images * torch.tensor([0.229, 0.224, 0.225]).view(1, 3, 1, 1) + torch.tensor([0.485, 0.456, 0.406]).view(
-            1, 3, 1, 1
-        )
-        means = torch.nn.functional.avg_pool2d(images, self.model.patch_size).mean(dim=1)
-        return means[..., None].expand(-1, -1, -1, self.model.embed_dim)
+    def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
+        return self
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> torch.Tensor:
+        channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
+        means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
+        return means[:, None].expand(-1, self.model.embed_dim)
 
 
 def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
@@ -73,9 +71,9 @@ def test_features_follow_the_axes_of_the_volume() -> None:
         np.testing.assert_allclose(across.max(axis=1), across.min(axis=1), atol=1e-3)
 
 
-@given(st.integers(1, 300), st.integers(1, 80), st.booleans())
-def test_slice_weights_of_every_layer_add_up_to_one(slices: int, layers: int, every_slice: bool) -> None:
-    samples = slice_samples(slices, layers, every_slice)
+@given(st.integers(1, 300), st.integers(1, 80), st.sampled_from([(True, 1), (False, 1), (False, 2), (False, 3)]))
+def test_slice_weights_of_every_layer_add_up_to_one(slices: int, layers: int, sampling: tuple[bool, int]) -> None:
+    samples = slice_samples(slices, layers, *sampling)
     totals = np.zeros(layers)
     for sample in samples:
         assert 0.0 <= sample.position <= slices - 1
@@ -95,6 +93,22 @@ def test_every_slice_pools_as_adaptive_average_pooling_does() -> None:
 
 def test_one_slice_a_layer_runs_through_the_layers_centres() -> None:
     assert [sample.position for sample in slice_samples(8, 4, every_slice=False)] == [0.5, 2.5, 4.5, 6.5]
+
+
+def test_skipped_layers_are_interpolated_and_the_last_is_always_run() -> None:
+    samples = slice_samples(8, 8, every_slice=False, layer_step=3)
+    assert [sample.position for sample in samples] == [0.0, 3.0, 6.0, 7.0]
+    third = 1.0 / 3.0
+    assert dict(samples[1].layers) == pytest.approx({1: third, 2: 2 * third, 3: 1.0, 4: 2 * third, 5: third})
+
+
+def test_fewer_patches_than_cells_are_interpolated_onto_the_same_cells() -> None:
+    ramp = np.broadcast_to(np.linspace(0.0, 1.0, 48, dtype=np.float32), (48, 48, 48))
+    settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, thin_air=False)
+    fine = extract_features(volume_of(ramp), MeanIntensityNetwork(), settings)
+    coarse = extract_features(volume_of(ramp), MeanIntensityNetwork(), replace(settings, patches_per_cell=0.5))
+    assert coarse.array.shape == fine.array.shape
+    np.testing.assert_allclose(coarse.array[:, :, 1:-1].astype(float), fine.array[:, :, 1:-1].astype(float), atol=5e-3)
 
 
 def test_cells_are_cubes_in_millimetres() -> None:
@@ -192,6 +206,19 @@ def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny
     assert features.array.nbytes == features_size_bytes(spheres[0].geometry, settings, TINY_MODEL)
 
 
+OTHER_SETTINGS: list[dict[str, Any]] = [
+    {"grid": 65},
+    {"patches_per_cell": 0.5},
+    {"layer_step": 2},
+    {"isotropic": False},
+    {"upright": False},
+    {"every_slice": True},
+    {"thin_air": False},
+    {"windows": (WINDOW,) * 3},
+    {"precision": "float32"},
+]
+
+
 def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tuple[Volume, np.ndarray]) -> None:
     volume, _ = spheres
     settings = FeatureSettings()
@@ -204,10 +231,9 @@ def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tu
         feature_key(Volume(volume.array, moved), "model", "weights", settings),
         feature_key(volume, "other", "weights", settings),
         feature_key(volume, "model", "other", settings),
-        feature_key(volume, "model", "weights", replace(settings, grid=65)),
-        feature_key(volume, "model", "weights", replace(settings, windows=(WINDOW,) * 3)),
+        *(feature_key(volume, "model", "weights", replace(settings, **change)) for change in OTHER_SETTINGS),
     }
-    assert len(others) == 6
+    assert len(others) == 4 + len(OTHER_SETTINGS)
     assert base not in others
     assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings)
 
@@ -216,3 +242,15 @@ def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tu
 def test_a_grid_out_of_range_is_refused(grid: int) -> None:
     with pytest.raises(InputError, match=f"4 to 128 cells; got {grid}"):
         FeatureSettings(grid=grid)
+
+
+@pytest.mark.parametrize("patches_per_cell", [0.0, 1.5, float("nan")])
+def test_cells_finer_than_patches_are_refused(patches_per_cell: float) -> None:
+    with pytest.raises(InputError, match="at most 1 patch wide"):
+        FeatureSettings(patches_per_cell=patches_per_cell)
+
+
+@pytest.mark.parametrize("fields", [{"layer_step": 0}, {"layer_step": 2, "every_slice": True}])
+def test_layers_are_skipped_or_pooled(fields: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="layer_step must be 1 or more"):
+        FeatureSettings(**fields)

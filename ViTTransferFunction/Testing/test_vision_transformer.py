@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.state_dict import load_state_dict
-from ViTTransferFunction.Logic.vision_transformer import VisionTransformer, interpolate_position_table
+from ViTTransferFunction.Logic.vision_transformer import PatchTokens, VisionTransformer, interpolate_position_table
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
 TIMM_NAMES = {
@@ -98,9 +98,9 @@ def test_fused_attention_equals_the_definition() -> None:
     network = VisionTransformer(TINY_MODEL, state, "tiny")
     tokens = torch.randn(2, 7, TINY_MODEL.embed_dim, generator=torch.Generator().manual_seed(1))
 
-    fused = network._attention(tokens, "blocks.0")
+    fused = network._attention(tokens.flatten(0, 1), [7, 7], [None, None], "blocks.0")
 
-    torch.testing.assert_close(fused, attention_by_definition(state, tokens), atol=1e-5, rtol=0)
+    torch.testing.assert_close(fused.view_as(tokens), attention_by_definition(state, tokens), atol=1e-5, rtol=0)
 
 
 def attention_by_definition(state: dict[str, torch.Tensor], tokens: torch.Tensor) -> torch.Tensor:
@@ -146,6 +146,32 @@ def test_images_of_a_batch_do_not_see_each_other(tiny_network: VisionTransformer
     together = tiny_network.last_block_keys(images)
     apart = torch.cat([tiny_network.last_block_keys(image[None]) for image in images])
     torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
+
+
+def test_a_patch_that_counts_twice_is_two_equal_patches(tiny_network: VisionTransformer) -> None:
+    patches = torch.randn(12, 48, generator=torch.Generator().manual_seed(3))
+    places, twice = torch.arange(12), torch.tensor([0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    counts = torch.bincount(twice)
+    counted = tiny_network.keys_of_tokens([PatchTokens(patches, 3, 4, places, counts)])
+    doubled = tiny_network.keys_of_tokens([PatchTokens(patches[twice], 3, 4, places[twice], torch.ones(13))])
+    torch.testing.assert_close(counted[twice], doubled, atol=1e-5, rtol=0)
+
+
+def test_slices_of_different_lengths_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
+    generator = torch.Generator().manual_seed(4)
+    slices = [PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n)) for n in (12, 5, 1)]
+    together = tiny_network.keys_of_tokens(slices)
+    apart = torch.cat([tiny_network.keys_of_tokens([of_slice]) for of_slice in slices])
+    torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
+
+
+def test_a_network_in_another_precision_is_close_and_the_same_one_is_itself(tiny_network: VisionTransformer) -> None:
+    assert tiny_network.converted("cpu", torch.float32) is tiny_network
+    images = torch.randn(1, 3, 12, 16, generator=torch.Generator().manual_seed(2))
+    exact = tiny_network.last_block_keys(images)
+    reduced = tiny_network.converted("cpu", torch.bfloat16).last_block_keys(images)
+    assert reduced.dtype == torch.bfloat16
+    torch.testing.assert_close(reduced.float(), exact, atol=0.1, rtol=0.05)
 
 
 @pytest.mark.parametrize("damage", ["missing", "unexpected", "shape"])

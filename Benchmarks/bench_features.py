@@ -1,0 +1,175 @@
+"""Features' cost against what it loses: `python dev.py bench features --volumes DIR [--weights PATH]`.
+
+Every setting is run on every labelled volume in a process of its own (`feature_runs`); then the same simulated clicks tell
+what its features are worth. What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
+had in parts. Writes `features.json`, `features.md` and `features.png` to Benchmarks/results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from Benchmarks.bench_accuracy import CASES, Case, merged_labels
+from Benchmarks.feature_errors import cosine_errors, dice_by_clicks
+from Benchmarks.feature_report import write_report
+from Benchmarks.feature_runs import REFERENCE, SETTINGS
+from ViTTransferFunction.Logic.atomic_file import replacing
+from ViTTransferFunction.Logic.cache_folder import cache_folder
+from ViTTransferFunction.Logic.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.volume_io import read_volume
+from ViTTransferFunction.Logic.weights import find_weights, identify_model
+
+RESULTS = Path(__file__).parent / "results"
+SIZES = (128, 256, 512)
+DEFAULT = next(name for name, settings in SETTINGS.items() if settings == PRESETS["default"].features)
+
+
+def main() -> None:
+    """Measure what is missing, and write everything."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
+    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
+    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
+    parser.add_argument("--device", default="auto")
+    parser.add_argument("--cases", nargs="*", choices=[case.name for case in CASES], help="only these volumes")
+    parser.add_argument("--settings", nargs="*", choices=list(SETTINGS), default=list(SETTINGS), help="only these settings")
+    parser.add_argument("--keep", type=Path, default=cache_folder() / "bench_features", help="folder for what was measured")
+    options = parser.parse_args()
+    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    bench = Bench(options.volumes, weights.path, weights.model.name, options.device, options.keep)
+    cases = [case for case in CASES if not options.cases or case.name in options.cases]
+    # The references first: all errors are against theirs.
+    names = sorted({*options.settings, REFERENCE}, key=list(SETTINGS).index)
+    report: dict[str, Any] = {
+        "machine": bench.machine(),
+        "command": " ".join(["python dev.py bench features", *sys.argv[1:]]),
+        "default": DEFAULT,
+        "rows": [bench.row(case, name) for case in cases for name in names],
+        "first_maps": [{"case": case.name, **bench.run("first map", "default", case)} for case in cases],
+        "stages": {"case": cases[0].name, **bench.run("stages", "default", cases[0])},
+        "scaling": [bench.run("scaling", str(size), cases[0]) for size in SIZES],
+    }
+    report["summary"] = summary(report)
+    write_report(report, RESULTS)
+    print((RESULTS / "features.md").read_text(encoding="utf-8"))
+
+
+class Bench:
+    """Runs measurements, each once, and keeps them.
+
+    Args:
+        volumes: folder with the labelled volumes.
+        weights: file.
+        model: that the weights are of.
+        device: to run on.
+        keep: folder for rows (JSON) and features; what is there is taken as it is.
+    """
+
+    def __init__(self, volumes: Path, weights: Path, model: str, device: str, keep: Path) -> None:
+        self._volumes, self._weights, self._model, self._device, self._keep = volumes, weights, model, device, keep
+        keep.mkdir(parents=True, exist_ok=True)
+
+    def machine(self) -> dict[str, Any]:
+        """What the figures depend on beside the code."""
+        on_gpu = self._device != "cpu" and torch.cuda.is_available()
+        return {
+            "processor": platform.processor() or platform.machine(),
+            "cores": os.cpu_count(),
+            "gpu": torch.cuda.get_device_name() if on_gpu else "none at hand: no rows of one",
+            "torch": torch.__version__,
+            "threads": torch.get_num_threads(),
+            "processor_capability": torch.backends.cpu.get_cpu_capability(),
+            "model": self._model,
+        }
+
+    def row(self, case: Case, name: str) -> dict[str, Any]:
+        """Cost, errors and Dice of one setting on one volume."""
+        cost = self.run("setting", name, case)
+        return {
+            "case": case.name,
+            "setting": name,
+            **cost,
+            **self._kept(f"worth {case.name} {name}", lambda: self._worth(case, name)),
+        }
+
+    def run(self, kind: str, name: str, case: Case) -> dict[str, Any]:
+        """One measurement of `feature_runs`, in a new process."""
+        command = [
+            *(sys.executable, "-m", "Benchmarks.feature_runs", kind, name, "--case", case.name),
+            *("--volumes", str(self._volumes), "--weights", str(self._weights), "--model", self._model),
+            *("--device", self._device, "--features", str(self._features_path(case, name))),
+        ]
+
+        def measure() -> dict[str, Any]:
+            finished = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
+            return json.loads(finished.stdout)
+
+        return self._kept(f"{kind} {case.name} {name}", measure)
+
+    def _worth(self, case: Case, name: str) -> dict[str, Any]:
+        volume = read_volume(self._volumes / case.volume)
+        features, reference = (self._features(case, n, volume.geometry) for n in (name, REFERENCE))
+        truth = merged_labels(self._volumes / case.labels, case)
+        return {**cosine_errors(features, reference, volume), "dice": dice_by_clicks(features, volume, truth, case)}
+
+    def _features(self, case: Case, name: str, geometry: Any) -> FeatureVolume:
+        if not self._features_path(case, name).exists():
+            self.run("setting", name, case)
+        array = np.load(self._features_path(case, name))
+        return FeatureVolume(array, geometry.resized(array.shape[:3]), name)
+
+    def _features_path(self, case: Case, name: str) -> Path:
+        return self._keep / f"{case.name} {name}.npy"
+
+    def _kept(self, name: str, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        path = self._keep / f"{name}.json"
+        if not path.exists():
+            print(name, flush=True)
+            with replacing(path) as temporary:
+                temporary.write_text(json.dumps(measure()), encoding="utf-8")
+        return json.loads(path.read_text(encoding="utf-8"))
+
+
+def summary(report: dict[str, Any]) -> dict[str, float]:
+    """The figures that are tracked: the default's, in the worst case where there are several."""
+    rows = {(row["case"], row["setting"]): row for row in report["rows"]}
+    cases = {row["case"] for row in report["rows"]}
+    of_default = [rows[case, DEFAULT] for case in cases if (case, DEFAULT) in rows]
+    figures = {
+        "first_map_s": max(row["first_map_s"] for row in report["first_maps"]),
+        "extra_memory_bytes": max((row["peak_bytes"] - row["feature_bytes"] for row in of_default), default=float("nan")),
+    }
+    pairs = [
+        (rows[case, "published"], rows[case, DEFAULT])
+        for case in cases
+        if {(case, "published"), (case, DEFAULT)} <= rows.keys()
+    ]
+    if pairs:
+        figures["speedup_vs_published"] = min(slow["seconds"] / fast["seconds"] for slow, fast in pairs)
+        figures["dice_loss"] = float(np.mean([mean_dice(slow) - mean_dice(fast) for slow, fast in pairs]))
+        figures["dice_loss_worst_volume"] = max(mean_dice(slow) - mean_dice(fast) for slow, fast in pairs)
+    figures["dice_loss_vs_every_slice"] = float(
+        np.mean([mean_dice(rows[row["case"], REFERENCE]) - mean_dice(row) for row in of_default])
+    )
+    return figures
+
+
+def mean_dice(row: dict[str, Any]) -> float:
+    """Over all numbers of clicks: a single number of clicks is a matter of luck, by a few hundredths."""
+    return float(np.mean(list(row["dice"].values())))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""How far features are from others of the same volume, and what they are worth in clicks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from Benchmarks.bench_accuracy import Case, classes_of
+from Benchmarks.segmentation_metrics import segmentation_metrics
+from Benchmarks.simulated_clicker import MOST_CLICKS, Clicks, click_in_rounds
+from ViTTransferFunction.Logic.feature_settings import FeatureSettings
+from ViTTransferFunction.Logic.feature_statistics import Statistics, comparable_features, unit_vectors
+from ViTTransferFunction.Logic.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity
+from ViTTransferFunction.Logic.orientation import upright_orientation
+from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.token_selection import air_cells
+from ViTTransferFunction.Logic.volume import Volume
+
+
+def cosine_errors(features: FeatureVolume, reference: FeatureVolume, volume: Volume) -> dict[str, float]:
+    """Mean 1 − cosine to the reference's features, after centring and after whitening by the reference's statistics.
+
+    Features of another grid are interpolated at the reference's cells. Cells of air do not count: there is nothing to find.
+    """
+    body = ~_air(volume, reference)
+    centres = reference.geometry.voxel_centres_ras()[body.ravel()]
+    vectors = sample_at(features.array, features.geometry, centres)
+    return {statistics: _mean_error(vectors, reference, statistics, body) for statistics in ("centred", "whitened")}
+
+
+def _mean_error(vectors: np.ndarray, reference: FeatureVolume, statistics: Statistics, body: np.ndarray) -> float:
+    comparable = comparable_features(reference, statistics)
+    errors = 1.0 - np.sum(unit_vectors(comparable.transform.apply(vectors)) * comparable.array[body], axis=1)
+    return float(errors.mean())
+
+
+def _air(volume: Volume, features: FeatureVolume) -> np.ndarray:
+    orientation = upright_orientation(volume.geometry)
+    shape = orientation.upright_shape(features.geometry.shape)
+    air = air_cells(orientation.upright(volume.array), FeatureSettings().windows_for(volume), shape)
+    return orientation.restored(air[..., None])[..., 0]
+
+
+def dice_by_clicks(features: FeatureVolume, volume: Volume, truth: np.ndarray, case: Case) -> dict[str, float]:
+    """Mean Dice of the case's structures after each number of clicks, with everything but the features as in the default."""
+    session = _SessionOnFeatures(volume, features)
+    names, spacing_mm = list(case.structures), volume.geometry.spacing_mm[::-1].tolist()
+
+    def segment(clicks: Clicks) -> np.ndarray:
+        return session.segment(classes_of(names, clicks, volume.geometry)).labels
+
+    return {
+        str(state.number): float(
+            np.mean(
+                [
+                    segmentation_metrics(state.labels == label, truth == label, spacing_mm).dice
+                    for label in range(1, len(names) + 1)
+                ]
+            )
+        )
+        for state in click_in_rounds(truth, spacing_mm, segment, MOST_CLICKS)
+    }
+
+
+class _SessionOnFeatures(SegmentationSession):
+    """A session whose features are given, not loaded."""
+
+    def __init__(self, volume: Volume, features: FeatureVolume) -> None:
+        super().__init__(volume, PRESETS["default"])
+        self._features = comparable_features(features, self.preset.statistics)
+        self._kernel_similarity = KernelSimilarity(self._features, volume)

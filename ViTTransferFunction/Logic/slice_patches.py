@@ -1,0 +1,86 @@
+"""Slices as the network reads them: windowed to three colour channels, resized to whole patches, normalised."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .intensity_window import ChannelWindows
+from .slice_sampling import slice_at
+from .token_selection import TokenSelection
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
+    from .vision_transformer import PatchTokens
+
+CHANNEL_MEAN = (0.485, 0.456, 0.406)
+CHANNEL_STD = (0.229, 0.224, 0.225)
+
+
+class SlicePatches:
+    """The patches of a volume's slices across one axis.
+
+    Args:
+        array: (K, J, I) intensities, as the network is to see them.
+        windows: of the colour channels.
+        axis: across which the slices run.
+        shape: cells along (K, J, I); a patch for each cell of a slice.
+        patch_size: of the network, pixels.
+        device: where to compute.
+    """
+
+    def __init__(
+        self,
+        array: np.ndarray,
+        windows: ChannelWindows,
+        axis: int,
+        shape: tuple[int, int, int],
+        patch_size: int,
+        device: torch.device,
+    ) -> None:
+        import torch
+
+        self._array, self._windows, self._axis, self._patch_size = array, windows, axis, patch_size
+        across = [other for other in range(3) if other != axis]
+        self.rows, self.columns = (shape[other] for other in across)
+        self._to_rows, self._to_columns = (
+            _resizing(array.shape[other], shape[other] * patch_size).to(device) for other in across
+        )
+        mean, std = (torch.tensor(values).view(3, 1, 1).to(device) for values in (CHANNEL_MEAN, CHANNEL_STD))
+        self._mean, self._std = mean, std
+
+    def tokens(self, position: float, chosen: TokenSelection) -> PatchTokens:
+        """The chosen patches of the slice at `position`, as the network takes them."""
+        import torch
+
+        from .vision_transformer import PatchTokens
+
+        intensities = slice_at(self._array, self._axis, position)
+        channels = np.stack([window.apply(intensities) for window in self._windows])
+        image = self._to_rows @ torch.from_numpy(channels).to(self._to_rows.device) @ self._to_columns.T
+        image = (image - self._mean) / self._std
+        size = self._patch_size
+        patches = image.reshape(3, self.rows, size, self.columns, size).permute(1, 3, 0, 2, 4)
+        if len(chosen.places) == self.rows * self.columns:
+            return PatchTokens(patches.reshape(self.rows * self.columns, -1), self.rows, self.columns)
+        places, counts = torch.from_numpy(chosen.places), torch.from_numpy(chosen.counts)
+        of_places = patches[places // self.columns, places % self.columns].flatten(1)
+        return PatchTokens(of_places, self.rows, self.columns, places, counts)
+
+    def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
+        """Keys (T, C) of the chosen patches, in the places of all that they stand for: (rows, columns, C)."""
+        import torch
+
+        return keys[torch.from_numpy(chosen.standing_for).to(keys.device)].reshape(self.rows, self.columns, -1)
+
+
+def _resizing(pixels: int, wanted: int) -> Tensor:
+    """The matrix (wanted, pixels) that resizes a line of pixels, linear with anti-aliasing: what `interpolate` does to one."""
+    import torch
+    import torch.nn.functional as F
+
+    lines = torch.eye(pixels)[None, None]
+    return F.interpolate(lines, size=(wanted, pixels), mode="bilinear", antialias=True, align_corners=False)[0, 0]
