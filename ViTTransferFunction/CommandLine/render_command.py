@@ -11,7 +11,8 @@ from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.annotations import read_annotations
 from ViTTransferFunction.Logic.atomic_file import check_writable
 from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.segmentation_io import read_segmentation, resample_labels
+from ViTTransferFunction.Logic.label_resampling import resample_labels
+from ViTTransferFunction.Logic.segmentation_io import read_segmentation
 from ViTTransferFunction.Logic.volume_io import read_volume
 
 

@@ -16,9 +16,12 @@ def choose_device(name: str) -> torch.device:
     """The PyTorch device called `name`; "auto" takes CUDA, else Apple's MPS, else the CPU.
 
     Raises:
-        InputError: unknown name, or this computer or this build of PyTorch has no such device.
+        InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing.
     """
-    import torch
+    try:
+        import torch
+    except ImportError as error:
+        raise InputError(f"PyTorch, which computes the features, cannot be loaded ({error}). Install it and try again.") from error
 
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if name == "auto":

@@ -55,6 +55,10 @@ class FeatureCache:
         path.touch()  # The time of last use, which removal goes by.
         return features
 
+    def __contains__(self, key: str) -> bool:
+        """Whether there is a file of features named `key`; whether it is sound, only `get` finds out."""
+        return self._path(key).exists()
+
     def put(self, features: FeatureVolume) -> None:
         """Store features, whole or not at all, then remove the least recently used beyond the limit.
 

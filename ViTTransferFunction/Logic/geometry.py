@@ -14,6 +14,10 @@ LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 """Flips the first two axes; its own inverse."""
 
 
+Box = tuple[slice, slice, slice]
+"""A part of a grid: ranges of k, j and i, each with a start and an end."""
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """A regular voxel grid: oblique, anisotropic and left-handed grids included.
@@ -79,6 +83,13 @@ class Geometry:
         coarse_to_fine = np.diag([*scale, 1.0])
         coarse_to_fine[:3, 3] = 0.5 * scale - 0.5
         return Geometry(shape, self.ijk_to_ras @ coarse_to_fine)
+
+    def part(self, box: Box) -> Geometry:
+        """The grid of the voxels within `box`."""
+        shift = np.eye(4)
+        shift[:3, 3] = [extent.start for extent in reversed(box)]
+        k, j, i = (extent.stop - extent.start for extent in box)
+        return Geometry((k, j, i), self.ijk_to_ras @ shift)
 
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:

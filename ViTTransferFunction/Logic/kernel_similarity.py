@@ -17,7 +17,8 @@ Two places are alike when their features, their intensities and their positions 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -43,6 +44,8 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 2
 BACKGROUND_LIMIT = 0.5
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
+ROWS_AT_ONCE = 32
+"""Room for so many points is made when there is none left."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
 
@@ -66,18 +69,25 @@ class KernelSimilarity:
         indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))
         chosen = np.random.default_rng(0).permutation(indices.ravel())[:BACKGROUND_CELLS]
         self._background = self._cells.subset(chosen)
-        self._background_columns = self._kernel(self._cells, self._background)
-        self._background_kernel = self._background_columns[chosen].astype(np.float64)
-        self._point_columns: dict[bytes, np.ndarray] = {}
+        self._rows = _KernelRows(self._kernel(self._background, self._cells))
+        self._background_kernel = self._rows.of_background[:, chosen].astype(np.float64)
 
     def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
         """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
         points_ras, targets = _targets(classes)
         points = _Places(self._features.at(points_ras), points_ras, self._rank.around(points_ras))
         point_weights, background_weights = self._weights(points, targets)
-        scores = self._background_columns @ background_weights.astype(np.float32)
-        scores += self._columns_of(points) @ point_weights.astype(np.float32)
-        return np.clip(scores.T, 0.0, 1.0).reshape(len(classes), *self._features.geometry.shape)
+        indices = self._rows.indices([position.tobytes() for position in points_ras], lambda fresh: self._row(points, fresh))
+        weights = np.zeros((len(classes), self._rows.count), dtype=np.float32)
+        weights[:, : len(self._background.ranks)] = background_weights.T
+        # Added, not set: the same place may have been annotated twice.
+        np.add.at(weights.T, np.array(indices), point_weights)
+        scores = weights @ self._rows.used
+        return np.clip(scores, 0.0, 1.0, out=scores).reshape(len(classes), *self._features.geometry.shape)
+
+    def _row(self, points: _Places, index: int) -> np.ndarray:
+        """Kernel of the index-th point with all cells, (cells,) float32."""
+        return self._kernel(points.subset(np.array([index])), self._cells)[0]
 
     def iso(self, annotated: AnnotatedClass, at_cells: np.ndarray, at_positives: np.ndarray) -> float:
         """The iso value of a map, from its values at the cells' centres (K', J', I') and at the positive points (P,)."""
@@ -102,23 +112,60 @@ class KernelSimilarity:
         weights = _solve(kernel, ridge, wanted, seen)
         return weights[: len(targets)], weights[len(targets) :]
 
-    def _columns_of(self, points: _Places) -> np.ndarray:
-        """Kernel between all cells and the points, (cells, P) float32; columns of points known from before are kept."""
-        keys = [position.tobytes() for position in points.positions_ras]
-        fresh = [index for index, key in enumerate(keys) if key not in self._point_columns]
-        computed = self._kernel(self._cells, points.subset(np.array(fresh, dtype=int)))
-        columns = {keys[index]: computed[:, column] for column, index in enumerate(fresh)}
-        # Points that were removed are forgotten.
-        self._point_columns = {key: columns.get(key, self._point_columns.get(key)) for key in keys}  # type: ignore[misc]
-        return np.stack([self._point_columns[key] for key in keys], axis=1)
-
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
         """k of every place of `a` with every place of `b`, (len a, len b) float32."""
         exponent = np.float32(FEATURE_SHARPNESS) * (a.features @ b.features.T - np.float32(1.0))
         exponent -= (a.ranks[:, None] - b.ranks[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
         sigma_mm = POSITION_SIGMA * self._longest_edge_mm
-        near = np.exp(-_squared_distances(a.positions_ras, b.positions_ras) / np.float32(2.0 * sigma_mm**2))
-        return np.exp(exponent) * (np.float32(1.0 - POSITION_WEIGHT) + np.float32(POSITION_WEIGHT) * near)
+        near = np.exp(_squared_distances(a.positions_ras, b.positions_ras) / np.float32(-2.0 * sigma_mm**2))
+        near *= np.float32(POSITION_WEIGHT)
+        near += np.float32(1.0 - POSITION_WEIGHT)
+        near *= np.exp(exponent, out=exponent)
+        return near
+
+
+class _KernelRows:
+    """Kernels with all cells, one row for each place: first the background's, then those of points, which come and go.
+
+    Rows are kept from click to click, so that a click costs one new row and one product with all of them.
+    """
+
+    def __init__(self, of_background: np.ndarray) -> None:
+        self._rows = of_background
+        self._background = len(of_background)
+        self._row_of_key: dict[bytes, int] = {}
+        self.count = self._background
+
+    @property
+    def of_background(self) -> np.ndarray:
+        """(background, cells) float32."""
+        return self._rows[: self._background]
+
+    @property
+    def used(self) -> np.ndarray:
+        """(count, cells) float32; rows of points that are gone may be among them."""
+        return self._rows[: self.count]
+
+    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> list[int]:
+        """The rows of points; `compute` makes the row of the point with that index in `keys`, where there is none yet."""
+        for gone in self._row_of_key.keys() - set(keys):
+            del self._row_of_key[gone]
+        taken = set(self._row_of_key.values())
+        for index, key in enumerate(keys):
+            if key not in self._row_of_key:
+                row = next(row for row in itertools.count(self._background) if row not in taken)
+                taken.add(row)
+                self._make_room(row)
+                self._rows[row] = compute(index)
+                self._row_of_key[key] = row
+        self.count = max(taken, default=self._background - 1) + 1
+        return [self._row_of_key[key] for key in keys]
+
+    def _make_room(self, row: int) -> None:
+        if row >= len(self._rows):
+            grown = np.zeros((row + ROWS_AT_ONCE, self._rows.shape[1]), dtype=np.float32)
+            grown[: len(self._rows)] = self._rows
+            self._rows = grown
 
 
 class _Places:
@@ -147,12 +194,14 @@ def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]
 
 
 def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(K + Λ)⁻¹ Y, class by class over the places that the class sees; 0 at the others."""
+    """(K + Λ)⁻¹ Y, for every class over the places that it sees; 0 at the others."""
     weights = np.zeros_like(wanted)
-    for column in range(wanted.shape[1]):
-        rows = seen[:, column]
+    patterns, pattern_of_class = np.unique(seen, axis=1, return_inverse=True)
+    # Classes without negative points of their own all see the same places, and share one factorisation.
+    for index, rows in enumerate(patterns.T):
+        classes = np.flatnonzero(pattern_of_class.ravel() == index)
         system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
-        weights[rows, column] = np.linalg.solve(system, wanted[rows, column])
+        weights[np.ix_(rows, classes)] = np.linalg.solve(system, wanted[np.ix_(rows, classes)])
     return weights
 
 

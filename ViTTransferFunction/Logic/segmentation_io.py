@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
-from scipy import ndimage
 
 from .annotations import Color, default_color
 from .atomic_file import replacing
@@ -70,24 +69,6 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
     for index, label in enumerate(by_label):
         relabelled[labels == label] = index + 1
     return relabelled, geometry, list(by_label.values())
-
-
-def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) -> np.ndarray:
-    """Labels on another grid, nearest neighbour, 0 outside; Slicer stores only the box that segments fill.
-
-    Args:
-        labels: (K, J, I) on `geometry`.
-        target: the grid to bring them to.
-
-    Returns:
-        (K, J, I) of `target`, the dtype of `labels`.
-    """
-    # Rounded, so that grids which coincide but for rounding errors lose no border voxel.
-    source_of_target = np.round(np.linalg.inv(geometry.ijk_to_ras) @ target.ijk_to_ras, 6)
-    matrix, offset = source_of_target[2::-1, 2::-1], source_of_target[2::-1, 3]
-    return ndimage.affine_transform(
-        labels, matrix, offset, output_shape=target.shape, order=0, mode="constant", prefilter=False
-    )
 
 
 def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str] | None = None) -> None:

@@ -23,6 +23,7 @@ from .intensity_window import IntensityWindow, display_window
 from .kernel_similarity import KernelSimilarity
 from .presets import Preset
 from .progress import Progress, no_progress
+from .progressive_features import progressive_features
 from .refinement import RefinementMethod, refine
 from .similarity import mean_cosine, mean_published_similarity, mean_similarity_map, proximity
 from .stopwatch import Stopwatch
@@ -31,6 +32,7 @@ from .volume import Volume
 if TYPE_CHECKING:
     import torch
 
+    from .vision_transformer import VisionTransformer
     from .weights import WeightsFile
 
 
@@ -122,22 +124,39 @@ class SegmentationSession:
         self._kernel_similarity: KernelSimilarity | None = None
         self.provenance: FeatureProvenance | None = None
 
-    def load_features(self, weights: WeightsFile, device: torch.device, progress: Progress = no_progress) -> FeatureProvenance:
+    def load_features(
+        self,
+        weights: WeightsFile,
+        device: torch.device,
+        progress: Progress = no_progress,
+        on_coarse: Callable[[], None] | None = None,
+    ) -> FeatureProvenance:
         """Get the volume's features, from the cache or by computing them; the slow step, once for a volume.
+
+        Args:
+            weights: of the model.
+            device: to compute on.
+            progress: told of slices done.
+            on_coarse: called whenever coarser features can be used meanwhile; None: compute the final ones alone.
 
         Raises:
             InputError: the weights do not fit, or the cache's disk is full.
-            Cancelled: by the progress callback.
+            Cancelled: by the progress callback; coarser features that there are stay usable.
         """
         with self.watch.step("features"):
             key = feature_key(self.volume, weights.model.name, weights.sha256, self.feature_settings)
             cached = self.cache.get(key) if self.cache else None
-            features = cached or self._extract(weights, device, progress)
-            self._features = comparable_features(features, self.preset.statistics)
-            if self.preset.similarity == "kernel":
-                self._kernel_similarity = KernelSimilarity(self._features, self.volume)
+            if cached is not None:
+                self._use(cached)
+            else:
+                self._extract(weights, device, progress, on_coarse)
         self.provenance = FeatureProvenance(weights, str(device), cached is not None)
         return self.provenance
+
+    @property
+    def has_features(self) -> bool:
+        """Whether there are features, be they coarse."""
+        return self._features is not None
 
     @property
     def features(self) -> ComparableFeatures:
@@ -216,17 +235,27 @@ class SegmentationSession:
                     keep_annotated_components(labels, label, self.volume.geometry, annotated.positive)
         return Segmentation(labels, tuple(self._results(classes, isos, labels)))
 
-    def _extract(self, weights: WeightsFile, device: torch.device, progress: Progress) -> FeatureVolume:
-        from .state_dict import load_state_dict
-        from .vision_transformer import VisionTransformer
-
-        network = VisionTransformer(weights.model, load_state_dict(weights.path), weights.sha256, device)
+    def _extract(
+        self, weights: WeightsFile, device: torch.device, progress: Progress, on_coarse: Callable[[], None] | None
+    ) -> None:
+        network = open_network(weights, device)
         if self.cache:
             self.cache.check_room(features_size_bytes(self.volume.geometry, self.feature_settings, weights.model))
-        features = extract_features(self.volume, network, self.feature_settings, progress)
+        if on_coarse is None:
+            features = extract_features(self.volume, network, self.feature_settings, progress)
+        else:
+            for features in progressive_features(self.volume, network, self.feature_settings, progress=progress):
+                self._use(features)
+                on_coarse()
         if self.cache:
             self.cache.put(features)
-        return features
+        if on_coarse is None:
+            self._use(features)
+
+    def _use(self, features: FeatureVolume) -> None:
+        self._features = comparable_features(features, self.preset.statistics)
+        if self.preset.similarity == "kernel":
+            self._kernel_similarity = KernelSimilarity(self._features, self.volume)
 
     def _similarity(self, classes: Sequence[AnnotatedClass]) -> list[np.ndarray]:
         if self._kernel_similarity is not None:
@@ -260,3 +289,11 @@ class SegmentationSession:
         voxel_ml = self.volume.geometry.voxel_volume_mm3 / 1000.0
         for annotated, iso, count in zip(classes, isos, counts[1:].tolist(), strict=True):
             yield ClassResult(annotated.name, iso, count, count * voxel_ml)
+
+
+def open_network(weights: WeightsFile, device: torch.device) -> VisionTransformer:
+    """The model on its device, ready to run. Raises InputError where the file holds no such model."""
+    from .state_dict import load_state_dict
+    from .vision_transformer import VisionTransformer
+
+    return VisionTransformer(weights.model, load_state_dict(weights.path), weights.sha256, device)

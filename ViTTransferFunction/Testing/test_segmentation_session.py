@@ -12,16 +12,16 @@ import torch
 from ViTTransferFunction.Logic.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.feature_extraction import feature_key
-from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity import SimilarityMethod
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.weights import WeightsFile
-from ViTTransferFunction.Testing.tiny_model import TINY_MODEL
+from ViTTransferFunction.Testing.known_features import SETTINGS, cache_known_features
 
-WEIGHTS = WeightsFile(Path("none"), "digest", TINY_MODEL, "nowhere")
+MODEL = pretrained_model(PRESETS["default"].model)
+WEIGHTS = WeightsFile(Path("none"), MODEL.sha256 or "", MODEL, "nowhere")
 CENTRES_RAS = [(32.0, 50.0, 29.0 + 24.0), (0.0, 0.0, 0.0)]
 
 
@@ -29,16 +29,8 @@ CENTRES_RAS = [(32.0, 50.0, 29.0 + 24.0), (0.0, 0.0, 0.0)]
 def session(spheres: tuple[Volume, np.ndarray]) -> SegmentationSession:
     """A session on the spheres whose features, in the cache, tell exactly how much of each label a cell holds."""
     volume, labels = spheres
-    settings = replace(PRESETS["default"].features, grid=16)
-    cache = FeatureCache()
-    geometry = volume.geometry.resized((16, 13, 16))
-    one_hot = np.stack([labels == label for label in range(4)], axis=-1).astype(np.float32)
-    array = one_hot.reshape(16, 2, 40, 16, 3, 4).mean(axis=(1, 4))
-    rows = np.round(np.linspace(0, 39, 13)).astype(int)
-    array = array[:, rows] + np.random.default_rng(0).normal(0.0, 0.01, (16, 13, 16, 4))
-    key = feature_key(volume, TINY_MODEL.name, WEIGHTS.sha256, settings)
-    cache.put(FeatureVolume(array.astype(np.float16), geometry, key))
-    session = SegmentationSession(volume, PRESETS["default"], settings, cache)
+    cache_known_features(volume, labels)
+    session = SegmentationSession(volume, PRESETS["default"], SETTINGS, FeatureCache())
     assert session.load_features(WEIGHTS, torch.device("cpu")).cached
     return session
 

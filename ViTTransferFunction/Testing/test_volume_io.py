@@ -20,7 +20,8 @@ from ViTTransferFunction.Logic.intensity_window import (
     looks_like_hounsfield_units,
     percentile_window,
 )
-from ViTTransferFunction.Logic.segmentation_io import Segment, read_segmentation, resample_labels, write_segmentation
+from ViTTransferFunction.Logic.label_resampling import resample_labels
+from ViTTransferFunction.Logic.segmentation_io import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.volume_io import read_volume
 
