@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import numpy as np
@@ -66,6 +67,12 @@ def _missing(reason: str) -> None:
     if DATA_IS_REQUIRED:
         pytest.fail(reason)
     pytest.skip(reason)
+
+
+@pytest.fixture
+def slicer_app() -> Any:
+    """Slicer's scene and module logics as its application has them, without its windows."""
+    return pytest.importorskip("trame_slicer.core").SlicerApp()
 
 
 @pytest.fixture

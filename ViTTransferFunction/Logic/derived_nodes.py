@@ -1,0 +1,54 @@
+"""Nodes that show what can be computed again: in the scene, but not saved with it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import slicer
+
+
+class DerivedNodes:
+    """The nodes of one thing shown. Others may delete any of them at any time, also by closing the scene.
+
+    Args:
+        scene: where they are.
+    """
+
+    def __init__(self, scene: slicer.vtkMRMLScene) -> None:
+        self._scene = scene
+        self._nodes: dict[str, Any] = {}
+
+    def find(self, name: str) -> Any:
+        """The node that was added under this name; None if it is not in the scene, or not any more."""
+        node = self._nodes.get(name)
+        return node if node is not None and self._scene.IsNodePresent(node) else None
+
+    def add(self, class_name: str, name: str) -> Any:
+        """A new node in the scene, which users see under this name."""
+        return self.keep(self._scene.AddNewNodeByClass(class_name, name), name)
+
+    def keep(self, node: Any, name: str) -> Any:
+        """Count a node that is in the scene among these; returns it."""
+        node.SetSaveWithScene(False)
+        self._nodes[name] = node
+        return node
+
+    def remove(self) -> None:
+        """Take them out of the scene, and what displays them."""
+        nodes = [node for name in self._nodes if (node := self.find(name)) is not None]
+        displays = [
+            node.GetNthDisplayNode(index)
+            for node in nodes
+            if node.IsA("vtkMRMLDisplayableNode")
+            for index in range(node.GetNumberOfDisplayNodes())
+        ]
+        for node in (*nodes, *displays):
+            if node is not None and self._scene.IsNodePresent(node):
+                self._scene.RemoveNode(node)
+        self._nodes.clear()
+
+
+def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
+    """All nodes of a class and its subclasses, in the order of the scene."""
+    return [scene.GetNthNodeByClass(index, class_name) for index in range(scene.GetNumberOfNodesByClass(class_name))]
