@@ -4,6 +4,7 @@
     python dev.py test     run the tests; further arguments go to pytest
     python dev.py lint     check style and types
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
+    python dev.py screenshots    draw the Slicer module's panel and views; arguments go to it, `--help` names them
 
 Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt.
 Only the standard library is used here, since nothing else is there yet.
@@ -34,9 +35,9 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", choices=["demo", "test", "lint", "bench"])
+    parser.add_argument("command", choices=["demo", "test", "lint", "bench", "screenshots"])
     command, rest = parser.parse_known_args()
-    return {"demo": demo, "test": test, "lint": lint, "bench": bench}[command.command](rest)
+    return {"demo": demo, "test": test, "lint": lint, "bench": bench, "screenshots": screenshots}[command.command](rest)
 
 
 def demo(arguments: list[str]) -> int:
@@ -66,6 +67,12 @@ def bench(arguments: list[str]) -> int:
         return 2
     set_up("bench")
     return run("-m", f"Benchmarks.bench_{arguments[0]}", *arguments[1:])
+
+
+def screenshots(arguments: list[str]) -> int:
+    """Draw the Slicer module."""
+    set_up("test")
+    return run("-m", "ViTTransferFunction.Testing.screenshots", *arguments)
 
 
 def set_up(*extras: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 MODULE = Path(__file__).parents[1]
 LOGIC = sorted((MODULE / "Logic").glob("*.py"))
-SHIPPED_WITH_SLICER = {"numpy", "scipy", "SimpleITK", "vtk", "vtkmodules"}
+SHIPPED_WITH_SLICER = {"numpy", "scipy", "SimpleITK", "vtk", "vtkmodules", "slicer"}
 
 
 @pytest.mark.parametrize("path", LOGIC, ids=lambda path: path.name)

@@ -1,0 +1,161 @@
+"""The three widgets of CTK that the panel uses, looking and behaving near enough."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Property, QChildEvent, QEvent, QPoint, QSize, Qt, Signal
+from PySide6.QtGui import QFontMetrics, QPainter, QPaintEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QDoubleSpinBox,
+    QHBoxLayout,
+    QLineEdit,
+    QSlider,
+    QStyle,
+    QStyleOption,
+    QStyleOptionButton,
+    QToolButton,
+    QWidget,
+)
+
+_SLIDER_STEPS = 10_000
+
+
+class ctkCollapsibleButton(QAbstractButton):  # noqa: N801
+    """A button with its children below it, which it hides when it is collapsed."""
+
+    contentsCollapsed = Signal(bool)  # noqa: N815
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._collapsed = False
+        self._hidden: set[QWidget] = set()
+        self.setContentsMargins(0, self._header(), 0, 0)
+        self.clicked.connect(lambda: self._set_collapsed(not self._collapsed))
+
+    def _set_collapsed(self, collapsed: bool) -> None:
+        self._collapsed = collapsed
+        for child in self._children():
+            if collapsed and not child.isHidden():
+                self._hidden.add(child)
+                child.hide()
+            elif not collapsed and child in self._hidden:
+                child.show()
+        if not collapsed:
+            self._hidden.clear()
+        self.setMaximumHeight(self._header() if collapsed else 16777215)
+        self.updateGeometry()
+        self.contentsCollapsed.emit(collapsed)
+
+    collapsed = Property(bool, lambda self: self._collapsed, _set_collapsed)
+
+    def childEvent(self, event: QChildEvent) -> None:  # noqa: N802
+        """A child that comes to a collapsed button is hidden like the others."""
+        child = event.child()
+        if event.type() == QEvent.Type.ChildPolished and self._collapsed and isinstance(child, QWidget):
+            self._hidden.add(child)
+            child.hide()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
+        """Draw the button, with an arrow that says whether it is open."""
+        painter, option, arrow = QPainter(self), QStyleOptionButton(), QStyleOption()
+        option.initFrom(self)
+        option.rect = self.rect().adjusted(0, 0, 0, self._header() - self.height())
+        option.features = QStyleOptionButton.ButtonFeature.None_
+        self.style().drawControl(QStyle.ControlElement.CE_PushButtonBevel, option, painter, self)
+        arrow.initFrom(self)
+        arrow.rect = option.rect.adjusted(6, 6, 0, -6)
+        arrow.rect.setWidth(arrow.rect.height())
+        direction = "Right" if self._collapsed else "Down"
+        element = getattr(QStyle.PrimitiveElement, f"PE_IndicatorArrow{direction}")
+        self.style().drawPrimitive(element, arrow, painter, self)
+        painter.drawText(option.rect.adjusted(26, 0, 0, 0), Qt.AlignmentFlag.AlignVCenter, self.text())
+
+    def hitButton(self, position: QPoint) -> bool:  # noqa: N802
+        """Only the header is the button."""
+        return position.y() < self._header()
+
+    def sizeHint(self) -> QSize:  # noqa: N802
+        """The layout's, and the header's."""
+        return QWidget.sizeHint(self)
+
+    def minimumSizeHint(self) -> QSize:  # noqa: N802
+        """The layout's, and the header's."""
+        return QWidget.minimumSizeHint(self)
+
+    def _header(self) -> int:
+        return QFontMetrics(self.font()).height() + 10
+
+    def _children(self) -> list[QWidget]:
+        return [child for child in self.children() if isinstance(child, QWidget)]
+
+
+class ctkSliderWidget(QWidget):  # noqa: N801
+    """A slider and a spin box for the same number."""
+
+    valueChanged = Signal(float)  # noqa: N815
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._spin_box, self._slider = QDoubleSpinBox(self), QSlider(Qt.Orientation.Horizontal, self)
+        self._slider.setMaximum(_SLIDER_STEPS)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self._slider)
+        layout.addWidget(self._spin_box)
+        self._slider.sliderMoved.connect(self._on_slider)
+        self._spin_box.valueChanged.connect(self._on_value)
+
+    def _on_slider(self, position: int) -> None:
+        low, high = self._spin_box.minimum(), self._spin_box.maximum()
+        self._spin_box.setValue(low + (high - low) * position / _SLIDER_STEPS)
+
+    def _on_value(self, value: float) -> None:
+        self._place_slider()
+        self.valueChanged.emit(value)
+
+    def _place_slider(self) -> None:
+        low, high = self._spin_box.minimum(), self._spin_box.maximum()
+        self._slider.setValue(round(_SLIDER_STEPS * (self._spin_box.value() - low) / (high - low or 1.0)))
+
+    def _set_minimum(self, minimum: float) -> None:
+        self._spin_box.setMinimum(minimum)
+        self._place_slider()
+
+    def _set_maximum(self, maximum: float) -> None:
+        self._spin_box.setMaximum(maximum)
+        self._place_slider()
+
+    value = Property(float, lambda self: self._spin_box.value(), lambda self, value: self._spin_box.setValue(value))
+    minimum = Property(float, lambda self: self._spin_box.minimum(), _set_minimum)
+    maximum = Property(float, lambda self: self._spin_box.maximum(), _set_maximum)
+    decimals = Property(int, lambda self: self._spin_box.decimals(), lambda self, n: self._spin_box.setDecimals(n))
+    singleStep = Property(  # noqa: N815
+        float, lambda self: self._spin_box.singleStep(), lambda self, step: self._spin_box.setSingleStep(step)
+    )
+    suffix = Property(str, lambda self: self._spin_box.suffix(), lambda self, text: self._spin_box.setSuffix(text))
+
+
+class ctkPathLineEdit(QWidget):  # noqa: N801
+    """A path, typed or chosen; only one that exists is told of."""
+
+    currentPathChanged = Signal(str)  # noqa: N815
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._line_edit, browse = QLineEdit(self), QToolButton(self)
+        browse.setText("…")
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self._line_edit)
+        layout.addWidget(browse)
+        self._line_edit.textChanged.connect(self._on_text)
+
+    def _on_text(self, text: str) -> None:
+        if text and Path(text).exists():
+            self.currentPathChanged.emit(text)
+
+    currentPath = Property(  # noqa: N815
+        str, lambda self: self._line_edit.text(), lambda self, path: self._line_edit.setText(path)
+    )

@@ -1,0 +1,86 @@
+"""`qMRMLNodeComboBox`: nodes of a scene to choose from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import slicer
+from PySide6.QtCore import Property, QSignalBlocker, Signal
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QWidget
+
+
+class qMRMLNodeComboBox(QWidget):  # noqa: N801
+    """Lists the nodes of `nodeTypes` that are in the scene and not hidden."""
+
+    currentNodeChanged = Signal(object)  # noqa: N815
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._scene: Any = None
+        self._tags: list[int] = []
+        self._nodes: list[Any] = []
+        self._types: list[str] = []
+        self._none, self._none_display = False, "None"
+        self._combo_box = QComboBox(self)
+        self._combo_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self._combo_box)
+        self._combo_box.currentIndexChanged.connect(lambda: self.currentNodeChanged.emit(self.currentNode()))
+        self.destroyed.connect(lambda: self.setMRMLScene(None))
+
+    def setMRMLScene(self, scene: Any) -> None:  # noqa: N802
+        """Watch a scene, and list its nodes."""
+        for tag in self._tags:
+            self._scene.RemoveObserver(tag)
+        self._scene = scene
+        events = ("NodeAddedEvent", "NodeRemovedEvent", "EndImportEvent", "EndCloseEvent")
+        react = lambda caller, event: self._fill()  # noqa: E731
+        self._tags = [scene.AddObserver(getattr(slicer.vtkMRMLScene, event), react) for event in events] if scene else []
+        if scene:
+            self._fill()
+
+    def mrmlScene(self) -> Any:  # noqa: N802
+        """The scene."""
+        return self._scene
+
+    def currentNode(self) -> Any:  # noqa: N802
+        """The node that is chosen, or None."""
+        index = self._combo_box.currentIndex()
+        return self._nodes[index] if 0 <= index < len(self._nodes) else None
+
+    def setCurrentNode(self, node: Any) -> None:  # noqa: N802
+        """Choose a node."""
+        self._combo_box.setCurrentIndex(self._nodes.index(node) if node in self._nodes else -1)
+
+    def _fill(self) -> None:
+        current = self.currentNode()
+        nodes = [None] if self._none else []
+        for index in range(self._scene.GetNumberOfNodes()):
+            node = self._scene.GetNthNode(index)
+            if node.GetClassName() in self._types and not node.GetHideFromEditors():
+                nodes.append(node)
+        with QSignalBlocker(self._combo_box):
+            self._nodes = nodes
+            self._combo_box.clear()
+            self._combo_box.addItems([node.GetName() if node else self._none_display for node in nodes])
+            self._combo_box.setCurrentIndex(nodes.index(current) if current in nodes else 0 if nodes else -1)
+        if self.currentNode() is not current:
+            self.currentNodeChanged.emit(self.currentNode())
+
+    def _set_types(self, types: list[str]) -> None:
+        self._types = list(types)
+
+    def _set_none(self, none: bool) -> None:
+        self._none = none
+
+    def _set_none_display(self, text: str) -> None:
+        self._none_display = text
+
+    nodeTypes = Property(list, lambda self: self._types, _set_types)  # noqa: N815
+    noneEnabled = Property(bool, lambda self: self._none, _set_none)  # noqa: N815
+    noneDisplay = Property(str, lambda self: self._none_display, _set_none_display)  # noqa: N815
+    showChildNodeTypes = Property(bool, lambda self: False, lambda self, shown: None)  # noqa: N815
+    addEnabled = Property(bool, lambda self: False, lambda self, enabled: None)  # noqa: N815
+    removeEnabled = Property(bool, lambda self: False, lambda self, enabled: None)  # noqa: N815
+    renameEnabled = Property(bool, lambda self: False, lambda self, enabled: None)  # noqa: N815

@@ -1,0 +1,267 @@
+"""The Slicer module: its entry in the list of modules, the life of its panel, its sample data, and its self-test."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import slicer
+import vtk
+from slicer.i18n import tr as _
+from slicer.i18n import translate
+from slicer.ScriptedLoadableModule import (
+    ScriptedLoadableModule,
+    ScriptedLoadableModuleLogic,
+    ScriptedLoadableModuleTest,
+    ScriptedLoadableModuleWidget,
+)
+from slicer.util import VTKObservationMixin
+from vtk.util.numpy_support import vtk_to_numpy
+
+# Slicer loads this file as a module of its own, not as part of a package. With this, the folders beside it are found by the
+# same names as everywhere else, and none of them claims a name such as "Logic", which other extensions have as well.
+__path__ = [str(Path(__file__).parent)]
+
+SAMPLE = "ViTTransferFunctionChestCT"
+
+
+class ViTTransferFunction(ScriptedLoadableModule):
+    """What Slicer shows of the module before it is opened."""
+
+    def __init__(self, parent: Any) -> None:
+        ScriptedLoadableModule.__init__(self, parent)
+        parent.title = _("ViT Transfer Function")
+        parent.categories = [translate("qSlicerAbstractCoreModule", "Segmentation")]
+        parent.dependencies = []
+        parent.contributors = [_("The ViT Transfer Function contributors")]
+        parent.helpText = _(
+            "Segments structures of a CT or MR volume, and renders them in 3D, from a few points: features of a vision "
+            "transformer tell which voxels are similar to those that were clicked. Nothing is trained, and no data leaves this "
+            "computer."
+        )
+        parent.acknowledgementText = _(
+            "After D. Engel, L. Sick and T. Ropinski, Leveraging Self-Supervised Vision Transformers for Segmentation-based "
+            "Transfer Function Design, IEEE TVCG 2024."
+        )
+        slicer.app.connect("startupCompleted()", register_sample_data)
+
+
+class ViTTransferFunctionLogic(ScriptedLoadableModuleLogic):
+    """Finds or makes the module's parameter node; everything else is in the folder Logic."""
+
+
+class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixin):
+    """Keeps the panel in step with Slicer: which module is open, which scene."""
+
+    def __init__(self, parent: Any = None) -> None:
+        ScriptedLoadableModuleWidget.__init__(self, parent)
+        VTKObservationMixin.__init__(self)
+
+    def setup(self) -> None:
+        """The module is opened for the first time."""
+        from ViTTransferFunction.Widget.panel import Panel
+
+        ScriptedLoadableModuleWidget.setup(self)
+        widget = slicer.util.loadUI(self.resourcePath("UI/ViTTransferFunction.ui"))
+        self.layout.addWidget(widget)
+        self.logic = ViTTransferFunctionLogic()
+        self.ui = slicer.util.childWidgetVariables(widget)
+        window = slicer.util.mainWindow() or self.parent
+        self.panel = Panel(self.ui, window, Path(self.resourcePath("Icons")))
+        scene = slicer.mrmlScene
+        self.addObserver(scene, scene.StartCloseEvent, self.onSceneStartClose)
+        self.addObserver(scene, scene.EndCloseEvent, self.onSceneEndClose)
+        self.addObserver(scene, scene.StartImportEvent, self.onSceneStartImport)
+        self.addObserver(scene, scene.EndImportEvent, self.onSceneEndImport)
+
+    def cleanup(self) -> None:
+        """Slicer ends, or loads the module anew."""
+        self.removeObservers()
+        self.panel.shortcuts.remove()
+        self.panel.close()
+
+    def enter(self) -> None:
+        """The user opens the module."""
+        if self.panel.session is None:
+            self._open()
+        self.panel.shortcuts.install()
+        self.panel.refresh()
+
+    def exit(self) -> None:
+        """The user goes to another module; what is being computed goes on."""
+        self.panel.shortcuts.remove()
+        self.panel.tools.put_down()
+
+    def onSceneStartClose(self, caller: Any, event: str) -> None:  # noqa: N802
+        """All nodes will be gone in a moment."""
+        self.panel.close()
+
+    def onSceneEndClose(self, caller: Any, event: str) -> None:  # noqa: N802
+        """The scene is empty."""
+        if self.parent.isEntered:
+            self._open()
+
+    def onSceneStartImport(self, caller: Any, event: str) -> None:  # noqa: N802
+        """The parameter node may be replaced by the one of a file, step by step."""
+        self.panel.release_parameters()
+
+    def onSceneEndImport(self, caller: Any, event: str) -> None:  # noqa: N802
+        """The scene is complete again."""
+        self.panel.bind_parameters()
+
+    def onReload(self) -> None:  # noqa: N802
+        """Load the module anew, together with the files that it is made of."""
+        for name in [name for name in sys.modules if name.startswith(f"{self.moduleName}.")]:
+            del sys.modules[name]
+        ScriptedLoadableModuleWidget.onReload(self)
+
+    def _open(self) -> None:
+        self.panel.open(self.logic.getParameterNode())
+        session = self.panel.session
+        if session is not None and session.parameters.volume is None:
+            session.set_volume(_volume_in_view())
+
+
+def _volume_in_view() -> slicer.vtkMRMLScalarVolumeNode | None:
+    """The volume that the user looks at, which most often is the one to segment."""
+    selection = slicer.app.applicationLogic().GetSelectionNode()
+    node = slicer.mrmlScene.GetNodeByID(selection.GetActiveVolumeID() or "")
+    return node if node is not None and node.GetClassName() == "vtkMRMLScalarVolumeNode" else None
+
+
+def register_sample_data() -> None:
+    """Offer the data of tutorial and self-test in the module Sample Data: Slicer's own chest CT."""
+    import SampleData
+
+    sha256 = "4507b664690840abb6cb9af2d919377ffc4ef75b167cb6fd0f747befdb12e38e"
+    SampleData.SampleDataLogic.registerCustomSampleDataSource(
+        category="ViT Transfer Function",
+        sampleName=SAMPLE,
+        uris=f"https://github.com/Slicer/SlicerTestingData/releases/download/SHA256/{sha256}",
+        fileNames="CT-chest.nrrd",
+        nodeNames="CTChest",
+        checksums=f"SHA256:{sha256}",
+    )
+
+
+class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
+    """The whole path on sample data, from the volume to segments. Needs PyTorch, and weights or a network."""
+
+    GRID = 16
+    """Coarse, to take less than a minute."""
+
+    def setUp(self) -> None:
+        """Begin with an empty scene."""
+        slicer.mrmlScene.Clear()
+
+    def runTest(self, **options: Any) -> None:  # noqa: N802
+        """Run the test, and say in one line how it went: Slicer's exit code does not."""
+        passed = False
+        try:
+            self.setUp()
+            self.test_annotations_become_segments()
+            passed = True
+        finally:
+            print(f"VITTF SELF-TEST {'PASSED' if passed else 'FAILED'}", flush=True)  # noqa: T201
+
+    def test_annotations_become_segments(self) -> None:
+        """Points on both lungs and the spine become three segments, beside a segment that stays as it is."""
+        widget = self._open_widget()
+        session = widget.panel.session
+        volume = self._load_sample()
+        session.parameters.set("grid", self.GRID)
+        widget.ui.volumeSelector.setCurrentNode(volume)
+        assert session.parameters.volume is volume, "the panel did not tell the session of its volume"
+        self._compute_features(session)
+        names = self._annotate(session, volume)
+        self._undo_and_redo(session)
+        self._write_segments(session, volume, names)
+
+    def _open_widget(self) -> Any:
+        self.delayDisplay("Opening the panel")
+        representation = slicer.modules.vittransferfunction.widgetRepresentation()
+        if not representation.isEntered:
+            representation.enter()
+        return representation.self()
+
+    def _load_sample(self) -> Any:
+        import SampleData
+
+        self.delayDisplay("Loading the chest CT")
+        register_sample_data()
+        return SampleData.downloadSample(SAMPLE)
+
+    def _compute_features(self, session: Any) -> None:
+        from ViTTransferFunction.Logic.weights import identify_model
+
+        self.delayDisplay("Computing features")
+        session.parameters.set("model", identify_model() or "")
+        session.wait()
+        session.start_extraction()
+        session.wait()
+        assert session.phase == "ready", session.take_error()
+
+    def _annotate(self, session: Any, volume: Any) -> list[str]:
+        from ViTTransferFunction.Logic.annotations import read_annotations
+        from ViTTransferFunction.Logic.scene_volume import geometry_from_node
+
+        self.delayDisplay("Placing points")
+        path = Path(__file__).parent / "Resources" / "Annotations" / "ct_chest.json"
+        annotated = read_annotations(path, geometry_from_node(volume))
+        for given in annotated:
+            state = session.annotations.add_class(given.name, given.color)
+            session.annotations.add_points(state.id, given.positive, positive=True)
+            session.annotations.add_points(state.id, given.negative, positive=False)
+        session.wait()
+        for state in session.classes:
+            assert session.chosen_iso(state.id) is not None, f"{state.name} has no map"
+        return [given.name for given in annotated]
+
+    def _undo_and_redo(self, session: Any) -> None:
+        self.delayDisplay("Undoing and redoing")
+        before = session.classes
+        session.annotations.undo()
+        assert session.classes != before, "undo did nothing"
+        session.annotations.redo()
+        assert session.classes == before, "redo did not bring back what was undone"
+
+    def _write_segments(self, session: Any, volume: Any, names: list[str]) -> None:
+        self.delayDisplay("Writing segments")
+        segmentation = self._segmentation_with_a_block(volume)
+        (block,) = self._voxels(segmentation)
+        session.set_segmentation(segmentation)
+        session.write_segments()
+        session.wait()
+        error = session.take_error()
+        assert error is None, error
+        segments = segmentation.GetSegmentation()
+        written = [segments.GetNthSegment(n).GetName() for n in range(1, segments.GetNumberOfSegments())]
+        assert written == names, written
+        kept, *sizes = self._voxels(segmentation)
+        assert kept == block, f"the segment that was there has {kept} voxels, and had {block}"
+        assert min(sizes) > 100, sizes
+
+    def _segmentation_with_a_block(self, volume: Any) -> Any:
+        """A segmentation with one segment, a block in the middle of the volume."""
+        array = np.zeros_like(slicer.util.arrayFromVolume(volume), dtype=np.uint8)
+        k, j, i = (n // 2 for n in array.shape)
+        array[k - 4 : k + 4, j - 4 : j + 4, i - 4 : i + 4] = 1
+        matrix = vtk.vtkMatrix4x4()
+        volume.GetIJKToRASMatrix(matrix)
+        labelmap = slicer.util.addVolumeFromArray(array, matrix, "block", "vtkMRMLLabelMapVolumeNode")
+        segmentation = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLSegmentationNode", "Self-test")
+        slicer.vtkSlicerSegmentationsModuleLogic.ImportLabelmapToSegmentationNode(labelmap, segmentation)
+        slicer.mrmlScene.RemoveNode(labelmap)
+        return segmentation
+
+    def _voxels(self, segmentation: Any) -> list[int]:
+        """How many voxels each segment has."""
+        counts = []
+        for segment_id in segmentation.GetSegmentation().GetSegmentIDs():
+            image = slicer.vtkOrientedImageData()
+            segmentation.GetBinaryLabelmapRepresentation(segment_id, image)
+            scalars = image.GetPointData().GetScalars()
+            counts.append(int((vtk_to_numpy(scalars) != 0).sum()) if scalars else 0)
+        return counts

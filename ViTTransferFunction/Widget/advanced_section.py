@@ -1,0 +1,133 @@
+"""Settings that rarely need a change and are not bound by name: the user's own weights, the intensity window, the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import slicer
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Logic.cache_folder import cache_folder
+from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.feature_cache import FeatureCache
+from ViTTransferFunction.Logic.presets import preset
+from ViTTransferFunction.Logic.pretrained_models import PretrainedModel, pretrained_model
+from ViTTransferFunction.Logic.weights_cache import file_in, remove_weights, weights_folder
+from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.wording import size
+
+
+class AdvancedSection(Section):
+    """The advanced settings; sizes on disk are looked up only while they are in sight."""
+
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+        super().__init__(ui, report)
+        ui.weightsPathLineEdit.currentPathChanged.connect(self._on_weights)
+        ui.clearWeightsButton.clicked.connect(self._on_clear_weights)
+        ui.windowAutomaticCheckBox.toggled.connect(self._on_window_automatic)
+        for spin_box in (ui.windowLowSpinBox, ui.windowHighSpinBox):
+            spin_box.valueChanged.connect(self._on_window)
+        ui.clearFeaturesButton.clicked.connect(self._on_clear_features)
+        ui.removeModelButton.clicked.connect(self._on_remove_model)
+        ui.advancedCollapsibleButton.contentsCollapsed.connect(self.refresh)
+
+    def refresh(self) -> None:
+        """Show the settings."""
+        if self.ui.advancedCollapsibleButton.collapsed:
+            return
+        self._show_weights()
+        self._show_window()
+        self._show_cache()
+
+    def _show_weights(self) -> None:
+        path = self.session.parameters.get("weightsPath") if self.session else ""
+        if self.ui.weightsPathLineEdit.currentPath != path:
+            with signals_blocked(self.ui.weightsPathLineEdit):
+                self.ui.weightsPathLineEdit.currentPath = path
+        self.ui.clearWeightsButton.enabled = bool(path)
+
+    def _show_window(self) -> None:
+        """The window that was set; while it is automatic, the one in which the views show the volume."""
+        ui = self.ui
+        widgets = (ui.windowLowSpinBox, ui.windowHighSpinBox, ui.windowAutomaticCheckBox)
+        for widget in widgets:
+            widget.enabled = self.session is not None and self.session.parameters.volume is not None
+        if self.session is None:
+            return
+        parameters = self.session.parameters
+        automatic = parameters.get("windowAutomatic")
+        low, high = parameters.get("windowLow"), parameters.get("windowHigh")
+        if automatic:
+            low, high = _displayed_window(parameters.volume)
+        with signals_blocked(*widgets):
+            ui.windowAutomaticCheckBox.checked = automatic
+            ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = low, high
+
+    def _show_cache(self) -> None:
+        cache, model = FeatureCache(), self._model()
+        weights = file_in(weights_folder(), model)
+        self.ui.cacheFolderLabel.text = _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
+            folder=cache_folder(),
+            features=size(cache.size_bytes()),
+            model=model.name,
+            weights=size(weights.stat().st_size) if weights else _("not downloaded"),
+        )
+        self.ui.clearFeaturesButton.enabled = bool(cache.entries())
+        self.ui.removeModelButton.enabled = weights is not None
+
+    def _model(self) -> PretrainedModel:
+        """The model that the features are computed with."""
+        if self.session is None:
+            return pretrained_model(preset("default").model)
+        parameters = self.session.parameters
+        return pretrained_model(parameters.get("model") or preset(parameters.get("preset")).model)
+
+    def _on_weights(self) -> None:
+        if self.session is not None:
+            self.session.parameters.set("weightsPath", self.ui.weightsPathLineEdit.currentPath)
+
+    def _on_clear_weights(self) -> None:
+        if self.session is not None:
+            self.session.parameters.set("weightsPath", "")
+
+    def _on_window_automatic(self) -> None:
+        self._set_window(self.ui.windowAutomaticCheckBox.checked)
+
+    def _on_window(self) -> None:
+        self._set_window(automatic=False)
+
+    def _set_window(self, automatic: bool) -> None:
+        """Write the three parameters at once, so that nobody sees a window that is half the old one."""
+        if self.session is None:
+            return
+        parameters = self.session.parameters
+        with slicer.util.NodeModify(parameters.node):
+            parameters.set("windowLow", self.ui.windowLowSpinBox.value)
+            parameters.set("windowHigh", self.ui.windowHighSpinBox.value)
+            parameters.set("windowAutomatic", automatic)
+
+    def _on_clear_features(self) -> None:
+        question = _("Delete the features of all volumes from the cache ({size})? They can be computed again.")
+        if slicer.util.confirmOkCancelDisplay(question.format(size=size(FeatureCache().size_bytes()))):
+            self._attempt(FeatureCache().clear)
+
+    def _on_remove_model(self) -> None:
+        model = self._model()
+        question = _("Delete the weights of {model} from the cache? They can be downloaded again ({size}).")
+        if slicer.util.confirmOkCancelDisplay(question.format(model=model.name, size=size(model.size_mb * 1e6))):
+            self._attempt(lambda: remove_weights(model.name))
+
+    def _attempt(self, action: Callable[[], Any]) -> None:
+        try:
+            action()
+        except InputError as error:
+            self.report(str(error))
+        except OSError as error:
+            self.report(_("Cannot delete from the cache: {reason}. Close what uses it and try again.").format(reason=error))
+        self.refresh()
+
+
+def _displayed_window(volume: slicer.vtkMRMLScalarVolumeNode | None) -> tuple[float, float]:
+    display = volume.GetScalarVolumeDisplayNode() if volume else None
+    return (display.GetWindowLevelMin(), display.GetWindowLevelMax()) if display else (0.0, 0.0)

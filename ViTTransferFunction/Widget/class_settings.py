@@ -1,0 +1,74 @@
+"""The settings of the selected structure: opacity, threshold, proximity, refinement."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ViTTransferFunction.Logic.scene_classes import ClassState
+from ViTTransferFunction.Widget.section import Section, signals_blocked
+
+
+class ClassSettings(Section):
+    """Sliders and boxes; disabled while no class is selected."""
+
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+        super().__init__(ui, report)
+        ui.opacitySlider.valueChanged.connect(self._on_opacity)
+        ui.thresholdSlider.valueChanged.connect(self._on_threshold)
+        ui.thresholdAutomaticCheckBox.toggled.connect(self._on_threshold_automatic)
+        ui.proximitySlider.valueChanged.connect(self._on_proximity)
+        ui.refineCheckBox.toggled.connect(self._on_refine)
+
+    def refresh(self) -> None:
+        """Show the settings of the selected class."""
+        ui, selected = self.ui, self._selected()
+        widgets = (
+            ui.opacitySlider,
+            ui.thresholdSlider,
+            ui.thresholdAutomaticCheckBox,
+            ui.proximitySlider,
+            ui.refineCheckBox,
+        )
+        for widget in widgets:
+            widget.enabled = selected is not None
+        if selected is None:
+            return
+        with signals_blocked(*widgets):
+            ui.opacitySlider.value = selected.opacity
+            threshold = self._threshold(selected)
+            if threshold is not None:
+                ui.thresholdSlider.value = threshold
+            ui.thresholdAutomaticCheckBox.checked = selected.iso is None
+            ui.proximitySlider.value = selected.proximity
+            ui.refineCheckBox.checked = selected.refine
+
+    def _threshold(self, state: ClassState) -> float | None:
+        """The one in use, chosen or set; None where the class has no map yet."""
+        if state.iso is not None:
+            return state.iso
+        return self.session.chosen_iso(state.id) if self.session else None
+
+    def _on_opacity(self) -> None:
+        self._set(opacity=self.ui.opacitySlider.value)
+
+    def _on_threshold(self) -> None:
+        self._set(iso=self.ui.thresholdSlider.value)
+
+    def _on_threshold_automatic(self) -> None:
+        automatic = self.ui.thresholdAutomaticCheckBox.checked
+        self._set(iso=None if automatic else self.ui.thresholdSlider.value)
+
+    def _on_proximity(self) -> None:
+        self._set(proximity=self.ui.proximitySlider.value)
+
+    def _on_refine(self) -> None:
+        self._set(refine=self.ui.refineCheckBox.checked)
+
+    def _set(self, **fields: Any) -> None:
+        selected = self._selected()
+        if self.session is not None and selected is not None:
+            self.session.annotations.set_class(selected.id, **fields)
+
+    def _selected(self) -> ClassState | None:
+        return self.session.selected_class if self.session else None

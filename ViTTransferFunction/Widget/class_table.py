@@ -1,0 +1,140 @@
+"""The table of structures: colour, name, visibility, numbers of points, threshold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import qt
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Logic.annotations import Color
+from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.scene_classes import ClassState
+from ViTTransferFunction.Widget.section import Section, signals_blocked
+
+COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD = range(6)
+_WIDTHS = {COLOR: 28, SHOWN: 44, POSITIVE: 34, NEGATIVE: 34, THRESHOLD: 76}
+
+
+class ClassTable(Section):
+    """Shows the classes, has them renamed, recoloured, hidden and selected, and adds and removes them.
+
+    Args:
+        ui: the widgets of the panel, by name.
+        report: shows an error to the user.
+        on_added: called after a class was added and selected.
+    """
+
+    def __init__(self, ui: Any, report: Callable[[str], None], on_added: Callable[[], None]) -> None:
+        super().__init__(ui, report)
+        self._on_added = on_added
+        self._table = ui.classTable
+        header = self._table.horizontalHeader()
+        for column, width in _WIDTHS.items():
+            self._table.setColumnWidth(column, width)
+        header.setSectionResizeMode(NAME, qt.QHeaderView.Stretch)
+        self._table.cellChanged.connect(self._on_cell_changed)
+        self._table.cellDoubleClicked.connect(self._on_double_click)
+        self._table.itemSelectionChanged.connect(self._on_selection)
+        ui.addClassButton.clicked.connect(self.add)
+        ui.removeClassButton.clicked.connect(self._on_remove)
+
+    def refresh(self) -> None:
+        """Show the classes as they are."""
+        session = self.session
+        classes = session.classes if session else ()
+        selected = session.selected_class if session else None
+        with signals_blocked(self._table):
+            self._table.rowCount = len(classes)
+            for row, state in enumerate(classes):
+                self._fill(row, state)
+                if selected is not None and state.id == selected.id and self._table.currentRow() != row:
+                    self._table.selectRow(row)
+        self.ui.addClassButton.enabled = session is not None
+        self.ui.removeClassButton.enabled = selected is not None
+
+    def add(self) -> None:
+        """Add a class and select it."""
+        if self.session is not None:
+            self.session.select_class(self.session.annotations.add_class().id)
+            self._on_added()
+
+    def select_neighbour(self, step: int) -> None:
+        """Select the class `step` rows further down; the table's ends meet."""
+        if self.session is not None and self.session.classes:
+            row = (self._table.currentRow() + step) % len(self.session.classes)
+            self.session.select_class(self.session.classes[row].id)
+
+    def _fill(self, row: int, state: ClassState) -> None:
+        color = self._item(row, COLOR)
+        color.setData(qt.Qt.DecorationRole, qt.QColor.fromRgbF(*state.color))
+        color.setToolTip(_("Double-click to change the colour."))
+        name = self._item(row, NAME, qt.Qt.ItemIsEditable)
+        _set_text(name, state.name)
+        shown = self._item(row, SHOWN, qt.Qt.ItemIsUserCheckable)
+        shown.setCheckState(qt.Qt.Checked if state.visible else qt.Qt.Unchecked)
+        _set_text(self._item(row, POSITIVE), str(len(state.positive)))
+        _set_text(self._item(row, NEGATIVE), str(len(state.negative)))
+        _set_text(self._item(row, THRESHOLD), self._threshold(state))
+
+    def _item(self, row: int, column: int, ability: Any = None) -> Any:
+        """The cell's item, which is made the first time."""
+        item = self._table.item(row, column)
+        if item is None:
+            item = qt.QTableWidgetItem()
+            flags = qt.Qt.ItemIsEnabled | qt.Qt.ItemIsSelectable
+            item.setFlags(flags | ability if ability is not None else flags)
+            if column in (POSITIVE, NEGATIVE, THRESHOLD):
+                item.setTextAlignment(qt.Qt.AlignCenter)
+            self._table.setItem(row, column, item)
+        return item
+
+    def _threshold(self, state: ClassState) -> str:
+        if state.iso is not None:
+            return f"{state.iso:.2f}"
+        chosen = self.session.chosen_iso(state.id) if self.session else None
+        return "–" if chosen is None else f"({chosen:.2f})"
+
+    def _on_cell_changed(self, row: int, column: int) -> None:
+        if self.session is None or row >= len(self.session.classes):
+            return
+        state, item = self.session.classes[row], self._table.item(row, column)
+        if column == SHOWN:
+            self.session.annotations.set_class(state.id, visible=item.checkState() == qt.Qt.Checked)
+        elif column == NAME:
+            try:
+                self.session.annotations.set_class(state.id, name=item.text())
+            except InputError as error:
+                self.report(str(error))
+                self.refresh()
+
+    def _on_double_click(self, row: int, column: int) -> None:
+        if column != COLOR or self.session is None:
+            return
+        state = self.session.classes[row]
+        color = ask_color(state.color, state.name, self._table)
+        if color is not None:
+            self.session.annotations.set_class(state.id, color=color)
+
+    def _on_selection(self) -> None:
+        row = self._table.currentRow()
+        if self.session is not None and 0 <= row < len(self.session.classes):
+            self.session.select_class(self.session.classes[row].id)
+
+    def _on_remove(self) -> None:
+        selected = self.session.selected_class if self.session else None
+        if self.session is not None and selected is not None:
+            self.session.annotations.remove_class(selected.id)
+
+
+def ask_color(color: Color, name: str, parent: Any) -> Color | None:
+    """Have the user choose a colour; None where the user cancels."""
+    title = _("Colour of {name}").format(name=name)
+    chosen = qt.QColorDialog.getColor(qt.QColor.fromRgbF(*color), parent, title)
+    return (chosen.redF(), chosen.greenF(), chosen.blueF()) if chosen.isValid() else None
+
+
+def _set_text(item: Any, text: str) -> None:
+    if item.text() != text:
+        item.setText(text)

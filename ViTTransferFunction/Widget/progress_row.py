@@ -1,0 +1,41 @@
+"""A progress bar with the time that is left, and a button to cancel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Logic.remote_segmentation import Progressing
+from ViTTransferFunction.Widget.wording import duration
+
+
+class ProgressRow:
+    """The widgets of one progress bar.
+
+    Args:
+        ui: the widgets of the panel, by name.
+        name: what the names of the bar's widgets begin with.
+    """
+
+    def __init__(self, ui: Any, name: str) -> None:
+        self._row = getattr(ui, f"{name}ProgressRow")
+        self._label = getattr(ui, f"{name}ProgressLabel")
+        self._bar = getattr(ui, f"{name}ProgressBar")
+        self.cancel_button = getattr(ui, f"{name}CancelButton")
+
+    def show(self, progress: Progressing | None) -> None:
+        """Show how far the work is; hide the row where None is running."""
+        self._row.visible = progress is not None
+        if progress is not None:
+            self._label.text = description(progress)
+            # A bar without a maximum moves to and fro: something is being done, and nobody knows how long it takes.
+            self._bar.maximum = progress.total
+            self._bar.value = progress.done
+
+
+def description(progress: Progressing) -> str:
+    """What is being done, and how long it will still take."""
+    if progress.seconds_left is None:
+        return _("{what}…").format(what=progress.what)
+    return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))

@@ -1,0 +1,109 @@
+"""Keys that work while the module is open.
+
+None is one that Slicer itself uses in its windows and views: f, b, g, t, r, s, v, i and the arrows in the views, and Ctrl with
+a letter or a digit in the main window. Undo, redo and the choice of the structure are on the keys of the Segment Editor.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import qt
+from slicer.i18n import tr as _
+
+
+@dataclass(frozen=True)
+class Shortcut:
+    """A key, what it does, and whose tool tip names it.
+
+    Attributes:
+        key: as Qt writes it.
+        action: its name among the actions.
+        button: name of the button that does the same; "" where there is none.
+    """
+
+    key: str
+    action: str
+    button: str = ""
+
+
+SHORTCUTS: tuple[Shortcut, ...] = (
+    Shortcut("A", "pointOn", "pointOnButton"),
+    Shortcut("N", "pointOff", "pointOffButton"),
+    Shortcut("Shift+A", "brushOn", "brushOnButton"),
+    Shortcut("Shift+N", "brushOff", "brushOffButton"),
+    Shortcut("E", "eraser", "eraserButton"),
+    Shortcut("Esc", "putDown"),
+    Shortcut("Z", "undo", "undoButton"),
+    Shortcut("Y", "redo", "redoButton"),
+    Shortcut("X", "removeLast", "removeLastButton"),
+    Shortcut("Q", "previousClass"),
+    Shortcut("W", "nextClass"),
+)
+
+
+def meanings() -> dict[str, str]:
+    """What each action does, for users."""
+    return {
+        "pointOn": _("place points inside the structure"),
+        "pointOff": _("place points outside the structure"),
+        "brushOn": _("brush over the inside"),
+        "brushOff": _("brush over the outside"),
+        "eraser": _("erase points"),
+        "putDown": _("put the tool down"),
+        "undo": _("undo"),
+        "redo": _("redo"),
+        "removeLast": _("remove the last point"),
+        "previousClass": _("select the structure above"),
+        "nextClass": _("select the structure below"),
+    }
+
+
+class Shortcuts:
+    """Installs the keys for as long as the module is open.
+
+    Args:
+        ui: the widgets of the panel, by name: their tool tips and the list of shortcuts name the keys.
+        parent: the window in which the keys work.
+        actions: what to do, by the name of the action.
+    """
+
+    def __init__(self, ui: Any, parent: Any, actions: dict[str, Callable[[], None]]) -> None:
+        self._parent = parent
+        self._actions = actions
+        self.installed: list[Any] = []
+        ui.shortcutsLabel.text = shortcuts_table()
+        for shortcut in SHORTCUTS:
+            if shortcut.button:
+                button = getattr(ui, shortcut.button)
+                button.toolTip = _("{tip} Key: {key}").format(tip=button.toolTip, key=shortcut.key)
+
+    def install(self) -> None:
+        """Let the keys work."""
+        if not self.installed:
+            self.installed = [self._make(shortcut) for shortcut in SHORTCUTS]
+
+    def remove(self) -> None:
+        """Leave the keys to others."""
+        for shortcut in self.installed:
+            shortcut.enabled = False
+            shortcut.setParent(None)
+            shortcut.deleteLater()
+        self.installed = []
+
+    def _make(self, shortcut: Shortcut) -> Any:
+        made = qt.QShortcut(qt.QKeySequence(shortcut.key), self._parent)
+        made.activated.connect(self._actions[shortcut.action])
+        return made
+
+
+def shortcuts_table() -> str:
+    """The list of keys, as rich text."""
+    told = meanings()
+    rows = (
+        f"<tr><td><b>{html.escape(s.key)}</b>&nbsp;&nbsp;</td><td>{html.escape(told[s.action])}</td></tr>" for s in SHORTCUTS
+    )
+    return f"<table>{''.join(rows)}</table>"

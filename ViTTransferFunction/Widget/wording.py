@@ -1,0 +1,22 @@
+"""Durations and sizes in words, as coarse as people talk about them."""
+
+from __future__ import annotations
+
+from slicer.i18n import tr as _
+
+
+def duration(seconds: float) -> str:
+    """Such as "40 s", "2 min" or "1 h 10 min"."""
+    if seconds < 60:
+        return _("{seconds} s").format(seconds=max(1, round(seconds / 5) * 5 if seconds > 20 else round(seconds)))
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return _("{minutes} min").format(minutes=minutes)
+    return _("{hours} h {minutes} min").format(hours=minutes // 60, minutes=minutes % 60)
+
+
+def size(n_bytes: float) -> str:
+    """Such as "88 MB" or "1.2 GB"."""
+    if n_bytes < 1e9:
+        return _("{megabytes} MB").format(megabytes=round(n_bytes / 1e6))
+    return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
