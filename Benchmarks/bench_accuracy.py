@@ -27,7 +27,7 @@ from ViTTransferFunction.Logic.device import choose_device
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_statistics import Statistics
 from ViTTransferFunction.Logic.geometry import Geometry
-from ViTTransferFunction.Logic.presets import preset
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.refinement import RefinementMethod
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity import SimilarityMethod
@@ -142,7 +142,7 @@ def measure(
 
 def open_session(path: Path, method: Method, weights: WeightsFile, progress: ProgressBar) -> SegmentationSession:
     """A session with the default features, which all methods share through the cache."""
-    chosen = replace(preset("default"), similarity=method.similarity, statistics=method.statistics)
+    chosen = replace(preset(DEFAULT_PRESET), similarity=method.similarity, statistics=method.statistics)
     session = SegmentationSession(read_volume(path), chosen, cache=FeatureCache())
     session.load_features(weights, choose_device("auto"), progress)
     return session

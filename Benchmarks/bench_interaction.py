@@ -26,7 +26,7 @@ from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_extraction import feature_key
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.geometry import Geometry
-from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.scene_session import SceneSession
 from ViTTransferFunction.Logic.volume import Volume
@@ -116,7 +116,7 @@ def cache_features(volume: Volume) -> None:
     directions = rng.normal(0.0, 1.0, (6, CHANNELS)).astype(np.float16)
     array = directions[np.clip(np.rint(brightness / 100), 0, 5).astype(int)]
     array += 0.5 * rng.standard_normal(array.shape, dtype=np.float32).astype(np.float16)
-    preset = PRESETS["default"]
+    preset = PRESETS[DEFAULT_PRESET]
     model = pretrained_model(preset.model)
     key = feature_key(volume, model.name, model.sha256 or "", preset.features)
     FeatureCache().put(FeatureVolume(array, volume.geometry.resized((CELLS, CELLS, CELLS)), key))

@@ -12,7 +12,7 @@ from ViTTransferFunction.Logic.feature_statistics import Statistics, comparable_
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume, sample_at
 from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity
 from ViTTransferFunction.Logic.orientation import upright_orientation
-from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.token_selection import air_cells
 from ViTTransferFunction.Logic.volume import Volume
@@ -67,6 +67,6 @@ class _SessionOnFeatures(SegmentationSession):
     """A session whose features are given, not loaded."""
 
     def __init__(self, volume: Volume, features: FeatureVolume) -> None:
-        super().__init__(volume, PRESETS["default"])
+        super().__init__(volume, PRESETS[DEFAULT_PRESET])
         self._features = comparable_features(features, self.preset.statistics)
         self._kernel_similarity = KernelSimilarity(self._features, volume)

@@ -26,7 +26,7 @@ from ViTTransferFunction.Logic.feature_settings import FeatureSettings
 from ViTTransferFunction.Logic.feature_statistics import comparable_features
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity
-from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.progressive_features import progressive_features
 from ViTTransferFunction.Logic.state_dict import load_state_dict
@@ -102,8 +102,8 @@ def _first_map(options: argparse.Namespace) -> dict[str, Any]:
     start = time.perf_counter()
     volume, network = _volume(options), _network(options)
     seconds = []
-    for features in progressive_features(volume, network, PRESETS["default"].features):
-        similarity = KernelSimilarity(comparable_features(features, PRESETS["default"].statistics), volume)
+    for features in progressive_features(volume, network, PRESETS[DEFAULT_PRESET].features):
+        similarity = KernelSimilarity(comparable_features(features, PRESETS[DEFAULT_PRESET].statistics), volume)
         similarity.maps(classes_of(["first"], [[click]], volume.geometry))
         seconds.append(time.perf_counter() - start)
     return {"voxels": list(volume.shape[::-1]), "first_map_s": seconds[0], "last_map_s": seconds[-1]}
@@ -126,7 +126,7 @@ def _scaling(options: argparse.Namespace) -> dict[str, Any]:
     """Cost of the default on a generated volume."""
     size = int(options.name)
     volume = Volume(body_phantom(size).luma.numpy(), Geometry((size,) * 3, np.eye(4)))
-    return {"size": size, **_measured(volume, _network(options), PRESETS["default"].features)[0]}
+    return {"size": size, **_measured(volume, _network(options), PRESETS[DEFAULT_PRESET].features)[0]}
 
 
 def _network(options: argparse.Namespace) -> VisionTransformer:

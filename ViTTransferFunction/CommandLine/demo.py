@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.device import choose_device
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_extraction import FeatureSettings
-from ViTTransferFunction.Logic.presets import preset
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.progress import Progress
 from ViTTransferFunction.Logic.segmentation_io import Segment, write_segmentation
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
@@ -43,7 +43,7 @@ def main() -> int:
 
 def run() -> None:
     """Segment, save, draw, and say so."""
-    chosen = preset("default")
+    chosen = preset(DEFAULT_PRESET)
     with ProgressBar() as progress:
         weights = _weights(chosen.model, progress)
         volume = _chest_ct()

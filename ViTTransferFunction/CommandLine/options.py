@@ -11,7 +11,7 @@ from ViTTransferFunction.Logic.device import DEVICE_NAMES, choose_device
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.presets import PRESETS, preset
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS, preset
 from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.progress import Progress
 from ViTTransferFunction.Logic.segmentation_session import FeatureProvenance, SegmentationSession
@@ -30,7 +30,7 @@ def add_feature_options(parser: argparse.ArgumentParser) -> None:
         "--weights", metavar="PATH", type=Path, help="weights file (else VITTF_WEIGHTS, the cache, or a download)"
     )
     presets = "; ".join(f"{name}: {entry.meaning}" for name, entry in PRESETS.items())
-    parser.add_argument("--preset", default="default", metavar="P", help=presets)
+    parser.add_argument("--preset", default=DEFAULT_PRESET, metavar="P", help=presets)
     parser.add_argument("--grid", type=int, metavar="N", help="feature cells along the longest edge")
     parser.add_argument("--device", default="auto", choices=DEVICE_NAMES)
     parser.add_argument(

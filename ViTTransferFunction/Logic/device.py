@@ -21,7 +21,9 @@ def choose_device(name: str) -> torch.device:
     try:
         import torch
     except ImportError as error:
-        raise InputError(f"PyTorch, which computes the features, cannot be loaded ({error}). Install it and try again.") from error
+        raise InputError(
+            f"PyTorch, which computes the features, cannot be loaded ({error}). Install it and try again."
+        ) from error
 
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if name == "auto":

@@ -61,16 +61,17 @@ def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_po
     return min(by_edges, highest)
 
 
-def edge_strength_at(rank: IntensityRank, points_ras: np.ndarray, step_mm: float) -> np.ndarray:
+def edge_strength_at(rank: IntensityRank, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
     """Gradient magnitude of the intensity ranks, over its mean, (N,) float32.
 
     Args:
         rank: of the volume.
         points_ras: (N, 3) RAS millimetres.
-        step_mm: distance over which differences are taken, to either side.
+        steps_ras: (3, 3), one in each row: steps along the volume's own axes over which differences are taken, to either side.
+            Along the patient's, a volume that lies askew would have other edges than its upright twin.
     """
     squared = np.zeros(len(points_ras), dtype=np.float32)
-    for axis in np.eye(3) * step_mm:
-        squared += (rank.at(points_ras + axis) - rank.at(points_ras - axis)) ** 2
+    for step in steps_ras:
+        squared += (rank.at(points_ras + step) - rank.at(points_ras - step)) ** 2
     strength = np.sqrt(squared)
     return strength / max(float(strength.mean()), 1e-12)

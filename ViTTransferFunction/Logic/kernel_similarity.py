@@ -63,7 +63,9 @@ class KernelSimilarity:
         self._rank = IntensityRank(volume)
         centres = features.geometry.voxel_centres_ras()
         self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._rank.around(centres))
-        self._edge_strength = edge_strength_at(self._rank, centres, EDGE_STEP_CELLS * features.geometry.spacing_mm.min())
+        axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
+        steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
+        self._edge_strength = edge_strength_at(self._rank, centres, steps_ras)
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
         indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))

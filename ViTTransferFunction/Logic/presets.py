@@ -34,10 +34,6 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 
 
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
-_BALANCED = _whitened(
-    "five patches for eight cells along an edge: about a quarter of the patches of full detail",
-    FeatureSettings(patches_per_cell=0.625),
-)
 PRESETS = {
     "preview": _whitened(
         "three patches for eight cells along an edge: a first look within seconds", FeatureSettings(patches_per_cell=0.375)
@@ -46,8 +42,11 @@ PRESETS = {
         "one patch for two cells along an edge: half of the patches of balanced",
         FeatureSettings(patches_per_cell=0.5),
     ),
-    "balanced": _BALANCED,
-    "default": _BALANCED,
+    "balanced": _whitened(
+        "five patches for eight cells along an edge: about a quarter of the patches of full detail, near the number that the "
+        "network was trained on",
+        FeatureSettings(patches_per_cell=0.625),
+    ),
     "published": Preset(
         meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
         model="dino_vits8",
@@ -58,6 +57,9 @@ PRESETS = {
         similarity="published",
     ),
 }
+
+
+DEFAULT_PRESET = "balanced"
 
 
 def preset(name: str) -> Preset:

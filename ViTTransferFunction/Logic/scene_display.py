@@ -32,7 +32,7 @@ class SceneDisplay:
         self._outlines: dict[str, Outline] = {}
         self._outlined: dict[str, Outline] = {}
         self._transform = ""
-        self._rendered: np.ndarray | None = None
+        self._rendered: tuple[Any, ...] = ()
 
     def show_maps(
         self,
@@ -87,11 +87,14 @@ class SceneDisplay:
 
     def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: tuple[np.ndarray, np.ndarray] | None) -> None:
         """Show a volume of colours (K, J, I, 4) with its IJK-to-RAS matrix in the 3D views; None: nothing."""
+        wanted = (*rendering, volume.GetTransformNodeID()) if rendering else ()
+        if _same(wanted, self._rendered):
+            return
+        self._rendered = wanted
         if rendering is None:
             self._rendering.hide()
-        elif rendering[0] is not self._rendered:
+        else:
             self._rendering.show(volume, *rendering)
-        self._rendered = rendering[0] if rendering else None
 
     def hide(self) -> None:
         """Show nothing."""
@@ -108,8 +111,8 @@ class SceneDisplay:
         self._forget()
 
     def _forget(self) -> None:
-        self._volume, self._rendered = None, None
-        self._overlaid, self._outlines, self._outlined = (), {}, {}
+        self._volume = None
+        self._overlaid, self._rendered, self._outlines, self._outlined = (), (), {}, {}
 
 
 def _same(one: tuple[Any, ...], other: tuple[Any, ...] | None) -> bool:

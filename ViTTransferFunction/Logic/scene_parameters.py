@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import slicer
 
 from .intensity_window import IntensityWindow
-from .presets import PRESETS
+from .presets import DEFAULT_PRESET, PRESETS
 
 Rendering = Literal["off", "similarity", "transfer function"]
 RENDERINGS: tuple[str, ...] = get_args(Rendering)
@@ -40,7 +40,7 @@ class SceneParameters:
     """
 
     DEFAULTS: dict[str, bool | int | float | str] = {  # noqa: RUF012
-        "preset": "default",
+        "preset": DEFAULT_PRESET,
         "model": "",
         "weightsPath": "",
         "grid": 0,
@@ -101,7 +101,7 @@ class SceneParameters:
         if not automatic:
             IntensityWindow(low, high)  # Refuses what is no window.
         return {
-            "preset_name": self.get("preset") if self.get("preset") in PRESETS else "default",
+            "preset_name": self.get("preset") if self.get("preset") in PRESETS else DEFAULT_PRESET,
             "grid": self.get("grid") or None,
             "window": None if automatic else (low, high),
             "model": self.get("model") or None,

@@ -9,12 +9,12 @@ import numpy as np
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_extraction import feature_key
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.volume import Volume
 
 GRID = 16
-SETTINGS = replace(PRESETS["default"].features, grid=GRID)
+SETTINGS = replace(PRESETS[DEFAULT_PRESET].features, grid=GRID)
 """The settings that the features are cached under, those of the default preset but for the grid."""
 
 
@@ -25,6 +25,6 @@ def cache_known_features(volume: Volume, labels: np.ndarray) -> None:
     array = one_hot.reshape(16, 2, 40, 16, 3, 4).mean(axis=(1, 4))
     rows = np.round(np.linspace(0, 39, 13)).astype(int)
     array = array[:, rows] + np.random.default_rng(0).normal(0.0, 0.01, (16, 13, 16, 4))
-    model = pretrained_model(PRESETS["default"].model)
+    model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
     key = feature_key(volume, model.name, model.sha256 or "", SETTINGS)
     FeatureCache().put(FeatureVolume(array.astype(np.float16), geometry, key))

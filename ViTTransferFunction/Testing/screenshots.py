@@ -1,9 +1,9 @@
 """Pictures of the module as a user has it: its panel and the views, drawn without a screen.
 
-    python dev.py screenshots --volume amos_0336_ct.nii.gz --annotations ViTTransferFunction/Resources/Annotations/amos_0336.json
+    python dev.py screenshots --volume CT.nii.gz --annotations POINTS.json
 
-The panel runs on the tests' stand-in for Slicer's application, the views are Slicer's own, arranged as in its usual layout. Writes
-`module.png`, `module_transfer_function.png` and `module_panel.png`.
+The panel runs on the stand-in for Slicer's application that the tests use, the views are Slicer's own, arranged as usual.
+Writes `module.png`, `module_transfer_function.png` and `module_panel.png`.
 """
 
 from __future__ import annotations

@@ -11,12 +11,13 @@ import pytest
 
 from ViTTransferFunction.Logic.array_messages import Message
 from ViTTransferFunction.Logic.compute_client import ComputeClient
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Testing.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.test_segmentation_session import centre_ras, dice
 
 SETTINGS: dict[str, Any] = {
-    "preset_name": "default",
+    "preset_name": DEFAULT_PRESET,
     "grid": GRID,
     "window": None,
     "model": None,

@@ -66,6 +66,6 @@ def test_edge_strength_is_large_where_intensities_change() -> None:
     array[:, :, 10:] += 100.0
     volume = volume_of(array)
     points = volume.geometry.voxel_centres_ras()
-    strength = edge_strength_at(IntensityRank(volume), points, 2.0).reshape(20, 20, 20)
+    strength = edge_strength_at(IntensityRank(volume), points, 2.0 * np.eye(3)).reshape(20, 20, 20)
     assert strength[:, :, 9:11].mean() > strength[:, :, :8].mean() * 1.3
     assert strength.mean() == pytest.approx(1.0, rel=1e-3)

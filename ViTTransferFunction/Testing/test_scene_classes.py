@@ -24,8 +24,17 @@ from ViTTransferFunction.Logic.scene_folder import FOLDER_NAME
 from ViTTransferFunction.Testing.scene_helpers import add_parameter_node
 
 LIVER = ClassState(
-    "a1", "Leber, groß", (0.25, 0.5, 0.75), 0.5, 0.125, 0.25, False, False, ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)), ((7.0, 8.0, 9.0),)
-)  # fmt: skip
+    "a1",
+    "Leber, groß",
+    (0.25, 0.5, 0.75),
+    opacity=0.5,
+    iso=0.125,
+    proximity=0.25,
+    refine=False,
+    visible=False,
+    positive=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    negative=((7.0, 8.0, 9.0),),
+)
 
 
 @pytest.fixture

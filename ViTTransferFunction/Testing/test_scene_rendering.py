@@ -115,23 +115,25 @@ def test_where_all_classes_are_invisible_the_view_is_as_without_them(stage: Stag
 
 def test_a_translucent_class_lets_what_it_encloses_shine_through(stage: Stage) -> None:
     centre = (7.5, 9.5, 11.5)
-    (pixel,) = stage.at(MIDDLE)
+    ((row, column),) = stage.at(MIDDLE)
     inner, outer = ball(SHAPE, centre, 3.0), 0.8 * ball(SHAPE, centre, 7.0)
     contrasts = []
     for opacity in (0.0, 0.3, 0.6, 1.0):
         stage.show([inner, outer], [GREEN, RED], [1.0, opacity])
-        red, green, _ = stage.picture()[pixel]
+        # Rays start at random depths: no two are alike.
+        red, green, _ = stage.picture()[row - 3 : row + 4, column - 3 : column + 4].mean(axis=(0, 1))
         # Highlights are white: they cancel.
         contrasts.append(green - red)
-    assert np.array(contrasts) / contrasts[0] == pytest.approx([1.0, 0.4, -0.2, -1.0], abs=0.2)
+    # The outer class also shades the inner one.
+    assert np.array(contrasts) / contrasts[0] == pytest.approx([1.0, 0.25, -0.35, -1.0], abs=0.2)
 
 
 def test_a_translucent_class_alone_is_as_strong_as_its_two_walls(stage: Stage) -> None:
-    (pixel,) = stage.at(LEFT)
+    ((row, column),) = stage.at(LEFT)
     brightness = []
     for opacity in (1.0, 0.5, 0.2):
         stage.show(two_balls()[:1], [RED], [opacity])
-        brightness.append(stage.picture()[pixel][0])
+        brightness.append(stage.picture()[row - 3 : row + 4, column - 3 : column + 4, 0].mean())
     assert np.array(brightness) / brightness[0] == pytest.approx([1.0, 0.75, 0.36], abs=0.15)
 
 

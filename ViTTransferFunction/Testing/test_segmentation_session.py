@@ -12,7 +12,7 @@ import torch
 from ViTTransferFunction.Logic.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.presets import PRESETS
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity import SimilarityMethod
@@ -20,7 +20,7 @@ from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.weights import WeightsFile
 from ViTTransferFunction.Testing.known_features import SETTINGS, cache_known_features
 
-MODEL = pretrained_model(PRESETS["default"].model)
+MODEL = pretrained_model(PRESETS[DEFAULT_PRESET].model)
 WEIGHTS = WeightsFile(Path("none"), MODEL.sha256 or "", MODEL, "nowhere")
 CENTRES_RAS = [(32.0, 50.0, 29.0 + 24.0), (0.0, 0.0, 0.0)]
 
@@ -30,7 +30,7 @@ def session(spheres: tuple[Volume, np.ndarray]) -> SegmentationSession:
     """A session on the spheres whose features, in the cache, tell exactly how much of each label a cell holds."""
     volume, labels = spheres
     cache_known_features(volume, labels)
-    session = SegmentationSession(volume, PRESETS["default"], SETTINGS, FeatureCache())
+    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET], SETTINGS, FeatureCache())
     assert session.load_features(WEIGHTS, torch.device("cpu")).cached
     return session
 
@@ -143,6 +143,6 @@ def test_the_volume_and_the_points_are_never_altered(session: SegmentationSessio
 
 
 def test_features_come_before_maps(spheres: tuple[Volume, np.ndarray]) -> None:
-    session = SegmentationSession(spheres[0], PRESETS["default"])
+    session = SegmentationSession(spheres[0], PRESETS[DEFAULT_PRESET])
     with pytest.raises(RuntimeError, match="load_features comes first"):
         session.low_resolution_maps(classes_of(spheres))

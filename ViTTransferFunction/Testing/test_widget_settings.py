@@ -37,7 +37,7 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
         parameters.set(name, parameters.DEFAULTS[name])
     shown = (ui.presetComboBox, ui.modelComboBox, ui.deviceComboBox, ui.refinementComboBox, ui.renderingComboBox)
     assert [box.currentText() for box in shown] == [
-        "Default",
+        "Balanced",
         "as in the preset",
         "Automatic",
         "Bilateral solver",

@@ -11,7 +11,7 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.cache_folder import cache_folder
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.presets import preset
+from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.pretrained_models import PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights_cache import file_in, remove_weights, weights_folder
 from ViTTransferFunction.Widget.section import Section, signals_blocked
@@ -79,7 +79,7 @@ class AdvancedSection(Section):
     def _model(self) -> PretrainedModel:
         """The model that the features are computed with."""
         if self.session is None:
-            return pretrained_model(preset("default").model)
+            return pretrained_model(preset(DEFAULT_PRESET).model)
         parameters = self.session.parameters
         return pretrained_model(parameters.get("model") or preset(parameters.get("preset")).model)
 

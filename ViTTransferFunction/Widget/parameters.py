@@ -79,7 +79,6 @@ def _word_choices(ui: Any) -> None:
         "preview": _("Preview (seconds)"),
         "fast": _("Fast"),
         "balanced": _("Balanced"),
-        "default": _("Default"),
         "published": _("As published (many times slower)"),
         "auto": _("Automatic"),
         "cpu": _("Processor (CPU)"),
