@@ -10,7 +10,6 @@ from Benchmarks.simulated_clicker import MOST_CLICKS, Clicks, click_in_rounds
 from ViTTransferFunction.Logic.feature_settings import FeatureSettings
 from ViTTransferFunction.Logic.feature_statistics import Statistics, comparable_features, unit_vectors
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume, sample_at
-from ViTTransferFunction.Logic.kernel_similarity import KernelSimilarity
 from ViTTransferFunction.Logic.orientation import upright_orientation
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
@@ -44,7 +43,8 @@ def _air(volume: Volume, features: FeatureVolume) -> np.ndarray:
 
 def dice_by_clicks(features: FeatureVolume, volume: Volume, truth: np.ndarray, case: Case) -> dict[str, float]:
     """Mean Dice of the case's structures after each number of clicks, with everything but the features as in the default."""
-    session = _SessionOnFeatures(volume, features)
+    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
+    session.use_features(features)
     names, spacing_mm = list(case.structures), volume.geometry.spacing_mm[::-1].tolist()
 
     def segment(clicks: Clicks) -> np.ndarray:
@@ -61,12 +61,3 @@ def dice_by_clicks(features: FeatureVolume, volume: Volume, truth: np.ndarray, c
         )
         for state in click_in_rounds(truth, spacing_mm, segment, MOST_CLICKS)
     }
-
-
-class _SessionOnFeatures(SegmentationSession):
-    """A session whose features are given, not loaded."""
-
-    def __init__(self, volume: Volume, features: FeatureVolume) -> None:
-        super().__init__(volume, PRESETS[DEFAULT_PRESET])
-        self._features = comparable_features(features, self.preset.statistics)
-        self._kernel_similarity = KernelSimilarity(self._features, volume)

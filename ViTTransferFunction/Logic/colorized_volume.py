@@ -23,6 +23,7 @@ from .class_membership import Shape, finest_shape, memberships, nearest_voxels
 from .geometry import Box
 from .intensity_window import IntensityWindow
 from .map_interpolation import interpolated
+from .progress import Progress, no_progress
 
 SURFACE = 127
 """Code on every surface."""
@@ -54,6 +55,8 @@ OPAQUE_SOFTNESS_VOXELS, TRANSLUCENT_SOFTNESS_VOXELS = 1.5, 3.0
 CERTAIN, DOUBTFUL = 200, 55
 """Memberships from which on, and up to which, a voxel's intensity is taken as typical of the class and of what surrounds it."""
 
+RENDERING = "Preparing the 3D view"
+
 DARKEST = 0.7
 """What a class's colour is multiplied with where the volume is darkest within the class; where it is brightest, it stays."""
 
@@ -65,7 +68,11 @@ SHADOW_STEPS = 85
 
 
 def similarity_rgba(
-    maps: Sequence[np.ndarray], isos: Sequence[float], colors: Sequence[Color], opacities: Sequence[float]
+    maps: Sequence[np.ndarray],
+    isos: Sequence[float],
+    colors: Sequence[Color],
+    opacities: Sequence[float],
+    progress: Progress = no_progress,
 ) -> np.ndarray:
     """Every class as an iso-surface of its map; where classes overlap, cut as `memberships` says.
 
@@ -74,6 +81,7 @@ def similarity_rgba(
         isos: for each map, the value at its surface, in (0, 1).
         colors: of the surfaces.
         opacities: of the surfaces, in [0, 1]; a class of opacity 0 is not seen but keeps its place.
+        progress: told of classes done; may raise `Cancelled`.
 
     Returns:
         (K', J', I', 4) uint8, colours and codes; fills the box of the maps (`Geometry.resized` says where it lies).
@@ -81,7 +89,8 @@ def similarity_rgba(
     shape = _refined_shape(shape_within_budget(finest_shape(maps)))
     composition = _Composition(shape, len(maps))
     softness = [OPAQUE_SOFTNESS_VOXELS if opacity == 1.0 else TRANSLUCENT_SOFTNESS_VOXELS for opacity in opacities]
-    for index, membership in memberships(maps, isos, opacities, shape, softness):
+    for done, (index, membership) in enumerate(memberships(maps, isos, opacities, shape, softness)):
+        progress(done, len(maps), RENDERING)
         if opacities[index] > 0.0:
             composition.add(membership.box, index, _codes(membership.values, opacities[index], passes=2))
     return composition.rgba(colors)
@@ -94,6 +103,7 @@ def transfer_function_rgba(
     isos: Sequence[float],
     colors: Sequence[Color],
     opacities: Sequence[float],
+    progress: Progress = no_progress,
 ) -> np.ndarray:
     """The volume itself, every class through a transfer function of its own; what belongs to no class is transparent.
 
@@ -108,6 +118,7 @@ def transfer_function_rgba(
         isos: for each map, the value at its surface, in (0, 1).
         colors: of the classes.
         opacities: of the classes, in [0, 1].
+        progress: told of classes done; may raise `Cancelled`.
 
     Returns:
         (K', J', I', 4) uint8, colours and codes; fills the box of the volume.
@@ -119,7 +130,8 @@ def transfer_function_rgba(
     # Wide enough for intensities to have a say, also where cells are large.
     cell_voxels = max(n / cells for n, cells in zip(shape, finest_shape(maps), strict=True))
     softness = [2.0 * max(cell_voxels, 1.0)] * len(maps)
-    for index, membership in memberships(maps, isos, opacities, shape, softness):
+    for done, (index, membership) in enumerate(memberships(maps, isos, opacities, shape, softness)):
+        progress(done, len(maps), RENDERING)
         if opacities[index] == 0.0:
             continue
         posterior = _posterior(membership.values, even_gray[membership.box])

@@ -36,14 +36,15 @@ class DerivedNodes:
 
     def remove(self) -> None:
         """Take them out of the scene, and what displays them."""
-        nodes = [node for name in self._nodes if (node := self.find(name)) is not None]
+        # The latest first: what uses another node, colours say, was made after it.
+        nodes = [node for name in reversed(self._nodes) if (node := self.find(name)) is not None]
         displays = [
             node.GetNthDisplayNode(index)
             for node in nodes
             if node.IsA("vtkMRMLDisplayableNode")
             for index in range(node.GetNumberOfDisplayNodes())
         ]
-        for node in (*nodes, *displays):
+        for node in (*displays, *nodes):
             if node is not None and self._scene.IsNodePresent(node):
                 self._scene.RemoveNode(node)
         self._nodes.clear()

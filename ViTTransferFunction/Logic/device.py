@@ -31,5 +31,5 @@ def choose_device(name: str) -> torch.device:
     if name not in available:
         raise InputError(f"Unknown device '{name}'; expected one of {', '.join(DEVICE_NAMES)}.")
     if not available[name]:
-        raise InputError(f"PyTorch finds no {name} device on this computer; use --device cpu, or auto.")
+        raise InputError(f"PyTorch finds no {name} device on this computer; choose the device cpu, or auto.")
     return torch.device(name)

@@ -28,6 +28,9 @@ CALIBRATION_ROWS = (8, 20, 36)
 CALIBRATION_TOKENS = 1296
 """Short slices are run several at once, as they will be."""
 
+UNUSED_BYTES_PER_TOKEN = 3500
+"""Measured (Benchmarks/results/features.json): batches that differ in size leave gaps between what is allocated."""
+
 _FLOAT16, _FLOAT32 = 2, 4
 
 
@@ -74,6 +77,8 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
     seconds = time.perf_counter() - start + _preparation_seconds(plan, network)
     tokens = plan.tokens_of_slices()
     peak = _peak_bytes(plan, max(tokens), network.model, features_size_bytes(volume.geometry, settings, network.model))
+    if settings.thin_air:
+        peak += UNUSED_BYTES_PER_TOKEN * sum(tokens)
     return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
 
 

@@ -83,7 +83,7 @@ class Contours:
         _set_colors(colors, [color for *_, color in outlines])
         model = self._nodes.find(MODEL_NAME) or self._add_model()
         if model.GetDisplayNode() is None:
-            _add_display(model)
+            _add_display(model, colors)
         model.GetDisplayNode().SetAndObserveColorNodeID(colors.GetID())
         was_modifying = model.StartModify()
         model.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
@@ -128,7 +128,7 @@ def _set_colors(colors: Any, classes: Sequence[Color]) -> None:
     colors.EndModify(was_modifying)
 
 
-def _add_display(model: Any) -> None:
+def _add_display(model: Any, colors: Any) -> None:
     """Lines in the slice views, nothing in 3D, coloured by class.
 
     Colours as point data would do without a table, but slice views then log an error on each update.
@@ -136,6 +136,7 @@ def _add_display(model: Any) -> None:
     model.CreateDefaultDisplayNodes()
     display = model.GetDisplayNode()
     display.SetSaveWithScene(False)
+    display.SetAndObserveColorNodeID(colors.GetID())
     display.SetVisibility2D(True)
     display.SetVisibility3D(False)
     display.SetSliceIntersectionThickness(LINE_PIXELS)

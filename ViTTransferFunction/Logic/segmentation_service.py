@@ -165,10 +165,11 @@ class SegmentationService:
         colors, opacities = [color for color, _ in styles], [opacity for _, opacity in styles]
         part = geometry.part(box)
         if rendering == "similarity":
-            rgba = similarity_rgba(maps, isos, colors, opacities)
+            rgba = similarity_rgba(maps, isos, colors, opacities, self._progress)
         else:
             session = self._the_session()
-            rgba = transfer_function_rgba(session.volume.array[box], session.display_window, maps, isos, colors, opacities)
+            intensities, window = session.volume.array[box], session.display_window
+            rgba = transfer_function_rgba(intensities, window, maps, isos, colors, opacities, self._progress)
         return Message({"ijk_to_ras": part.resized(rgba.shape[:3]).ijk_to_ras.tolist()}, (rgba,))
 
     def _shown(self, refined: bool) -> tuple[list[np.ndarray], list[float], Box]:

@@ -147,11 +147,17 @@ class SegmentationSession:
             key = feature_key(self.volume, weights.model.name, weights.sha256, self.feature_settings)
             cached = self.cache.get(key) if self.cache else None
             if cached is not None:
-                self._use(cached)
+                self.use_features(cached)
             else:
                 self._extract(weights, device, progress, on_coarse)
         self.provenance = FeatureProvenance(weights, str(device), cached is not None)
         return self.provenance
+
+    def use_features(self, features: FeatureVolume) -> None:
+        """Take these features of the volume, from wherever they are."""
+        self._features = comparable_features(features, self.preset.statistics)
+        if self.preset.similarity == "kernel":
+            self._kernel_similarity = KernelSimilarity(self._features, self.volume)
 
     @property
     def has_features(self) -> bool:
@@ -222,6 +228,8 @@ class SegmentationSession:
             low_maps = self.low_resolution_maps(classes)
             for index, annotated in enumerate(classes):
                 full = self.refined_map(low_maps[index], classes, index, method)
+                # In between as well: a click that comes now should not have to wait long.
+                progress(index, len(classes), "Segmenting classes")
                 if on_map:
                     on_map(annotated, full)
                 isos.append(full.iso)
@@ -245,17 +253,12 @@ class SegmentationSession:
             features = extract_features(self.volume, network, self.feature_settings, progress)
         else:
             for features in progressive_features(self.volume, network, self.feature_settings, progress=progress):
-                self._use(features)
+                self.use_features(features)
                 on_coarse()
         if self.cache:
             self.cache.put(features)
         if on_coarse is None:
-            self._use(features)
-
-    def _use(self, features: FeatureVolume) -> None:
-        self._features = comparable_features(features, self.preset.statistics)
-        if self.preset.similarity == "kernel":
-            self._kernel_similarity = KernelSimilarity(self._features, self.volume)
+            self.use_features(features)
 
     def _similarity(self, classes: Sequence[AnnotatedClass]) -> list[np.ndarray]:
         if self._kernel_similarity is not None:

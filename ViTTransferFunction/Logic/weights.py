@@ -178,5 +178,5 @@ def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUn
         how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"
     return WeightsUnavailable(
         f"There are no weights of '{model.name}' on this computer, and they could not be fetched: {reason}. "
-        f"{how} to {target}, or anywhere and name it with --weights or {WEIGHTS_VARIABLE}."
+        f"{how} to {target}, or anywhere and name it: as Weights in the panel, by --weights, or in {WEIGHTS_VARIABLE}."
     )
