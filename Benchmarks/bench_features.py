@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 import platform
+import shlex
 import subprocess
 import sys
 from collections.abc import Callable
@@ -54,7 +55,7 @@ def main() -> None:
     names = sorted({*options.settings, REFERENCE}, key=list(SETTINGS).index)
     report: dict[str, Any] = {
         "machine": bench.machine(),
-        "command": " ".join(["python dev.py bench features", *sys.argv[1:]]),
+        "command": command(options),
         "default": DEFAULT,
         "rows": [bench.row(case, name) for case in cases for name in names],
         "first_maps": [{"case": case.name, **bench.run("first map", "default", case)} for case in cases],
@@ -64,6 +65,16 @@ def main() -> None:
     report["summary"] = summary(report)
     write_report(report, RESULTS)
     print((RESULTS / "features.md").read_text(encoding="utf-8"))
+
+
+def command(options: argparse.Namespace) -> str:
+    """What was asked for, without the places where the data lie on this machine."""
+    words = ["python dev.py bench features --volumes DIR --weights FILE"]
+    for name in ("cases", "settings"):
+        chosen = getattr(options, name)
+        if chosen and chosen != list(SETTINGS):
+            words.append(f"--{name} {shlex.join(chosen)}")
+    return " ".join(words)
 
 
 class Bench:
