@@ -11,7 +11,7 @@ for _module in (QtCore, QtGui, QtWidgets):
     globals().update({name: getattr(_module, name) for name in dir(_module) if name.startswith("Q")})
 
 # Read by `slicer.util.childWidgetVariables`; PythonQt gives every object this second name for `objectName`.
-QtCore.QObject.name = property(lambda self: self.objectName())  # type: ignore[attr-defined]
+setattr(QtCore.QObject, "name", property(lambda self: self.objectName()))  # noqa: B010  (type checkers know no such name)
 
 
 class QUiLoader(QtUiTools.QUiLoader):
