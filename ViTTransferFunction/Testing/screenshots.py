@@ -16,11 +16,9 @@ from typing import Any
 
 import numpy as np
 import slicer
-import vtk
 from PySide6.QtGui import QImage
 from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
-from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.annotations import AnnotatedClass, read_annotations
 from ViTTransferFunction.Logic.intensity_window import display_window
@@ -28,6 +26,7 @@ from ViTTransferFunction.Logic.picture import save_png
 from ViTTransferFunction.Logic.volume_io import read_volume
 from ViTTransferFunction.Testing.scene_helpers import add_volume
 from ViTTransferFunction.Testing.standin.host import PANEL_WIDTH, Host
+from ViTTransferFunction.Testing.view_fixtures import pixels
 
 PANEL_HEIGHT = 880
 VIEW_SIZE = (440, PANEL_HEIGHT // 2)
@@ -135,14 +134,7 @@ class Desk:
             view.renderer().GetActiveCamera().Zoom(ZOOM)
         else:
             view.fit_view_to_content()
-        view.render()
-        grabber = vtk.vtkWindowToImageFilter()
-        grabber.SetInput(view.render_window())
-        grabber.ReadFrontBufferOff()
-        grabber.ShouldRerenderOff()
-        grabber.Update()
-        pixels = vtk_to_numpy(grabber.GetOutput().GetPointData().GetScalars())
-        return pixels.reshape(size[1], size[0], -1)[::-1, :, :3].copy()
+        return pixels(view)[::-1]
 
     def _until(self, finished: Callable[[], bool]) -> None:
         while not finished():
