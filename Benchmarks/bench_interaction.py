@@ -23,7 +23,7 @@ import numpy as np
 from trame_slicer.core import SlicerApp
 
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.feature_extraction import feature_key
+from ViTTransferFunction.Logic.feature_settings import feature_key
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS

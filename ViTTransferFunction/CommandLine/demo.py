@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.annotations import read_annotations
 from ViTTransferFunction.Logic.device import choose_device
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.feature_extraction import FeatureSettings
+from ViTTransferFunction.Logic.feature_settings import FeatureSettings
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.progress import Progress
 from ViTTransferFunction.Logic.segmentation_io import Segment, write_segmentation

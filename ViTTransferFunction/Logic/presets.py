@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .errors import InputError
-from .feature_extraction import FeatureSettings
+from .feature_settings import FeatureSettings
 from .feature_statistics import Statistics
 from .similarity import SimilarityMethod
 

@@ -16,7 +16,7 @@ import numpy as np
 from .annotations import Color
 from .array_messages import Message
 from .compute_client import ComputeClient
-from .geometry import Geometry
+from .remote_data import Estimate, Progressing, RemoteVolume, ShownMap
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
 Event = Literal["state", "maps", "refined", "rendering", "labels"]
@@ -26,57 +26,6 @@ RENDER_AFTER_S = 0.15
 REFINE_AFTER_S = 0.4
 """How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
 then slows the answer to the next click."""
-
-
-@dataclass(frozen=True, eq=False)
-class RemoteVolume:
-    """What the compute process gets of a volume: voxels (K, J, I), unchecked, where they lie, and what users call it."""
-
-    array: np.ndarray
-    geometry: Geometry
-    name: str
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """What features will cost: whether they are there already, memory, and megabytes to download first.
-
-    Attributes:
-        cached: whether they only have to be loaded.
-        seconds: that computing them will take; None where that is not known.
-        memory_bytes: of the feature volume.
-        download_mb: of the model's weights, 0 where they are on this computer.
-    """
-
-    cached: bool
-    seconds: float | None
-    memory_bytes: int
-    download_mb: int
-
-
-@dataclass(frozen=True)
-class Progressing:
-    """How far the running work is: `done` of `total` steps of `what`; `seconds_left` is None until it can be told."""
-
-    done: int
-    total: int
-    what: str
-    seconds_left: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class ShownMap:
-    """A class's map, to be shown.
-
-    Attributes:
-        array: S_L (K', J', I') float32 in [0, 1], or the relevant box of S_H, (K, J, I) uint8 for 0 to 1.
-        ijk_to_ras: (4, 4) of the array, in the volume's frame.
-        iso: threshold that selects the class, in [0, 1].
-    """
-
-    array: np.ndarray
-    ijk_to_ras: np.ndarray
-    iso: float
 
 
 _WAITED_FOR = ("extract", "segment")

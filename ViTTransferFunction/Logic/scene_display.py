@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import slicer
 
-from .remote_segmentation import ShownMap
+from .remote_data import ShownMap
 from .scene_classes import ClassState
 from .scene_contours import Contours, Outline
 from .scene_overlay import SimilarityOverlay

@@ -19,7 +19,8 @@ import vtk
 from .compute_client import ComputeClient
 from .errors import InputError
 from .geometry import Geometry
-from .remote_segmentation import Estimate, Phase, Progressing, RemoteSegmentation, RemoteVolume
+from .remote_data import Estimate, Progressing, RemoteVolume
+from .remote_segmentation import Phase, RemoteSegmentation
 from .scene_annotations import SceneAnnotations
 from .scene_classes import ClassState
 from .scene_display import SceneDisplay

@@ -15,7 +15,8 @@ import numpy as np
 from .annotations import AnnotatedClass, check_classes
 from .classification import choose_iso, compete, keep_annotated_components
 from .feature_cache import FeatureCache
-from .feature_extraction import FeatureSettings, extract_features, feature_key, features_size_bytes
+from .feature_extraction import extract_features, features_size_bytes
+from .feature_settings import FeatureSettings, feature_key
 from .feature_statistics import ComparableFeatures, comparable_features
 from .feature_volume import FeatureVolume, sample_at
 from .geometry import Geometry

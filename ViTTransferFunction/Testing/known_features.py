@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.feature_extraction import feature_key
+from ViTTransferFunction.Logic.feature_settings import feature_key
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model

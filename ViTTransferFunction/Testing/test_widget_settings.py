@@ -173,7 +173,7 @@ def test_durations_are_told_as_people_do(host: Host, seconds: float, words: str)
 
 
 def test_the_estimate_is_told_in_a_few_words(host: Host) -> None:
-    from ViTTransferFunction.Logic.remote_segmentation import Estimate
+    from ViTTransferFunction.Logic.remote_data import Estimate
     from ViTTransferFunction.Widget.volume_section import estimate_text
 
     assert estimate_text(None) == "Estimating…"
