@@ -6,6 +6,7 @@ fitted to slices of different sizes, run through the network itself.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -16,9 +17,13 @@ from scipy.optimize import nnls
 
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .feature_extraction import features_size_bytes
-from .feature_settings import FeatureSettings
+from .feature_settings import FeatureSettings, grid_shape
+from .feature_sums import interpolated
+from .packed_slices import PatchTokens
 from .pretrained_models import PretrainedModel
+from .vision_transformer import ROWS_AT_ONCE
 from .volume import Volume
+from .workspace import Workspace
 
 if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
@@ -28,10 +33,10 @@ CALIBRATION_ROWS = (8, 20, 36)
 CALIBRATION_TOKENS = 1296
 """Short slices are run several at once, as they will be."""
 
-UNUSED_BYTES_PER_TOKEN = 3500
-"""Measured (Benchmarks/results/features.json): batches that differ in size leave gaps between what is allocated."""
+KERNELS_BYTES = 150_000_000
+"""Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
 
-_FLOAT16, _FLOAT32 = 2, 4
+_FLOAT32 = 4
 
 
 @dataclass(frozen=True)
@@ -41,7 +46,7 @@ class FeatureCost:
     Attributes:
         tokens: patches that the network sees.
         seconds: on the device that was calibrated.
-        peak_bytes: memory in use at the most, the features themselves and the weights included.
+        peak_bytes: memory in use at the most, beyond what was in use before; the features themselves included.
     """
 
     tokens: int
@@ -64,7 +69,7 @@ def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkS
     """Measure the network on its device, in the precision of the settings."""
     converted = network.converted(network.device, settings.precision_on(network.device))
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    seconds = np.array([_seconds_for_one(converted, rows) for rows in CALIBRATION_ROWS])
+    seconds = np.array([_seconds_for_one(converted, rows, settings.thin_air) for rows in CALIBRATION_ROWS])
     # Relative errors count: the shortest slice is as good a witness as the longest.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
     return NetworkSpeed(coefficients)
@@ -74,11 +79,12 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
     """Estimate what `extract_features` will take; a fraction of a second, of which most is finding the air."""
     start = time.perf_counter()
     plan = ExtractionPlan(volume, settings)
-    seconds = time.perf_counter() - start + _preparation_seconds(plan, network)
+    seconds = time.perf_counter() - start
+    seconds += _preparation_seconds(plan, network) + _finishing_seconds(plan, volume, settings, network.model)
     tokens = plan.tokens_of_slices()
-    peak = _peak_bytes(plan, max(tokens), network.model, features_size_bytes(volume.geometry, settings, network.model))
-    if settings.thin_air:
-        peak += UNUSED_BYTES_PER_TOKEN * sum(tokens)
+    result = features_size_bytes(volume.geometry, settings, network.model)
+    precision = settings.precision_on(network.device)
+    peak = result + _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
     return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
 
 
@@ -95,31 +101,46 @@ def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> fl
     return seconds
 
 
-def _peak_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, result: int) -> int:
-    """Weights, and the most of what is held while slices are run and while features are put together."""
-    channels = model.embed_dim
-    cells = math.prod(plan.shape)
-    weights = 2 * _FLOAT32 * 12 * model.depth * channels**2
-    # Of a batch: its pixels, and a block's tokens, their norm, and the hidden layer before and after its activation.
-    of_token = 2 * 3 * model.patch_size**2 + (1 + 1 + 4 + 4) * channels
-    running = _FLOAT32 * of_token * max(TOKENS_PER_BATCH, longest)
-    sums, averaged = _FLOAT32 * channels * cells, _FLOAT16 * channels * cells
-    return weights + sums + max(running, averaged + 2 * result)
-
-
-def _seconds_for_one(network: VisionTransformer, rows: int) -> float:
-    """Seconds for one slice of rows × rows patches, in a batch."""
+def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSettings, model: PretrainedModel) -> float:
+    """Seconds in which the patches' layers become those of the features, from one of them."""
     import torch
 
-    edge = rows * network.model.patch_size
-    images = torch.ones(max(1, CALIBRATION_TOKENS // rows**2), 3, edge, edge)
-    least = float("inf")
-    for _ in range(2):
+    layer = torch.zeros(*plan.shape[1:], model.embed_dim, dtype=torch.float16)
+    shape = plan.orientation.upright_shape(grid_shape(volume.geometry, settings))
+    start = time.perf_counter()
+    np.empty((*shape[1:], model.embed_dim), dtype=np.float16)[...] = next(
+        interpolated(itertools.repeat(layer), plan.shape, shape)
+    ).numpy()
+    return shape[0] * (time.perf_counter() - start)
+
+
+def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, number: int, converted: bool) -> int:
+    """What is held beside the result while slices are run, in numbers of `number` bytes."""
+    channels, pixels = model.embed_dim, 3 * model.patch_size**2
+    weights = 0 if converted else number * 12 * model.depth * channels**2
+    # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
+    of_token = _FLOAT32 * pixels + number * (pixels + 5 * channels)
+    hidden = number * 4 * channels * ROWS_AT_ONCE
+    sums = _FLOAT32 * channels * math.prod(plan.shape)
+    return weights + sums + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
+
+
+def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> float:
+    """Seconds for one slice of rows × rows patches, in a batch; where patches stand for others, with their counts."""
+    import torch
+
+    tokens = rows * rows
+    patches = torch.ones(tokens, 3 * network.model.patch_size**2)
+    chosen = (torch.arange(tokens), torch.ones(tokens)) if counted else (None, None)
+    slices = [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
+    workspace, least = Workspace(), float("inf")
+    # The first time, kernels are compiled.
+    for _ in range(3):
         start = time.perf_counter()
         # Copying the keys waits for a device that works on while the program goes on.
-        network.last_block_keys(images).cpu()
+        network.keys_of_tokens(slices, workspace).cpu()
         least = min(least, time.perf_counter() - start)
-    return least / len(images)
+    return least / len(slices)
 
 
 def _powers(tokens: list[int]) -> np.ndarray:

@@ -10,6 +10,7 @@ cells along an edge, air that a few patches stand for (`token_selection`), and t
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,7 +80,8 @@ class FeatureRun:
         self.batches = self._plan.batches
         self._patches = self._plan.patches(network.model.patch_size, network.device)
         self._memory = BoundedMemory(network.converted(network.device, settings.precision_on(network.device)))
-        self._sums = FeatureSums(self._plan.shape, network.model.embed_dim, network.device)
+        self._channels = network.model.embed_dim
+        self._sums = FeatureSums(self._plan.shape, self._channels, network.device)
         self._total, self._done = sum(len(batch.samples) for batch in self.batches), 0
 
     def report(self, progress: Progress) -> None:
@@ -101,14 +103,17 @@ class FeatureRun:
 
     def features(self) -> FeatureVolume:
         """The features, once every batch was run."""
-        return self._feature_volume(self._sums.mean(), self._key)
+        return self._feature_volume(self._sums.means(), self._key)
 
     def features_so_far(self, coarse: FeatureRun) -> FeatureVolume:
         """Features in which a coarser, finished run of the same volume stands in for the slices not yet run."""
-        others = interpolated(coarse._sums.mean(), self._plan.shape)
-        return self._feature_volume(self._sums.mean_with(others), f"{self._key}-{self._done}-of-{self._total}")
+        others = interpolated(coarse._sums.means(), coarse._plan.shape, self._plan.shape)
+        return self._feature_volume(self._sums.means_with(others), f"{self._key}-{self._done}-of-{self._total}")
 
-    def _feature_volume(self, upright: Tensor, key: str) -> FeatureVolume:
-        orientation = self._plan.orientation
-        cells = interpolated(upright, orientation.upright_shape(self._geometry.shape))
-        return FeatureVolume(np.ascontiguousarray(orientation.restored(cells.numpy())), self._geometry, key)
+    def _feature_volume(self, layers: Iterator[Tensor], key: str) -> FeatureVolume:
+        """Features of upright `layers`, each written where it belongs: there is never a second volume of them."""
+        array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
+        upright = self._plan.orientation.upright(array)
+        for place, layer in zip(upright, interpolated(layers, self._plan.shape, upright.shape[:3]), strict=True):
+            place[...] = layer.numpy()
+        return FeatureVolume(array, self._geometry, key)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .line_resizing import resizing_matrix
 from .slice_sampling import SliceSample
 
 if TYPE_CHECKING:
@@ -36,39 +38,45 @@ class FeatureSums:
             self._sums.select(axis, layer).add_(rounded, alpha=weight)
             self._weights[axis][layer] += weight
 
-    def mean(self) -> Tensor:
-        """Features (…, …, …, C) float16 on the processor, once every slice was added."""
-        import torch
+    def means(self) -> Iterator[Tensor]:
+        """Layer after layer of the features, (…, …, C) float16 on the processor, once every slice was added."""
+        for layer in self._sums:
+            yield (layer / 3.0).half().cpu()
 
-        # Layer by layer, so that there is no second float32 volume.
-        return torch.stack([(layer / 3.0).half().cpu() for layer in self._sums])
-
-    def mean_with(self, others: Tensor) -> Tensor:
-        """As `mean`, where slices not yet added are stood in for by other features (…, …, …, C) of the same cells."""
+    def means_with(self, others: Iterable[Tensor]) -> Iterator[Tensor]:
+        """As `means`, where slices not yet added are stood in for by the layers of other features of the same cells."""
         import torch
 
         first, second, third = (torch.from_numpy(weights).to(self._sums.device) for weights in self._weights)
         across = (second[:, None] + third)[..., None]
-        layers = []
         for layer, other, weight in zip(self._sums, others, first, strict=True):
             missing = (3.0 - weight - across).clamp(min=0.0)
-            layers.append(((layer + missing * other.to(layer)) / 3.0).half().cpu())
-        return torch.stack(layers)
+            yield ((layer + missing * other.to(layer)) / 3.0).half().cpu()
 
 
-def interpolated(features: Tensor, shape: tuple[int, int, int]) -> Tensor:
-    """Features (K, J, I, C) interpolated trilinearly to another `shape` of cells that fill the same box; float16."""
+def interpolated(layers: Iterable[Tensor], present: tuple[int, int, int], shape: tuple[int, int, int]) -> Iterator[Tensor]:
+    """Layers of features interpolated trilinearly to another grid of cells that fills the same box.
+
+    Args:
+        layers: (J, I, C), as many as `present` says; two of them are held at a time.
+        present: shape of their grid.
+        shape: of the grid that is wanted.
+
+    Yields:
+        (J', I', C) float16.
+    """
     import torch
-    from torch.nn.functional import interpolate
 
-    if tuple(features.shape[:3]) == shape:
-        return features
-    fine = torch.empty((*shape, features.shape[3]), dtype=torch.float16)
-    last = len(features) - 1
-    for k, plane in enumerate(fine):
-        position = min(max((k + 0.5) * len(features) / shape[0] - 0.5, 0.0), float(last))
-        lower = int(position)
-        between = torch.lerp(features[lower].float(), features[min(lower + 1, last)].float(), position - lower)
-        resized = interpolate(between.permute(2, 0, 1)[None], size=shape[1:], mode="bilinear", align_corners=False)
-        plane.copy_(resized[0].permute(1, 2, 0))
-    return fine
+    if present == shape:
+        yield from layers
+        return
+    to_rows, to_columns = (resizing_matrix(present[axis], shape[axis]) for axis in (1, 2))
+    remaining = iter(layers)
+    lower = next(remaining)
+    upper, number = next(remaining, lower), 0
+    for k in range(shape[0]):
+        position = min(max((k + 0.5) * present[0] / shape[0] - 0.5, 0.0), present[0] - 1.0)
+        while number < int(position):
+            lower, upper, number = upper, next(remaining, upper), number + 1
+        between = torch.lerp(lower.float(), upper.float(), position - number)
+        yield (to_columns @ (to_rows @ between.flatten(1)).unflatten(1, between.shape[1:])).half()

@@ -31,8 +31,8 @@ class Orientation:
     mirrored: tuple[bool, bool, bool]
 
     def upright(self, array: np.ndarray) -> np.ndarray:
-        """A view of (K, J, I) with upright axes."""
-        return np.flip(array.transpose(self.order), self._mirrored_axes)
+        """A view of (K, J, I), or (K, J, I, C), with upright axes."""
+        return np.flip(array.transpose(*self.order, *range(3, array.ndim)), self._mirrored_axes)
 
     @property
     def _mirrored_axes(self) -> tuple[int, ...]:

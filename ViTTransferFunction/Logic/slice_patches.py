@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .intensity_window import ChannelWindows
+from .line_resizing import resizing_matrix
 from .slice_sampling import slice_at
 from .token_selection import TokenSelection
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-    from .vision_transformer import PatchTokens
+    from .packed_slices import PatchTokens
 
 CHANNEL_MEAN = (0.485, 0.456, 0.406)
 CHANNEL_STD = (0.229, 0.224, 0.225)
@@ -41,27 +42,22 @@ class SlicePatches:
         patch_size: int,
         device: torch.device,
     ) -> None:
-        import torch
 
         self._array, self._windows, self._axis, self._patch_size = array, windows, axis, patch_size
         across = [other for other in range(3) if other != axis]
         self.rows, self.columns = (shape[other] for other in across)
         self._to_rows, self._to_columns = (
-            _resizing(array.shape[other], shape[other] * patch_size).to(device) for other in across
+            resizing_matrix(array.shape[other], shape[other] * patch_size).to(device) for other in across
         )
-        mean, std = (torch.tensor(values).view(3, 1, 1).to(device) for values in (CHANNEL_MEAN, CHANNEL_STD))
-        self._mean, self._std = mean, std
 
     def tokens(self, position: float, chosen: TokenSelection) -> PatchTokens:
         """The chosen patches of the slice at `position`, as the network takes them."""
         import torch
 
-        from .vision_transformer import PatchTokens
+        from .packed_slices import PatchTokens
 
-        intensities = slice_at(self._array, self._axis, position)
-        channels = np.stack([window.apply(intensities) for window in self._windows])
-        image = self._to_rows @ torch.from_numpy(channels).to(self._to_rows.device) @ self._to_columns.T
-        image = (image - self._mean) / self._std
+        channels = torch.from_numpy(self._channels(slice_at(self._array, self._axis, position)))
+        image = self._to_rows @ channels.to(self._to_rows.device) @ self._to_columns.T
         size = self._patch_size
         patches = image.reshape(3, self.rows, size, self.columns, size).permute(1, 3, 0, 2, 4)
         if len(chosen.places) == self.rows * self.columns:
@@ -70,17 +66,14 @@ class SlicePatches:
         of_places = patches[places // self.columns, places % self.columns].flatten(1)
         return PatchTokens(of_places, self.rows, self.columns, places, counts)
 
+    def _channels(self, intensities: np.ndarray) -> np.ndarray:
+        """A slice in the three windows, (3, rows, columns) float32, normalised; resizing it keeps it so."""
+        shown = {window: window.apply(intensities) for window in set(self._windows)}
+        channels = zip(self._windows, CHANNEL_MEAN, CHANNEL_STD, strict=True)
+        return np.stack([(shown[window] - np.float32(mean)) / np.float32(std) for window, mean, std in channels])
+
     def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
         """Keys (T, C) of the chosen patches, in the places of all that they stand for: (rows, columns, C)."""
         import torch
 
         return keys[torch.from_numpy(chosen.standing_for).to(keys.device)].reshape(self.rows, self.columns, -1)
-
-
-def _resizing(pixels: int, wanted: int) -> Tensor:
-    """The matrix (wanted, pixels) that resizes a line of pixels, linear with anti-aliasing: what `interpolate` does to one."""
-    import torch
-    import torch.nn.functional as F
-
-    lines = torch.eye(pixels)[None, None]
-    return F.interpolate(lines, size=(wanted, pixels), mode="bilinear", antialias=True, align_corners=False)[0, 0]

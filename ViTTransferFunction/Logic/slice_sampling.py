@@ -54,7 +54,9 @@ def slice_at(array: np.ndarray, axis: int, position: float) -> np.ndarray:
     """One slice across `axis`, float32, linearly interpolated where the position lies between two."""
     lower = math.floor(position)
     fraction = np.float32(position - lower)
-    first = array.take(lower, axis=axis).astype(np.float32)
+    # Not `take`, which copies a whole mirrored or transposed volume first.
+    layers = np.moveaxis(array, axis, 0)
+    first = layers[lower].astype(np.float32)
     if fraction == 0.0:
         return first
-    return first * (1 - fraction) + array.take(lower + 1, axis=axis).astype(np.float32) * fraction
+    return first * (1 - fraction) + layers[lower + 1].astype(np.float32) * fraction

@@ -10,36 +10,21 @@ is looked up by its published name.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from .errors import InputError
+from .packed_slices import PackedSlices, PatchTokens
 from .pretrained_models import PretrainedModel
+from .workspace import Workspace
 
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
 LAYER_NORM_EPSILON = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class PatchTokens:
-    """One slice as the network reads it: patches of a grid, perhaps not all of them.
-
-    Attributes:
-        patches: (T, 3·p²) pixels, channel by channel, normalised as the model expects.
-        rows, columns: the slice's grid of patches.
-        places: (T,) int64, row · columns + column of each patch; None where all are there, row by row.
-        counts: (T,) how many alike patches each stands for, itself included; None where each stands for itself.
-    """
-
-    patches: Tensor
-    rows: int
-    columns: int
-    places: Tensor | None = None
-    counts: Tensor | None = None
+ROWS_AT_ONCE = 2048
+"""Rows that go through a layer at once on a processor: what lies between two layers then stays in its cache."""
 
 
 class VisionTransformer:
@@ -98,10 +83,12 @@ class VisionTransformer:
             len(images), rows, columns, self.model.embed_dim
         )
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> Tensor:
         """Last-block keys of slices of which not every patch is there; the slices do not see each other.
 
-        All layers but attention work on the tokens of all slices in one array, so no slice is padded to the longest.
+        Args:
+            slices: to run at once.
+            workspace: for whoever runs many batches one after the other.
 
         Returns:
             (T, C), the keys of the slices' patches one after the other, on the network's device, in its precision.
@@ -109,73 +96,89 @@ class VisionTransformer:
         import torch
 
         with torch.inference_mode():
-            tokens = torch.cat([self._embed(group) for group in slices])
-            extra = 1 + self.model.num_register_tokens
-            lengths = [extra + len(group.patches) for group in slices]
-            biases = [self._attention_bias(group, extra) for group in slices]
+            packed = PackedSlices(slices, 1 + self.model.num_register_tokens)
+            work = workspace or Workspace()
+            tokens = self._embed(slices, packed, work)
+            biases = [self._attention_bias(group, span) for group, span in zip(slices, packed.spans, strict=True)]
             for block in range(self.model.depth - 1):
-                tokens = tokens + self._attention(tokens, lengths, biases, f"blocks.{block}")
-                tokens = tokens + self._mlp(tokens, f"blocks.{block}")
+                self._add_attention(tokens, packed.spans, biases, f"blocks.{block}", work)
+                self._add_mlp(tokens, f"blocks.{block}", work)
             keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")
-            return torch.cat([of_slice[extra:] for of_slice in keys.split(lengths)])
+            return torch.cat([keys[patches] for patches in packed.patches])
 
-    def _embed(self, group: PatchTokens) -> Tensor:
-        """Tokens (1 + registers + patches, C): the class token, the registers, then the patches."""
-        import torch
-        import torch.nn.functional as F
-
+    def _embed(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: Workspace) -> Tensor:
+        """Tokens (R, C): of each slice the class token, the registers, then the patches; zeros where there are none."""
         w = self._weights
-        patches = group.patches.to(self.device, self.dtype)
-        tokens = F.linear(patches, w["patch_embed.proj.weight"].flatten(1), w["patch_embed.proj.bias"])
-        positions = self._position_table(group.rows, group.columns)[0]
-        at_patches = positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
-        # Registers carry no position (Darcet et al. 2023).
-        registers = [w["register_tokens"][0]] if self.model.num_register_tokens else []
-        return torch.cat([w["cls_token"][0] + positions[:1], *registers, tokens + at_patches])
+        weight = w["patch_embed.proj.weight"].flatten(1)
+        pixels = self._rows(work, "pixels", packed.rows, weight.shape[1]).zero_()
+        tokens = self._rows(work, "tokens", packed.rows, weight.shape[0]).zero_()
+        for group, span, patches in zip(slices, packed.spans, packed.patches, strict=True):
+            positions = self._position_table(group.rows, group.columns)
+            tokens[span.start] = w["cls_token"][0, 0] + positions[0]
+            if self.model.num_register_tokens:
+                # Registers carry no position (Darcet et al. 2023).
+                tokens[span.start + 1 : patches.start] = w["register_tokens"][0]
+            at_patches = positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
+            tokens[patches] = at_patches + w["patch_embed.proj.bias"]
+            pixels[patches] = group.patches.to(self.device)
+        return tokens.addmm_(pixels, weight.T)
 
-    def _attention_bias(self, group: PatchTokens, extra: int) -> Tensor | None:
-        """What is added to every token's logits, (1, extra + patches): a token that stands for n counts n times.
+    def _attention_bias(self, group: PatchTokens, span: slice) -> Tensor | None:
+        """What is added to every token's logits, (1, rows of the slice): a token that stands for n counts n times.
 
-        log n on the logit of a key is what n equal keys side by side amount to (Bolya et al., Token Merging, 2023, Eq. 1).
+        log n on the logit of a key is what n equal keys side by side amount to (Bolya et al., Token Merging, 2023, Eq. 1):
+        also for padding, which counts for nothing.
         """
         import torch
 
         if group.counts is None:
             return None
-        return torch.cat([torch.zeros(extra), group.counts.float().log()])[None].to(self.device, self.dtype)
+        own = 1 + self.model.num_register_tokens
+        counts = torch.zeros(span.stop - span.start)
+        counts[:own] = 1.0
+        counts[own : own + len(group.counts)] = group.counts
+        return counts.log()[None].to(self.device, self.dtype)
 
     def _position_table(self, rows: int, columns: int) -> Tensor:
-        """Position embeddings (1, 1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
+        """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
         if (rows, columns) not in self._position_tables:
-            table = interpolate_position_table(self._weights["pos_embed"].float(), rows, columns)
+            table = interpolate_position_table(self._weights["pos_embed"].float(), rows, columns)[0]
             self._position_tables[rows, columns] = table.to(self.dtype)
         return self._position_tables[rows, columns]
 
-    def _attention(self, tokens: Tensor, lengths: list[int], biases: Sequence[Tensor | None], block: str) -> Tensor:
-        """Self-attention within each slice of packed tokens (T, C), whose numbers of tokens are `lengths`."""
-        import torch
+    def _add_attention(
+        self, tokens: Tensor, spans: Sequence[slice], biases: Sequence[Tensor | None], block: str, work: Workspace
+    ) -> None:
+        """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`."""
         import torch.nn.functional as F
 
-        w = self._weights
-        heads, channels = self.model.num_heads, tokens.shape[1]
-        normed = self._layer_norm(tokens, f"{block}.norm1")
-        qkv = F.linear(normed, w[f"{block}.attn.qkv.weight"], w[f"{block}.attn.qkv.bias"])
-        attended = torch.empty_like(tokens)
-        for of_slice, out, bias in zip(qkv.split(lengths), attended.split(lengths), biases, strict=True):
-            query, key, value = of_slice.reshape(1, -1, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
-            mask = None if bias is None else bias.expand(1, 1, len(out), -1)
+        heads, (rows, channels) = self.model.num_heads, tokens.shape
+        qkv = self._rows(work, "qkv", rows, 3 * channels)
+        for part, out in self._parts(tokens, qkv):
+            self._linear(self._layer_norm(part, f"{block}.norm1"), f"{block}.attn.qkv", out)
+        attended = self._rows(work, "attended", rows, channels)
+        attended[spans[-1].stop :] = 0.0
+        for span, bias in zip(spans, biases, strict=True):
+            query, key, value = qkv[span].reshape(1, -1, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
+            mask = None if bias is None else bias.expand(1, 1, query.shape[2], -1)
             of_heads = F.scaled_dot_product_attention(query, key, value, attn_mask=mask)
-            out.copy_(of_heads[0].transpose(0, 1).flatten(1))
-        projected = F.linear(attended, w[f"{block}.attn.proj.weight"], w[f"{block}.attn.proj.bias"])
-        return self._layer_scale(projected, f"{block}.ls1")
+            attended[span] = of_heads[0].transpose(0, 1).flatten(1)
+        for part, values in self._parts(tokens, attended):
+            self._add_scaled(part, self._linear(values, f"{block}.attn.proj"), f"{block}.ls1")
 
-    def _mlp(self, tokens: Tensor, block: str) -> Tensor:
-        import torch.nn.functional as F
+    def _add_mlp(self, tokens: Tensor, block: str, work: Workspace) -> None:
+        import torch
 
-        w = self._weights
-        hidden = F.linear(self._layer_norm(tokens, f"{block}.norm2"), w[f"{block}.mlp.fc1.weight"], w[f"{block}.mlp.fc1.bias"])
-        output = F.linear(F.gelu(hidden), w[f"{block}.mlp.fc2.weight"], w[f"{block}.mlp.fc2.bias"])
-        return self._layer_scale(output, f"{block}.ls2")
+        for (part,) in self._parts(tokens):
+            hidden = self._rows(work, "hidden", len(part), 4 * tokens.shape[1])
+            self._linear(self._layer_norm(part, f"{block}.norm2"), f"{block}.mlp.fc1", hidden)
+            torch.ops.aten.gelu_(hidden)
+            self._add_scaled(part, self._linear(hidden, f"{block}.mlp.fc2"), f"{block}.ls2")
+
+    def _parts(self, *arrays: Tensor) -> Iterator[tuple[Tensor, ...]]:
+        """The rows of arrays that go through a layer at once; all of them on a GPU, where each call costs time."""
+        rows = ROWS_AT_ONCE if self.device.type == "cpu" else len(arrays[0])
+        return zip(*(array.split(rows) for array in arrays), strict=True)
 
     def _keys(self, tokens: Tensor, block: str) -> Tensor:
         """Only the key third of the block's qkv projection: nothing after it is ever read."""
@@ -192,8 +195,19 @@ class VisionTransformer:
         w = self._weights
         return F.layer_norm(tokens, tokens.shape[-1:], w[f"{name}.weight"], w[f"{name}.bias"], LAYER_NORM_EPSILON)
 
-    def _layer_scale(self, tokens: Tensor, name: str) -> Tensor:
-        return tokens * self._weights[f"{name}.gamma"] if self.model.layer_scale else tokens
+    def _linear(self, tokens: Tensor, name: str, out: Tensor | None = None) -> Tensor:
+        import torch
+
+        return torch.addmm(self._weights[f"{name}.bias"], tokens, self._weights[f"{name}.weight"].T, out=out)
+
+    def _add_scaled(self, tokens: Tensor, residual: Tensor, name: str) -> None:
+        if self.model.layer_scale:
+            tokens.addcmul_(residual, self._weights[f"{name}.gamma"])
+        else:
+            tokens.add_(residual)
+
+    def _rows(self, work: Workspace, name: str, rows: int, columns: int) -> Tensor:
+        return work.rows(name, rows, columns, self.dtype, self.device)
 
 
 def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor:

@@ -12,8 +12,10 @@ from ViTTransferFunction.Logic.bounded_memory import BoundedMemory
 from ViTTransferFunction.Logic.errors import InputError
 from ViTTransferFunction.Logic.feature_extraction import extract_features
 from ViTTransferFunction.Logic.feature_settings import FeatureSettings
-from ViTTransferFunction.Logic.vision_transformer import PatchTokens, VisionTransformer
+from ViTTransferFunction.Logic.packed_slices import PatchTokens
+from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
+from ViTTransferFunction.Logic.workspace import Workspace
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
 
@@ -24,11 +26,11 @@ class SmallNetwork(VisionTransformer):
         super().__init__(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
         self.at_once, self.error, self.device = at_once, error, torch.device(claimed_device)
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> torch.Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
         if len(slices) > self.at_once:
             raise self.error
         self.device = torch.device("cpu")
-        return super().keys_of_tokens(slices)
+        return super().keys_of_tokens(slices, workspace)
 
 
 def slices(count: int) -> list[PatchTokens]:

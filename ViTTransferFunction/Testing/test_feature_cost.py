@@ -40,12 +40,13 @@ def test_whatever_makes_more_tokens_costs_more(
         assert cheap.peak_bytes <= dear.peak_bytes
 
 
-def test_thin_air_saves_time_and_takes_memory(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
-    """As measured: batches of different sizes leave gaps in memory."""
+def test_thin_air_saves_time_and_takes_no_more_memory(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
     thin, full = (feature_cost(spheres[0], replace(SETTINGS, thin_air=thin), tiny_network, SPEED) for thin in (True, False))
     assert thin.tokens < full.tokens
     assert thin.seconds < full.seconds
-    assert thin.peak_bytes > full.peak_bytes
+    assert thin.peak_bytes <= full.peak_bytes
 
 
 def test_tokens_are_those_of_every_slice_of_three_axes(
@@ -62,7 +63,8 @@ def test_the_features_themselves_are_part_of_the_memory(
     assert cost.peak_bytes > features_size_bytes(spheres[0].geometry, SETTINGS, TINY_MODEL)
 
 
-def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTransformer) -> None:
-    speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
+@pytest.mark.parametrize("thin_air", [True, False])
+def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTransformer, thin_air: bool) -> None:
+    speed = calibrate(tiny_network, FeatureSettings(precision="float32", thin_air=thin_air))
     assert (speed.coefficients >= 0.0).all()
     assert 0.0 < speed.seconds([100]) < speed.seconds([1000]) < speed.seconds([1000, 1000])

@@ -18,10 +18,12 @@ from ViTTransferFunction.Logic.feature_settings import FeatureSettings, feature_
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.orientation import Orientation, upright_orientation
+from ViTTransferFunction.Logic.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.presets import PRESETS
 from ViTTransferFunction.Logic.slice_sampling import slice_samples
-from ViTTransferFunction.Logic.vision_transformer import PatchTokens, VisionTransformer
+from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
+from ViTTransferFunction.Logic.workspace import Workspace
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
 WINDOW = IntensityWindow(0.0, 1.0)
@@ -38,7 +40,7 @@ class MeanIntensityNetwork(VisionTransformer):
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
         return self
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> torch.Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
         channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
         means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
         return means[:, None].expand(-1, self.model.embed_dim)

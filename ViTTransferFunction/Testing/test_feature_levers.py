@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from ViTTransferFunction.Logic.feature_extraction import extract_features
 from ViTTransferFunction.Logic.feature_settings import FeatureSettings
 from ViTTransferFunction.Logic.feature_statistics import comparable_features, unit_vectors
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.progressive_features import progressive_features
+from ViTTransferFunction.Logic.slice_patches import SlicePatches
 from ViTTransferFunction.Logic.state_dict import load_state_dict
+from ViTTransferFunction.Logic.token_selection import TokenSelection
 from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.volume_io import read_volume
@@ -78,12 +82,20 @@ def test_a_saving_changes_the_bodys_features_by_no_more_than_its_bound(
     assert whitened_error(saving, full, body(torso, full)) < bound
 
 
+def tokens_that_count_once(
+    patches: SlicePatches, position: float, chosen: TokenSelection, tokens: Any = SlicePatches.tokens
+) -> PatchTokens:
+    """In the place of `SlicePatches.tokens`: patches that stand for air count for themselves alone."""
+    of_slice = tokens(patches, position, chosen)
+    return of_slice if of_slice.counts is None else replace(of_slice, counts=torch.ones_like(of_slice.counts))
+
+
 def test_leaving_air_out_without_a_count_changes_far_more(
     torso: Volume, network: VisionTransformer, full: FeatureVolume, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What the weights of the patches that stand for air are for."""
     counted = extract_features(torso, network, replace(FULL, thin_air=True))
-    monkeypatch.setattr(VisionTransformer, "_attention_bias", lambda self, group, extra: None)
+    monkeypatch.setattr(SlicePatches, "tokens", tokens_that_count_once)
     uncounted = extract_features(torso, network, replace(FULL, thin_air=True))
     inside = body(torso, full)
     assert whitened_error(uncounted, full, inside) > 3.0 * whitened_error(counted, full, inside)

@@ -10,9 +10,11 @@ import torch
 import torch.nn.functional as F
 
 from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.pretrained_models import pretrained_model
 from ViTTransferFunction.Logic.state_dict import load_state_dict
-from ViTTransferFunction.Logic.vision_transformer import PatchTokens, VisionTransformer, interpolate_position_table
+from ViTTransferFunction.Logic.vision_transformer import VisionTransformer, interpolate_position_table
+from ViTTransferFunction.Logic.workspace import Workspace
 from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
 
 TIMM_NAMES = {
@@ -98,9 +100,10 @@ def test_fused_attention_equals_the_definition() -> None:
     network = VisionTransformer(TINY_MODEL, state, "tiny")
     tokens = torch.randn(2, 7, TINY_MODEL.embed_dim, generator=torch.Generator().manual_seed(1))
 
-    fused = network._attention(tokens.flatten(0, 1), [7, 7], [None, None], "blocks.0")
+    attended = tokens.flatten(0, 1).clone()
+    network._add_attention(attended, [slice(0, 7), slice(7, 14)], [None, None], "blocks.0", Workspace())
 
-    torch.testing.assert_close(fused.view_as(tokens), attention_by_definition(state, tokens), atol=1e-5, rtol=0)
+    torch.testing.assert_close(attended.view_as(tokens), tokens + attention_by_definition(state, tokens), atol=1e-5, rtol=0)
 
 
 def attention_by_definition(state: dict[str, torch.Tensor], tokens: torch.Tensor) -> torch.Tensor:
@@ -157,12 +160,37 @@ def test_a_patch_that_counts_twice_is_two_equal_patches(tiny_network: VisionTran
     torch.testing.assert_close(counted[twice], doubled, atol=1e-5, rtol=0)
 
 
-def test_slices_of_different_lengths_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
+def slices_of(*lengths: int) -> list[PatchTokens]:
+    """Slices of 3 × 4 patches, of which so many are there; each stands for one or two."""
     generator = torch.Generator().manual_seed(4)
-    slices = [PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n)) for n in (12, 5, 1)]
+    return [
+        PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n), 1 + torch.arange(n) % 2) for n in lengths
+    ]
+
+
+def test_slices_of_different_lengths_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
+    slices = slices_of(12, 5, 1)
     together = tiny_network.keys_of_tokens(slices)
     apart = torch.cat([tiny_network.keys_of_tokens([of_slice]) for of_slice in slices])
     torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
+
+
+def test_what_earlier_batches_left_in_a_workspace_does_not_matter(tiny_network: VisionTransformer) -> None:
+    fresh = tiny_network.keys_of_tokens(slices_of(5, 3))
+    workspace = Workspace()
+    # Enough rows to be in the way of all of the next batch's, and values that would be noticed.
+    earlier = slices_of(*[12] * 20)
+    for of_slice in earlier:
+        of_slice.patches.fill_(float("nan"))
+    assert tiny_network.keys_of_tokens(earlier, workspace).isnan().all()
+    torch.testing.assert_close(tiny_network.keys_of_tokens(slices_of(5, 3), workspace), fresh, atol=0, rtol=0)
+
+
+def test_rows_are_run_in_parts_without_a_difference(tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch) -> None:
+    slices = slices_of(12, 12, 5)
+    whole = tiny_network.keys_of_tokens(slices)
+    monkeypatch.setattr("ViTTransferFunction.Logic.vision_transformer.ROWS_AT_ONCE", 13)
+    torch.testing.assert_close(tiny_network.keys_of_tokens(slices), whole, atol=1e-5, rtol=0)
 
 
 def test_a_network_in_another_precision_is_close_and_the_same_one_is_itself(tiny_network: VisionTransformer) -> None:
