@@ -24,7 +24,8 @@ from Benchmarks.published_bilateral_solver import solve_as_published
 from Benchmarks.solver_phantom import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
 from Benchmarks.solver_report import write_report
 from ViTTransferFunction.Logic import bilateral_system
-from ViTTransferFunction.Logic.bilateral_grid import GridLayout, VoxelCells, splat
+from ViTTransferFunction.Logic.bilateral_cells import Target, splat
+from ViTTransferFunction.Logic.bilateral_grid import GridLayout, VoxelCells
 from ViTTransferFunction.Logic.bilateral_slice import slice_multilinear, slice_nearest
 from ViTTransferFunction.Logic.bilateral_solver import BilateralSolution, BilateralSolverSettings, refine_map, solve_bilateral
 from ViTTransferFunction.Logic.bilateral_system import solve_cells
@@ -162,18 +163,17 @@ def stages(phantom: Phantom) -> dict[str, float]:
     """Seconds in each stage: where the time goes."""
     size = len(phantom.luma)
     layout = GridLayout.of_sigmas((size, size, size), UNIT_SPACING, 5.0, NEAREST.sigma_luma)
-    voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, NEAREST.sigma_luma, all_finite=True)
-    coarse = Upsampling(phantom.coarse_map, phantom.luma.shape)
+    voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, NEAREST.sigma_luma)
+    target = Target(Upsampling(phantom.coarse_map, phantom.luma.shape).read, largest=1.0)
     with Workers(phantom.luma.device) as workers:
-        cells, numbers = splat(voxel_cells, coarse.read, None, workers)
-        solve = partial(solve_cells, cells, NEAREST.smoothness, NEAREST.max_iterations, NEAREST.tolerance)
+        cells, places = splat(voxel_cells, target, None, workers)
+        solve = partial(solve_cells, cells, NEAREST.smoothness, NEAREST.max_iterations, NEAREST.tolerance, workers)
         values, out = solve().values, torch.empty_like(phantom.luma)
         ways: dict[str, Callable[[], Any]] = {
-            "upsampling within slices": lambda: Upsampling(phantom.coarse_map, phantom.luma.shape),
-            "splatting, finding neighbours": lambda: splat(voxel_cells, coarse.read, None, workers),
+            "splatting, finding neighbours": lambda: splat(voxel_cells, target, None, workers),
             "bistochastisation, conjugate gradients": solve,
-            "nearest slice": lambda: slice_nearest(voxel_cells, numbers, values, out, workers),
-            "multilinear slice": lambda: slice_multilinear(voxel_cells, numbers, values, out, workers),
+            "nearest slice": lambda: slice_nearest(voxel_cells, places, values, target, out, workers),
+            "multilinear slice": lambda: slice_multilinear(voxel_cells, places, values, target, out, workers),
         }
         return {name: seconds for name, (seconds, _) in best_times(ways, 5).items()}
 
@@ -232,7 +232,8 @@ def time_by_active_cells(size: int) -> list[dict[str, Any]]:
 
 def memory_in_new_process(size: int, slicing: str) -> int:
     """`extra_memory_bytes` in a process that has done nothing before."""
-    command = [sys.executable, "-m", "Benchmarks.bench_solver", "--memory-of", str(size), slicing]
+    threads = str(torch.get_num_threads())
+    command = [sys.executable, "-m", "Benchmarks.bench_solver", "--threads", threads, "--memory-of", str(size), slicing]
     return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 

@@ -6,14 +6,13 @@ import itertools
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from .window_sums import window_sums
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     import torch
     from torch import Tensor
 
+    from .bilateral_cells import CellPlaces, Target
     from .bilateral_grid import GridLayout, VoxelCells
     from .workers import Workers
 
@@ -21,33 +20,39 @@ BAND_NUMBERS = 2**19
 """Two megabytes: what is interpolated for a band of rows stays near the processor."""
 
 
-def slice_nearest(voxel_cells: VoxelCells, numbers: Tensor, values: Tensor, out: Tensor, workers: Workers) -> None:
+def slice_nearest(
+    voxel_cells: VoxelCells, places: CellPlaces, values: Tensor, target: Target, out: Tensor, workers: Workers
+) -> None:
     """Give every voxel the value of its own cell.
 
     Args:
         voxel_cells: which cells voxels lie in.
-        numbers: (layers + 2, layer size), of the cells.
+        places: where the cells lie.
         values: (cells,) float32.
-        out: (K, J, I) float32, written where voxels take part, left as it is elsewhere.
+        target: what voxels that take no part keep.
+        out: (K, J, I) float32, which is written.
         workers: to share out the layers.
     """
     import torch
 
-    padded = _with_absent_cell(values)
-
     def slice_layers(layers: Sequence[tuple[int, slice]]) -> None:
         for layer, slices in layers:
-            keys, part = voxel_cells.keys(layer, slices)
-            within_layer = padded.index_select(0, numbers[layer + 1])
-            if part is None and out.is_contiguous():
-                torch.index_select(within_layer, 0, keys.view(-1), out=out[slices].view(-1))
-            else:
-                _assign(out[slices], within_layer.index_select(0, keys.view(-1)).view(keys.shape), part)
+            within_layer = places.dense_layer(layer, values)
+            for piece in voxel_cells.pieces(slices):
+                part = voxel_cells.taking_part(layer, piece)
+                keys = voxel_cells.keys(piece, part)
+                if part is None and out[piece].is_contiguous():
+                    torch.index_select(within_layer, 0, keys.view(-1), out=out[piece].view(-1))
+                else:
+                    of_cells = within_layer.index_select(0, keys.view(-1)).view(keys.shape)
+                    out[piece] = of_cells if part is None else torch.where(part, of_cells, target.read(piece))
 
     workers.share_out(voxel_cells.layout.layers(), slice_layers)
 
 
-def slice_multilinear(voxel_cells: VoxelCells, numbers: Tensor, values: Tensor, out: Tensor, workers: Workers) -> None:
+def slice_multilinear(
+    voxel_cells: VoxelCells, places: CellPlaces, values: Tensor, target: Target, out: Tensor, workers: Workers
+) -> None:
     """Give every voxel the multilinear interpolation of the 16 cells around it.
 
     Of these, the ones that are not occupied take the mean of the occupied ones among the 80 cells around them. Cells are
@@ -61,33 +66,36 @@ def slice_multilinear(voxel_cells: VoxelCells, numbers: Tensor, values: Tensor, 
 
     layout = voxel_cells.layout
     edge_k, edge_j, edge_i = layout.cell_voxels
-    value_and_one = _with_absent_cell(values), _with_absent_cell(torch.ones_like(values))
     slice_weights = _weights_between_centres(edge_k).tolist()
     row_weights = _weights_between_centres(edge_j).to(out.device)[:, None, None]
     bands = list(_bands(layout, out.device))
-    # grid_sample's coordinates: (luma, I), where -1 and 1 are the first and the last cell of the padded row.
+    # grid_sample's coordinates: -1 and 1 are the first and the last cell of the padded row.
     columns, lumas = layout.layer_shape[1:]
     along_columns = (torch.arange(layout.voxels[2], device=out.device) - 0.5 * (edge_i - 1)) / edge_i
     along_columns = along_columns.clamp_(0, layout.cells[2] - 1) * (2.0 / (columns - 1)) - 1.0
 
     def slice_layers(layers: Sequence[tuple[int, slice]]) -> None:
-        cells_of_layer = _extended_layers(layout, numbers, value_and_one)
-        places = torch.empty(max(band.voxel_rows for band in bands), 1, layout.voxels[2], 2, device=out.device)
-        places[..., 1] = along_columns
+        cells_of_layer = _extended_layers(places, values)
+        # (luma and I, rows, I): each in one piece, as `grid_sample` reads them fastest.
+        coordinates = torch.empty(2, max(band.voxel_rows for band in bands), layout.voxels[2], device=out.device)
+        coordinates[1] = along_columns
         for layer, slices in layers:
-            part = voxel_cells.taking_part(layer, slices)
             for k, band in itertools.product(range(slices.start, slices.stop), bands):
-                part_of_band = None if part is None else part[k - slices.start, band.rows]
-                if part_of_band is not None and not bool(part_of_band.any()):
+                piece = slice(k, k + 1), band.rows
+                part = voxel_cells.taking_part(layer, piece)
+                if part is not None and not bool(part.any()):
+                    out[piece] = target.read(piece)
                     continue
                 below, after_centre = divmod(k - edge_k // 2, edge_k)
                 lower, upper = cells_of_layer(below)[band.cells], cells_of_layer(below + 1)[band.cells]
                 cells = torch.lerp(lower, upper, slice_weights[after_centre])
                 by_row = torch.lerp(cells[:-1, None], cells[1:, None], row_weights).flatten(0, 1)[band.rows_between_cells]
-                places_of_band = places[: band.voxel_rows]
-                voxel_cells.luma_coordinates((k, band.rows), -1.0, 2.0 / (lumas - 1), out=places_of_band[:, 0, :, 0])
-                sampled = grid_sample(by_row[:, None], places_of_band, padding_mode="border", align_corners=True)
-                _assign(out[k, band.rows], sampled[:, 0, 0], part_of_band)
+                at = coordinates[:, : band.voxel_rows]
+                voxel_cells.luma_coordinates(piece, part, -1.0, 2.0 / (lumas - 1), out=at[:1])
+                at_rows = at.movedim(0, -1)[:, None]
+                sampled = grid_sample(by_row[:, None], at_rows, padding_mode="border", align_corners=True)
+                of_cells = sampled.view(1, *at.shape[1:])
+                out[piece] = of_cells if part is None else torch.where(part, of_cells, target.read(piece))
 
     workers.share_out(layout.layers(), slice_layers)
 
@@ -120,47 +128,50 @@ def _bands(layout: GridLayout, device: torch.device) -> Iterator[_Band]:
             yield _Band(slice(max(begin, 0), end), slice(start, stop + 1), slice(max(-begin, 0), end - begin))
 
 
-def _extended_layers(layout: GridLayout, numbers: Tensor, value_and_one: tuple[Tensor, Tensor]) -> Callable[[int], Tensor]:
+def _extended_layers(places: CellPlaces, values: Tensor) -> Callable[[int], Tensor]:
     """A function from a layer to its cells, (1 + J + 1, I, luma): occupied ones, and beside these the means of them.
 
     The outermost layers and rows are there twice, for voxels beyond their centres.
     """
     import torch
 
-    rows = layout.cells[1]
-
-    @lru_cache(maxsize=2)
-    def own(layer: int) -> Tensor:
-        """(2, J, I, luma): value, and 1 where the cell is occupied."""
-        sums = torch.empty(2, *layout.layer_shape, device=numbers.device)
-        for addend, sum_of_cells in zip(value_and_one, sums, strict=True):
-            torch.index_select(addend, 0, numbers[layer + 1], out=sum_of_cells.view(-1))
-        return sums
+    layout = places.layout
+    layers, rows, _ = layout.cells
+    # As bytes, which hold the sums of 81.
+    ones = torch.ones(len(values), dtype=torch.uint8, device=values.device)
 
     @lru_cache(maxsize=3)
-    def around_within(layer: int) -> Tensor:
-        """(2, J, I, luma): sums over each cell and the 26 around it in its layer."""
-        return window_sums(own(layer), 1)
+    def around_within(layer: int) -> tuple[Tensor, Tensor]:
+        """(layer size,) each: sum and number of the occupied ones among a cell and the 26 around it in its layer.
+
+        In padding, anything.
+        """
+        total, count = places.dense_layer(layer, values), places.dense_layer(layer, ones)
+        for stride in layout.strides:
+            total, count = _with_neighbours(total, stride), _with_neighbours(count, stride)
+        return total, count
 
     @lru_cache(maxsize=2)
     def extended(layer: int) -> Tensor:
-        layer = min(max(layer, 0), layout.cells[0] - 1)
-        total, count = around_within(layer - 1) + around_within(layer) + around_within(layer + 1)
-        value, occupied = own(layer)
-        cells = torch.empty(1 + rows + 1, *layout.layer_shape[1:], device=numbers.device)
-        mean = total.div_(count.clamp_(min=1.0))
-        torch.where(occupied[:rows] > 0, value[:rows], mean[:rows], out=cells[1:-1])
+        layer = min(max(layer, 0), layers - 1)
+        before, here, after = (around_within(layer + step) for step in (-1, 0, 1))
+        total, count = (a + b + c for a, b, c in zip(before, here, after, strict=True))
+        cells = torch.empty(1 + rows + 1, *layout.layer_shape[1:], device=values.device)
+        inner = cells[1:-1].view(-1)
+        torch.div(total[: len(inner)], count[: len(inner)].clamp_(min=1), out=inner)
+        places.put(layer, values, inner)
         cells[0], cells[-1] = cells[1], cells[-2]
         return cells
 
     return extended
 
 
-def _with_absent_cell(values: Tensor) -> Tensor:
-    """`values` (…, cells), followed by the 0 that places of the dense grid which are not occupied read."""
-    from torch.nn.functional import pad
-
-    return pad(values, (0, 1))
+def _with_neighbours(values: Tensor, stride: int) -> Tensor:
+    """Each of `values` (layer size,) plus the ones before and after it along an axis of the layer."""
+    sums = values.clone()
+    sums[stride:] += values[:-stride]
+    sums[:-stride] += values[stride:]
+    return sums
 
 
 def _weights_between_centres(edge: int) -> Tensor:
@@ -168,10 +179,3 @@ def _weights_between_centres(edge: int) -> Tensor:
     import torch
 
     return (torch.arange(edge) + edge // 2 - 0.5 * (edge - 1)) / edge
-
-
-def _assign(out: Tensor, values: Tensor, where: Tensor | None) -> None:
-    """Overwrite `out` with `values`, where told."""
-    import torch
-
-    out.copy_(values if where is None else torch.where(where, values, out))

@@ -13,7 +13,7 @@ share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) 
 cell. Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them,
 which leaves no blocks.
 
-**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). A few steps bring n near; then m is *set* to
+**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
 n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
 
 **Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (here on paper, not in
@@ -21,7 +21,8 @@ rounded numbers), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal 
 (Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours differ in
 colour, as on a chessboard, so that E takes red cells to black ones and back. Eliminating the black ones leaves
 (1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones, symmetric and positive definite, which conjugate gradients solve in half
-of the iterations, each on half of the cells.
+of the iterations, each on half of the cells. What they leave of the right-hand side is added to z_r at the end: the eigenvalues
+lie in (0, 1], so that this shrinks what is left of the error.
 
 References:
     Barron, Adams, Shih, Hernández: Fast bilateral-space stereo for synthetic defocus. CVPR 2015.
@@ -35,7 +36,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
 from . import large_arrays
-from .bilateral_grid import GridLayout, VoxelCells, splat
+from .bilateral_cells import Target, splat
+from .bilateral_grid import GridLayout, VoxelCells
 from .bilateral_slice import slice_multilinear, slice_nearest
 from .bilateral_system import solve_cells
 from .errors import InputError
@@ -46,8 +48,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from torch import Tensor
-
-    from .bilateral_grid import ReadSlices
 
 Slicing = Literal["multilinear", "nearest"]
 
@@ -67,9 +67,9 @@ class BilateralSolverSettings:
 
     sigma_spatial_mm: float = 6.0
     sigma_luma: float = 10.0 / 255.0
-    smoothness: float = 8.0
+    smoothness: float = 32.0
     max_iterations: int = 50
-    tolerance: float = 1e-3
+    tolerance: float = 2e-3
     slicing: Slicing = "multilinear"
 
     def __post_init__(self) -> None:
@@ -91,7 +91,8 @@ class BilateralSolution:
         map: (K, J, I) float32, within the range of the target.
         converged: whether the residual came below the tolerance.
         iterations: of conjugate gradients.
-        residual: norm of what the equation leaves unsolved, relative to its right-hand side, in the Jacobi scaling.
+        residual: norm of what conjugate gradients leave of the equation, relative to its right-hand side, in the Jacobi
+            scaling. The map is a little better than it says: what is left is added to it.
         cells: occupied cells, the unknowns; 0 where there was nothing to solve.
         smoothness: λ that was used; below the one asked for where that was beyond `MAX_SMOOTHNESS`.
         cell_voxels: voxels along the edges of the grid's cells, (K, J, I): what `sigma_spatial_mm` was rounded to.
@@ -134,17 +135,8 @@ def refine_map(
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
     with Workers(intensities.device) as workers:
         if large_arrays.all_finite(low_resolution_map):
-            # Held by no name here, so that it can be let go of before the map is written.
-            return _refine(
-                Upsampling(low_resolution_map, intensities.shape).read,
-                None,
-                intensities,
-                window,
-                active,
-                layout,
-                settings,
-                workers,
-            )
+            target = Target(Upsampling(low_resolution_map, intensities.shape).read, _largest(low_resolution_map))
+            return _refine(target, None, intensities, window, active, layout, settings, workers)
         target, confidence = _without_unknown_voxels(upsampled(low_resolution_map, intensities.shape), None)
         return _refine(target, confidence, intensities, window, active, layout, settings, workers)
 
@@ -204,27 +196,41 @@ def _layout(volume: Tensor, spacing_mm: Sequence[float], settings: BilateralSolv
 def _active_cells(where: Tensor, threshold: float, layout: GridLayout) -> Tensor:
     """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
     import torch
-    from torch.nn.functional import adaptive_max_pool3d, max_pool3d
 
-    above = torch.where(where > threshold, 1.0, 0.0)[None, None]
-    return max_pool3d(adaptive_max_pool3d(above, layout.cells), 3, stride=1, padding=1)[0, 0] > 0
+    above = where > threshold
+    for axis, (n, cells) in enumerate(zip(where.shape, layout.cells, strict=True)):
+        # The map's elements from the first in the cell before each to the last in the cell after; axis by axis, as for boxes.
+        cell = torch.arange(cells, device=where.device)
+        first = (cell - 1).clamp_(min=0) * n // cells
+        last = -(-(cell + 2).clamp_(max=cells) * n // cells) - 1
+        near = above.index_select(axis, first)
+        for step in range(1, int((last - first).max()) + 1):
+            near |= above.index_select(axis, torch.minimum(first + step, last))
+        above = near
+    return above
 
 
-def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[ReadSlices, Tensor | None]:
+def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[Target, Tensor | None]:
     """The target, where voxels that are not finite have the lowest value that is; and confidence, which these have none of."""
     import torch
 
-    if large_arrays.all_finite(target):
-        return target.__getitem__, confidence
-    finite = torch.isfinite(target)
-    if not bool(finite.any()):
-        raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
-    known = finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
-    return torch.where(finite, target, target[finite].min()).__getitem__, known
+    if not large_arrays.all_finite(target):
+        finite = torch.isfinite(target)
+        if not bool(finite.any()):
+            raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
+        confidence = finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
+        target = torch.where(finite, target, target[finite].min())
+    return Target(target.__getitem__, _largest(target)), confidence
+
+
+def _largest(target: Tensor) -> float:
+    """The greatest magnitude."""
+    lowest, highest = target.aminmax()
+    return max(abs(float(lowest)), abs(float(highest)))
 
 
 def _refine(
-    read_target: ReadSlices,
+    target: Target,
     confidence: Tensor | None,
     intensities: Tensor,
     window: tuple[float, float],
@@ -241,27 +247,25 @@ def _refine(
     refined = large_arrays.empty(intensities.shape, torch.float32, intensities.device)
     unsolved = BilateralSolution(refined, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
     region = refined
-    finite = large_arrays.all_finite(intensities)
-    if active is not None or not finite:
-        # Otherwise every voxel is written once, by slicing.
-        _read_all(read_target, layout, out=refined)
-        if active is not None:
-            if not bool(active.any()):
-                return unsolved
-            box, layout, active = _cropped(layout, active)
-            region, intensities = refined[box], intensities[box]
-            confidence = None if confidence is None else confidence[box]
-        read_target = region.__getitem__
-    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, finite, active)
-    cells, numbers = splat(voxel_cells, read_target, confidence, workers)
+    if active is not None:
+        # What is not near the structure keeps the target.
+        _read_all(target, refined, layout, workers)
+        if not bool(active.any()):
+            return unsolved
+        box, layout, active = _cropped(layout, active)
+        region, intensities = refined[box], intensities[box]
+        confidence = None if confidence is None else confidence[box]
+        target = Target(region.__getitem__, target.largest)
+    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, active)
+    cells, places = splat(voxel_cells, target, confidence, workers)
     if not bool(cells.confidence.any()):
-        _read_all(read_target, layout, out=region)
+        _read_all(target, region, layout, workers)
         return unsolved
-    solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance)
+    solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
     # Memory for the map, which is written now.
-    del cells, read_target
+    del cells
     slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
-    slice_cells(voxel_cells, numbers, solution.values, region, workers)
+    slice_cells(voxel_cells, places, solution.values, target, region, workers)
     return replace(
         unsolved,
         converged=solution.residual <= settings.tolerance,
@@ -272,9 +276,14 @@ def _refine(
     )
 
 
-def _read_all(read_target: ReadSlices, layout: GridLayout, out: Tensor) -> None:
-    for _, slices in layout.layers():
-        out[slices] = read_target(slices)
+def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers) -> None:
+    rows = slice(0, layout.voxels[1])
+
+    def read(layers: Sequence[tuple[int, slice]]) -> None:
+        for k in range(layers[0][1].start, layers[-1][1].stop):
+            out[k : k + 1] = target.read((slice(k, k + 1), rows))
+
+    workers.share_out(layout.layers(), read)
 
 
 def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 from . import large_arrays
@@ -20,29 +21,52 @@ def upsampled(coarse: Tensor, shape: Sequence[int]) -> Tensor:
     import torch
 
     fine = large_arrays.empty(shape, torch.float32, coarse.device)
-    Upsampling(coarse, shape).read(slice(0, shape[0]), out=fine)
+    Upsampling(coarse, shape).read((slice(0, shape[0]), slice(0, shape[1])), out=fine)
     return fine
 
 
 class Upsampling:
-    """A coarse map that is read at a volume's resolution, a few slices at a time."""
+    """A coarse map that is read at a volume's resolution, some slices and rows at a time, by any number of threads."""
 
     def __init__(self, coarse: Tensor, shape: Sequence[int]) -> None:
         import torch
-        from torch.nn.functional import interpolate
 
-        planes = coarse.to(torch.float32)[:, None]
-        self._planes = interpolate(planes, size=tuple(shape[1:]), mode="bilinear", align_corners=False)[:, 0]
+        self._coarse = coarse.to(torch.float32)
         self._planes_per_slice = len(coarse) / shape[0]
+        self._columns = shape[2]
+        positions = (torch.arange(shape[1], device=coarse.device) + 0.5) * (coarse.shape[1] / shape[1]) - 0.5
+        positions.clamp_(0.0, coarse.shape[1] - 1.0)
+        self._lower_row = positions.to(torch.int64)
+        self._upper_row = (self._lower_row + 1).clamp_(max=coarse.shape[1] - 1)
+        self._upper_weight = (positions - self._lower_row)[:, None]
+        self._of_thread = threading.local()
 
-    def read(self, slices: slice, out: Tensor | None = None) -> Tensor:
-        """(slices, J, I) float32."""
+    def read(self, piece: tuple[slice, slice], out: Tensor | None = None) -> Tensor:
+        """(slices, rows, I) float32."""
         import torch
 
-        out = self._planes.new_empty(slices.stop - slices.start, *self._planes.shape[1:]) if out is None else out
-        last = len(self._planes) - 1
+        slices, rows = piece
+        if out is None:
+            out = self._coarse.new_empty(slices.stop - slices.start, rows.stop - rows.start, self._columns)
+        last = len(self._coarse) - 1
         for k, plane in zip(range(slices.start, slices.stop), out, strict=True):
             position = min(max((k + 0.5) * self._planes_per_slice - 0.5, 0.0), float(last))
-            lower = int(position)
-            torch.lerp(self._planes[lower], self._planes[min(lower + 1, last)], position - lower, out=plane)
+            before = int(position)
+            lower, upper = self._plane(before), self._plane(min(before + 1, last))
+            torch.lerp(lower[rows], upper[rows], position - before, out=plane)
         return out
+
+    def _plane(self, number: int) -> Tensor:
+        """(J, I): a coarse plane interpolated. A thread reads the same two for several slices in a row, and keeps them."""
+        import torch
+        from torch.nn.functional import interpolate
+
+        planes: dict[int, Tensor] = self._of_thread.__dict__.setdefault("planes", {})
+        if number not in planes:
+            if len(planes) == 2:
+                del planes[next(iter(planes))]
+            rows = interpolate(self._coarse[number][None], size=self._columns, mode="linear", align_corners=False)[0]
+            # Along J, by whole rows: several times faster than `interpolate`.
+            lower, upper = rows.index_select(0, self._lower_row), rows.index_select(0, self._upper_row)
+            planes[number] = torch.lerp(lower, upper, self._upper_weight)
+        return planes[number]

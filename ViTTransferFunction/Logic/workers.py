@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
@@ -48,12 +49,17 @@ class Workers:
             self._pool.shutdown()
             torch.set_num_threads(self._torch_threads)
 
+    @property
+    def shares(self) -> int:
+        """How many parts a loop is divided into, where it is long enough."""
+        return 1 if self._pool is None else SHARES_PER_WORKER * self._torch_threads
+
     def share_out(self, items: Sequence[Item], work: Callable[[Sequence[Item]], None]) -> None:
         """Call `work` with runs of consecutive items until all are done. It must not matter in which order."""
-        if self._pool is None:
+        shares = min(self.shares, len(items))
+        if self._pool is None or shares <= 1:
             work(items)
             return
-        size = max(1, -(-len(items) // (SHARES_PER_WORKER * self._torch_threads)))
-        shares = [items[start : start + size] for start in range(0, len(items), size)]
+        ends = [len(items) * share // shares for share in range(shares + 1)]
         # Listed, so that an error is raised here.
-        list(self._pool.map(work, shares))
+        list(self._pool.map(work, [items[start:end] for start, end in itertools.pairwise(ends)]))

@@ -223,7 +223,10 @@ def test_number_of_threads_changes_no_bit(slicing):
     assert torch.equal(one.map, several.map)
 
 
-@pytest.mark.parametrize(("constant", "value"), [("bilateral_grid.CHUNK_CELLS", 7), ("bilateral_slice.BAND_NUMBERS", 1)])
+@pytest.mark.parametrize(
+    ("constant", "value"),
+    [("bilateral_system.CHUNK_CELLS", 7), ("bilateral_grid.PIECE_VOXELS", 30), ("bilateral_slice.BAND_NUMBERS", 1)],
+)
 @pytest.mark.parametrize("threshold", [None, 0.5])
 def test_working_in_small_pieces_changes_no_bit(constant, value, threshold, monkeypatch):
     target, luma = a_noisy_step((9, 14, 20))

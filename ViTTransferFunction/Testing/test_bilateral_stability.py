@@ -63,6 +63,30 @@ def test_constant_map_stays_constant(slicing):
     assert solution.converged
 
 
+@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
+def test_map_of_zeros_stays_zero(slicing):
+    _, luma = a_noisy_step()
+    assert not bool(
+        solve_bilateral(torch.zeros(luma.shape), luma, None, UNIT_SPACING, some_settings(slicing=slicing)).map.any()
+    )
+
+
+@pytest.mark.parametrize("magnitude", [1e-12, 1e12])
+def test_tiny_and_huge_targets_are_solved_as_precisely(magnitude):
+    target, luma = a_noisy_step()
+    plain = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
+    scaled = solve_bilateral(target * magnitude, luma, None, UNIT_SPACING, some_settings())
+    np.testing.assert_allclose(scaled.map / magnitude, plain.map, atol=1e-5)
+
+
+def test_cells_with_too_many_voxels_to_pack_their_sums_are_solved_alike(monkeypatch):
+    target, luma = a_noisy_step()
+    packed = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
+    monkeypatch.setattr("ViTTransferFunction.Logic.bilateral_cells.MAX_PACKED_VOXELS", 0)
+    separate = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
+    np.testing.assert_allclose(separate.map, packed.map, atol=1e-6)
+
+
 @pytest.mark.parametrize("window", [(100.0, 100.0), (0.0, 200.0)])
 def test_constant_volume_is_smoothed_in_space_only(window):
     target, luma = a_noisy_step()
@@ -233,6 +257,14 @@ def test_conjugate_gradients_end_where_rounding_has_taken_the_curvature():
     solution, iterations, residual = _conjugate_gradients(torch.zeros_like, torch.ones(3), max_iterations=10, tolerance=1e-6)
     assert torch.equal(solution, torch.zeros(3))
     assert (iterations, residual) == (0, 1.0)
+
+
+def test_solution_is_better_than_the_residual_says():
+    eigenvalues = torch.linspace(0.1, 1.0, 50)
+    right_hand_side = torch.rand(50, generator=torch.Generator().manual_seed(23))
+    solution, _, residual = _conjugate_gradients(eigenvalues.__mul__, right_hand_side.clone(), max_iterations=3, tolerance=1e-6)
+    left = (right_hand_side - eigenvalues * solution).norm() / right_hand_side.norm()
+    assert 0.0 < float(left) < 0.9 * residual
 
 
 def test_smoothness_beyond_the_limit_is_reported_as_capped():
