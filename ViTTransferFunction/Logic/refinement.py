@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, get_args
 
 import numpy as np
 
 from .errors import InputError
 from .feature_volume import sample_at
+from .intensity_evidence import weighed_by_intensity
 from .intensity_window import IntensityWindow
 from .volume import Volume
 
@@ -16,6 +18,8 @@ REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
 
 ACTIVE_SHARE_OF_ISO = 0.5
 """Voxels whose map stays below this share of the iso value are far from the surface and are not refined."""
+SIGMA_SHARE_OF_CELL = 0.6
+"""Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
 
 
 def refine(
@@ -28,6 +32,9 @@ def refine(
 ) -> np.ndarray:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
+    First every voxel near the structure is weighed by its own intensity (`intensity_evidence`), then smoothed along with those
+    like it.
+
     Args:
         similarity: S_L, (K', J', I') float32 in [0, 1], on cells that fill the volume's box.
         volume: the intensities.
@@ -37,27 +44,72 @@ def refine(
         method: "bilateral": 3D bilateral solver; "guided": 3D guided filter; "none": trilinear upsampling alone.
 
     Returns:
-        S_H, (K, J, I) float32, within the range of `similarity`.
+        S_H, (K, J, I) float32 in [0, 1].
     """
     import torch
 
-    from .bilateral_solver import refine_map
     from .upsampling import upsampled
 
-    low = torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32))
-    if method == "none":
-        return upsampled(low, volume.shape).numpy()
+    if method not in REFINEMENT_METHODS:
+        raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
+    refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
+    box = _active_box(similarity > ACTIVE_SHARE_OF_ISO * iso, volume.shape)
+    if method == "none" or box is None:
+        return refined
     window = class_window(volume, display, positive_ras)
-    intensities = torch.from_numpy(np.ascontiguousarray(volume.array))
-    spacing_mm = tuple(volume.geometry.spacing_mm[::-1].tolist())
+    intensities = np.ascontiguousarray(volume.array[box])
+    weighed = weighed_by_intensity(refined[box], intensities, window, iso)
+    spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
-        bounds = (window.low, window.high)
-        return refine_map(low, intensities, bounds, spacing_mm, threshold=ACTIVE_SHARE_OF_ISO * iso).map.numpy()
-    if method == "guided":
-        from .guided_filter import guided_filter
+        cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
+        refined[box] = _solved(weighed, intensities, window, spacing_mm, cell_edge_mm, ACTIVE_SHARE_OF_ISO * iso)
+    else:
+        refined[box] = _filtered(weighed, intensities, window, spacing_mm)
+    return refined
 
-        return guided_filter(upsampled(low, volume.shape), torch.from_numpy(window.apply(volume.array)), spacing_mm).numpy()
-    raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
+
+def _active_box(active: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice, slice] | None:
+    """The smallest box of a volume's voxels, `shape`, that holds all active cells and one cell around them; None for none."""
+    extents = []
+    for axis, voxels in enumerate(shape):
+        indices = np.flatnonzero(active.any(axis=tuple(other for other in range(3) if other != axis)))
+        if not len(indices):
+            return None
+        voxels_per_cell = voxels / active.shape[axis]
+        low = math.floor((indices[0] - 1) * voxels_per_cell)
+        high = math.ceil((indices[-1] + 2) * voxels_per_cell)
+        extents.append(slice(max(low, 0), min(high, voxels)))
+    k, j, i = extents
+    return k, j, i
+
+
+def _solved(
+    target: np.ndarray,
+    intensities: np.ndarray,
+    window: IntensityWindow,
+    spacing_mm: np.ndarray,
+    cell_edge_mm: float,
+    threshold: float,
+) -> np.ndarray:
+    """The bilateral solver's answer; it smooths over most of a feature cell, and over two voxels at least."""
+    import torch
+
+    from .bilateral_solver import BilateralSolverSettings, refine_map
+
+    sigma_mm = max(SIGMA_SHARE_OF_CELL * cell_edge_mm, 2.0 * float(spacing_mm.min()))
+    bounds = (window.low, window.high)
+    settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
+    tensors = torch.from_numpy(target), torch.from_numpy(intensities)
+    return refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold).map.numpy()
+
+
+def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray) -> np.ndarray:
+    import torch
+
+    from .guided_filter import guided_filter
+
+    luma = torch.from_numpy(window.apply(intensities))
+    return guided_filter(torch.from_numpy(target), luma, tuple(spacing_mm.tolist())).numpy()
 
 
 def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:
