@@ -24,9 +24,12 @@ import numpy as np
 
 from .annotations import AnnotatedClass
 from .feature_statistics import ComparableFeatures
+from .feature_volume import sample_at
+from .geometry import Geometry
 from .intensity_rank import IntensityRank
-from .iso_value import choose_iso_by_edges, edge_strength_at, prior_iso
+from .iso_value import POINTS_TO_HALF_REFINED, choose_iso_by_edges, choose_stable_iso, edge_strength_at, prior_iso
 from .orientation import upright_orientation
+from .precision import fastest_precision
 from .volume import Volume
 
 FEATURE_SHARPNESS = 2.5
@@ -48,6 +51,8 @@ ROWS_AT_ONCE = 32
 """Room for so many points is made when there is none left."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
+ISO_CELLS = 100_000
+"""The iso value is chosen from so many cells at most, spread evenly: more would change nothing but the time."""
 
 
 class KernelSimilarity:
@@ -63,16 +68,19 @@ class KernelSimilarity:
         self._rank = IntensityRank(volume)
         centres = features.geometry.voxel_centres_ras()
         self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._rank.around(centres))
-        axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
-        steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
-        self._edge_strength = edge_strength_at(self._rank, centres, steps_ras)
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
         indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))
-        chosen = np.random.default_rng(0).permutation(indices.ravel())[:BACKGROUND_CELLS]
-        self._background = self._cells.subset(chosen)
-        self._rows = _KernelRows(self._kernel(self._background, self._cells))
-        self._background_kernel = self._rows.of_background[:, chosen].astype(np.float64)
+        drawn = np.random.default_rng(0).permutation(indices.ravel())
+        background = drawn[:BACKGROUND_CELLS]
+        self._background = self._cells.subset(background)
+        rows = self._kernel(self._background, self._cells)
+        self._background_kernel = rows[:, background].astype(np.float64)
+        self._rows = _KernelRows(rows)
+        self._iso_cells = np.sort(drawn[:ISO_CELLS])
+        axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
+        steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
+        self._edge_strength = edge_strength_at(self._rank, centres[self._iso_cells], steps_ras)
 
     def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
         """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
@@ -84,17 +92,24 @@ class KernelSimilarity:
         weights[:, : len(self._background.ranks)] = background_weights.T
         # Added, not set: the same place may have been annotated twice.
         np.add.at(weights.T, np.array(indices), point_weights)
-        scores = weights @ self._rows.used
+        scores = self._rows.weighted(weights)
         return np.clip(scores, 0.0, 1.0, out=scores).reshape(len(classes), *self._features.geometry.shape)
 
     def _row(self, points: _Places, index: int) -> np.ndarray:
         """Kernel of the index-th point with all cells, (cells,) float32."""
         return self._kernel(points.subset(np.array([index])), self._cells)[0]
 
-    def iso(self, annotated: AnnotatedClass, at_cells: np.ndarray, at_positives: np.ndarray) -> float:
-        """The iso value of a map, from its values at the cells' centres (K', J', I') and at the positive points (P,)."""
-        prior = prior_iso(len(np.unique(annotated.positive, axis=0)))
-        return choose_iso_by_edges(at_cells.ravel(), self._edge_strength, at_positives, prior)
+    def iso(self, annotated: AnnotatedClass, similarity: np.ndarray) -> float:
+        """The iso value of a class's map S_L (K', J', I')."""
+        at_positives = sample_at(similarity[..., None], self._features.geometry, annotated.positive)
+        prior = prior_iso(_different(annotated.positive))
+        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, prior)
+
+    def refined_iso(self, annotated: AnnotatedClass, similarity: np.ndarray, geometry: Geometry) -> float:
+        """The iso value of a class's refined map S_H (K, J, I) on `geometry`."""
+        at_positives = sample_at(similarity[..., None], geometry, annotated.positive)
+        prior = prior_iso(_different(annotated.positive), POINTS_TO_HALF_REFINED)
+        return choose_stable_iso(similarity, at_positives, prior)
 
     def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
@@ -129,27 +144,28 @@ class KernelSimilarity:
 class _KernelRows:
     """Kernels with all cells, one row for each place: first the background's, then those of points, which come and go.
 
-    Rows are kept from click to click, so that a click costs one new row and one product with all of them.
+    Rows are kept from click to click, so that a click costs one new row and one product with all of them. That product waits
+    for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
     """
 
     def __init__(self, of_background: np.ndarray) -> None:
-        self._rows = of_background
+        import torch
+
+        self._rows = torch.from_numpy(of_background).to(fastest_precision(torch.device("cpu")))
         self._background = len(of_background)
         self._row_of_key: dict[bytes, int] = {}
         self.count = self._background
 
-    @property
-    def of_background(self) -> np.ndarray:
-        """(background, cells) float32."""
-        return self._rows[: self._background]
+    def weighted(self, weights: np.ndarray) -> np.ndarray:
+        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32; rows of points that are gone have 0."""
+        import torch
 
-    @property
-    def used(self) -> np.ndarray:
-        """(count, cells) float32; rows of points that are gone may be among them."""
-        return self._rows[: self.count]
+        return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
 
     def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> list[int]:
         """The rows of points; `compute` makes the row of the point with that index in `keys`, where there is none yet."""
+        import torch
+
         for gone in self._row_of_key.keys() - set(keys):
             del self._row_of_key[gone]
         taken = set(self._row_of_key.values())
@@ -158,14 +174,14 @@ class _KernelRows:
                 row = next(row for row in itertools.count(self._background) if row not in taken)
                 taken.add(row)
                 self._make_room(row)
-                self._rows[row] = compute(index)
+                self._rows[row] = torch.from_numpy(compute(index))
                 self._row_of_key[key] = row
         self.count = max(taken, default=self._background - 1) + 1
         return [self._row_of_key[key] for key in keys]
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):
-            grown = np.zeros((row + ROWS_AT_ONCE, self._rows.shape[1]), dtype=np.float32)
+            grown = self._rows.new_zeros((row + ROWS_AT_ONCE, self._rows.shape[1]))
             grown[: len(self._rows)] = self._rows
             self._rows = grown
 
@@ -178,6 +194,11 @@ class _Places:
 
     def subset(self, index: np.ndarray) -> _Places:
         return _Places(self.features[index], self.positions_ras[index], self.ranks[index])
+
+
+def _different(points_ras: np.ndarray) -> int:
+    """How many of the points are different ones."""
+    return len(np.unique(points_ras, axis=0))
 
 
 def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from .annotations import AnnotatedClass, check_classes
 from .classification import choose_iso, compete, keep_annotated_components
+from .click_hint import click_hint
 from .feature_cache import FeatureCache
 from .feature_extraction import extract_features, features_size_bytes
 from .feature_settings import FeatureSettings, feature_key
@@ -184,10 +185,11 @@ class SegmentationSession:
             for similarity, annotated in zip(maps, classes, strict=True):
                 if annotated.proximity > 0.0:
                     similarity *= proximity(self.features.geometry, annotated.positive, annotated.proximity)
-            return [
-                ClassMap(similarity, self._iso(similarity, self.features.geometry, classes, index))
-                for index, similarity in enumerate(maps)
-            ]
+            return [ClassMap(similarity, self._iso(similarity, classes, index)) for index, similarity in enumerate(maps)]
+
+    def click_hint(self, low: ClassMap, classes: Sequence[AnnotatedClass]) -> np.ndarray:
+        """Where a further click would tell most about the class of S_L `low`, (3,) RAS millimetres; see `click_hint`."""
+        return click_hint(low.similarity, low.iso, self.features.geometry, classes)
 
     def refined_map(self, low: ClassMap, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its iso value.
@@ -198,7 +200,8 @@ class SegmentationSession:
         with self.watch.step("refinement"):
             wanted = method if annotated.refine else "none"
             similarity = refine(low.similarity, self.volume, self.display_window, annotated.positive, low.iso, wanted)
-            return ClassMap(similarity, self._iso(similarity, self.volume.geometry, classes, index))
+            iso = low.iso if wanted == "none" else self._refined_iso(similarity, classes, index)
+            return ClassMap(similarity, iso)
 
     def segment(
         self,
@@ -267,26 +270,23 @@ class SegmentationSession:
         average = mean_published_similarity if self.preset.similarity == "published" else mean_cosine
         return [mean_similarity_map(self.features, annotated, average) for annotated in classes]
 
-    def _iso(self, similarity: np.ndarray, geometry: Geometry, classes: Sequence[AnnotatedClass], index: int) -> float:
+    def _iso(self, similarity: np.ndarray, classes: Sequence[AnnotatedClass], index: int) -> float:
+        """The iso value of the index-th class's S_L."""
         annotated = classes[index]
         if annotated.iso is not None:
             return annotated.iso
-        at_positives = sample_at(similarity[..., None], geometry, annotated.positive)
         if self._kernel_similarity is not None:
-            return self._kernel_similarity.iso(annotated, self._at_cells(similarity, geometry), at_positives)
-        others = [other.positive for position, other in enumerate(classes) if position != index]
-        negatives = np.concatenate([annotated.negative, *others])
-        return choose_iso(at_positives, sample_at(similarity[..., None], geometry, negatives))
+            return self._kernel_similarity.iso(annotated, similarity)
+        return _iso_between_points(similarity, self.features.geometry, classes, index)
 
-    def _at_cells(self, similarity: np.ndarray, geometry: Geometry) -> np.ndarray:
-        """A map's values at the feature cells' centres, (K', J', I'): of the nearest voxel where it has full resolution."""
-        if geometry is self.features.geometry:
-            return similarity
-        nearest = [
-            np.clip(np.round((np.arange(cells) + 0.5) * voxels / cells - 0.5).astype(int), 0, voxels - 1)
-            for cells, voxels in zip(self.features.geometry.shape, similarity.shape, strict=True)
-        ]
-        return similarity[np.ix_(*nearest)]
+    def _refined_iso(self, similarity: np.ndarray, classes: Sequence[AnnotatedClass], index: int) -> float:
+        """The iso value of the index-th class's S_H."""
+        annotated = classes[index]
+        if annotated.iso is not None:
+            return annotated.iso
+        if self._kernel_similarity is not None:
+            return self._kernel_similarity.refined_iso(annotated, similarity, self.volume.geometry)
+        return _iso_between_points(similarity, self.volume.geometry, classes, index)
 
     def _results(self, classes: Sequence[AnnotatedClass], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
         counts = np.bincount(labels.ravel(), minlength=len(classes) + 1)
@@ -301,3 +301,10 @@ def open_network(weights: WeightsFile, device: torch.device) -> VisionTransforme
     from .vision_transformer import VisionTransformer
 
     return VisionTransformer(weights.model, load_state_dict(weights.path), weights.sha256, device)
+
+
+def _iso_between_points(similarity: np.ndarray, geometry: Geometry, classes: Sequence[AnnotatedClass], index: int) -> float:
+    """The iso value between a class's map at its positive points and at its negative and all other classes' points."""
+    others = [other.positive for position, other in enumerate(classes) if position != index]
+    positive, negative = classes[index].positive, np.concatenate([classes[index].negative, *others])
+    return choose_iso(*(sample_at(similarity[..., None], geometry, points) for points in (positive, negative)))

@@ -7,7 +7,7 @@ import pytest
 
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.intensity_rank import IntensityRank
-from ViTTransferFunction.Logic.iso_value import choose_iso_by_edges, edge_strength_at, prior_iso
+from ViTTransferFunction.Logic.iso_value import choose_iso_by_edges, choose_stable_iso, edge_strength_at, prior_iso
 from ViTTransferFunction.Logic.volume import Volume
 
 
@@ -40,6 +40,36 @@ def test_the_iso_value_stays_below_the_map_at_the_positive_points() -> None:
 
 def test_an_empty_map_has_a_defined_iso_value() -> None:
     assert 0.0 < choose_iso_by_edges(np.zeros(10), np.ones(10), np.array([0.0]), 0.3) < 1.0
+
+
+def ball_map(radius: float = 10.0, softness: float = 0.4, inside: float = 0.7, outside: float = 0.15) -> np.ndarray:
+    """A refined map of a ball: a plateau, a steep edge at the radius, and a slope around it that reaches zero; 48³ voxels."""
+    axis = np.arange(48) - 23.5
+    distance = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
+    slope = np.clip(outside * (1.0 - (distance - radius) / 14.0), 0.0, outside)
+    edge = 1.0 / (1.0 + np.exp((distance - radius) / softness))
+    return (slope + edge * (inside - 0.02 * distance - slope)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.15), (0.9, 0.05), (0.6, 0.2), (0.9, 0.3)])
+@pytest.mark.parametrize("prior", [0.2, 0.35])
+def test_the_stable_iso_value_lies_on_the_steep_edge(inside: float, outside: float, prior: float) -> None:
+    iso = choose_stable_iso(ball_map(inside=inside, outside=outside), np.array([inside]), prior)
+    assert outside < iso < inside - 0.2
+    volume = np.count_nonzero(ball_map(inside=inside, outside=outside) > iso)
+    assert volume == pytest.approx(4 / 3 * np.pi * 10.0**3, rel=0.2)
+
+
+def test_the_stable_iso_value_does_not_depend_on_how_finely_the_map_is_sampled() -> None:
+    fine = np.repeat(np.repeat(np.repeat(ball_map(), 3, 0), 3, 1), 3, 2)
+    args = np.array([0.7]), 0.25
+    assert choose_stable_iso(fine, *args) == pytest.approx(choose_stable_iso(ball_map(), *args), rel=0.02)
+
+
+def test_the_stable_iso_value_keeps_positive_points_inside_and_is_defined_for_flat_maps() -> None:
+    assert choose_stable_iso(ball_map(), np.array([0.2]), 0.4) <= 0.16 + 1e-9
+    for level in (0.0, 0.005, 0.3, 1.0):
+        assert 0.0 < choose_stable_iso(np.full((5, 5, 5), level), np.array([level]), 0.3) < 1.0
 
 
 def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:
