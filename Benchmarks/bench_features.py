@@ -1,7 +1,8 @@
 """Features' cost against what it loses: `python dev.py bench features --volumes DIR [--weights PATH]`.
 
 Every setting is run on every labelled volume in a process of its own (`feature_runs`); then the same simulated clicks tell
-what its features are worth. What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
+what its features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it
+alone (`--published-cases`). What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
 had in parts. Writes `features.json`, `features.md` and `features.png` to Benchmarks/results.
 """
 
@@ -14,18 +15,18 @@ import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from Benchmarks.bench_accuracy import CASES, Case, merged_labels
 from Benchmarks.feature_errors import cosine_errors, dice_by_clicks
 from Benchmarks.feature_report import write_report
-from Benchmarks.feature_runs import REFERENCE, SETTINGS
-from ViTTransferFunction.Logic.atomic_file import replacing
+from Benchmarks.feature_runs import PUBLISHED, REFERENCE, SETTINGS
+from Benchmarks.kept_results import KeptResults
+from Benchmarks.labelled_cases import SCANS, Case, merged_labels
 from ViTTransferFunction.Logic.cache_folder import cache_folder
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
@@ -35,6 +36,7 @@ from ViTTransferFunction.Logic.weights import find_weights, identify_model
 RESULTS = Path(__file__).parent / "results"
 SIZES = (128, 256, 512)
 DEFAULT = next(name for name, settings in SETTINGS.items() if settings == PRESETS[DEFAULT_PRESET].features)
+SHORT = [name for name in SETTINGS if name != PUBLISHED]
 
 
 def main() -> None:
@@ -44,20 +46,31 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
     parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
     parser.add_argument("--device", default="auto")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in CASES], help="only these volumes")
-    parser.add_argument("--settings", nargs="*", choices=list(SETTINGS), default=list(SETTINGS), help="only these settings")
+    parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], help="only these volumes")
+    parser.add_argument("--settings", nargs="*", choices=SHORT, default=SHORT, help="only these settings")
+    parser.add_argument(
+        "--published-cases",
+        nargs="*",
+        choices=[case.name for case in SCANS],
+        default=[],
+        help="volumes to run the published way on, too",
+    )
     parser.add_argument("--keep", type=Path, default=cache_folder() / "bench_features", help="folder for what was measured")
     options = parser.parse_args()
     weights = find_weights(identify_model(options.weights) or options.model, options.weights)
     bench = Bench(options.volumes, weights.path, weights.model.name, options.device, options.keep)
-    cases = [case for case in CASES if not options.cases or case.name in options.cases]
-    # The references first: all errors are against theirs.
-    names = sorted({*options.settings, REFERENCE}, key=list(SETTINGS).index)
+    cases = [case for case in SCANS if not options.cases or case.name in options.cases]
+    names = sorted({*options.settings, REFERENCE, DEFAULT}, key=list(SETTINGS).index)
     report: dict[str, Any] = {
         "machine": bench.machine(),
         "command": command(options),
         "default": DEFAULT,
-        "rows": [bench.row(case, name) for case in cases for name in names],
+        "published_cases": [case.name for case in cases if case.name in options.published_cases],
+        "rows": [
+            bench.row(case, name)
+            for case in cases
+            for name in ([PUBLISHED] if case.name in options.published_cases else []) + names
+        ],
         "first_maps": [{"case": case.name, **bench.run("first map", "default", case)} for case in cases],
         "stages": {"case": cases[0].name, **bench.run("stages", "default", cases[0])},
         "scaling": [bench.run("scaling", str(size), cases[0]) for size in SIZES],
@@ -70,10 +83,10 @@ def main() -> None:
 def command(options: argparse.Namespace) -> str:
     """What was asked for, without the places where the data lie on this machine."""
     words = ["python dev.py bench features --volumes DIR --weights FILE"]
-    for name in ("cases", "settings"):
+    for name in ("cases", "settings", "published_cases"):
         chosen = getattr(options, name)
-        if chosen and chosen != list(SETTINGS):
-            words.append(f"--{name} {shlex.join(chosen)}")
+        if chosen and chosen != SHORT:
+            words.append(f"--{name.replace('_', '-')} {shlex.join(chosen)}")
     return " ".join(words)
 
 
@@ -89,8 +102,9 @@ class Bench:
     """
 
     def __init__(self, volumes: Path, weights: Path, model: str, device: str, keep: Path) -> None:
-        self._volumes, self._weights, self._model, self._device, self._keep = volumes, weights, model, device, keep
+        self._volumes, self._weights, self._model, self._device, self._folder = volumes, weights, model, device, keep
         keep.mkdir(parents=True, exist_ok=True)
+        self._kept = KeptResults(keep)
 
     def machine(self) -> dict[str, Any]:
         """What the figures depend on beside the code."""
@@ -112,7 +126,7 @@ class Bench:
             "case": case.name,
             "setting": name,
             **cost,
-            **self._kept(f"worth {case.name} {name}", lambda: self._worth(case, name)),
+            **self._kept.get(f"worth {case.name} {name}", lambda: self._worth(case, name)),
         }
 
     def run(self, kind: str, name: str, case: Case) -> dict[str, Any]:
@@ -127,7 +141,7 @@ class Bench:
             finished = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
             return json.loads(finished.stdout)
 
-        return self._kept(f"{kind} {case.name} {name}", measure)
+        return self._kept.get(f"{kind} {case.name} {name}", measure)
 
     def _worth(self, case: Case, name: str) -> dict[str, Any]:
         volume = read_volume(self._volumes / case.volume)
@@ -142,39 +156,42 @@ class Bench:
         return FeatureVolume(array, geometry.resized(array.shape[:3]), name)
 
     def _features_path(self, case: Case, name: str) -> Path:
-        return self._keep / f"{case.name} {name}.npy"
-
-    def _kept(self, name: str, measure: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        path = self._keep / f"{name}.json"
-        if not path.exists():
-            print(name, flush=True)
-            with replacing(path) as temporary:
-                temporary.write_text(json.dumps(measure()), encoding="utf-8")
-        return json.loads(path.read_text(encoding="utf-8"))
+        return self._folder / f"{case.name} {name}.npy"
 
 
 def summary(report: dict[str, Any]) -> dict[str, float]:
-    """The figures that are tracked: the default's, in the worst case where there are several."""
-    rows = {(row["case"], row["setting"]): row for row in report["rows"]}
-    cases = {row["case"] for row in report["rows"]}
-    of_default = [rows[case, DEFAULT] for case in cases if (case, DEFAULT) in rows]
+    """The figures that are tracked: the default's, in the worst case where there are several.
+
+    Against another way of computing features they are over the volumes that it was run on, and not there where there is none.
+    """
     figures = {
         "first_map_s": max(row["first_map_s"] for row in report["first_maps"]),
-        "extra_memory_bytes": max((row["peak_bytes"] - row["feature_bytes"] for row in of_default), default=float("nan")),
+        "extra_memory_bytes": max(
+            row["peak_bytes"] - row["feature_bytes"] for row in report["rows"] if row["setting"] == DEFAULT
+        ),
     }
-    pairs = [
-        (rows[case, "published"], rows[case, DEFAULT])
-        for case in cases
-        if {(case, "published"), (case, DEFAULT)} <= rows.keys()
-    ]
-    if pairs:
-        figures["speedup_vs_published"] = min(slow["seconds"] / fast["seconds"] for slow, fast in pairs)
-        figures["dice_loss"] = float(np.mean([mean_dice(slow) - mean_dice(fast) for slow, fast in pairs]))
-        figures["dice_loss_worst_volume"] = max(mean_dice(slow) - mean_dice(fast) for slow, fast in pairs)
-    against = [(rows[case, REFERENCE], rows[case, DEFAULT]) for case in cases if (case, DEFAULT) in rows]
-    figures["speedup_vs_every_slice"] = min(slow["seconds"] / fast["seconds"] for slow, fast in against)
-    figures["dice_loss_vs_every_slice"] = float(np.mean([mean_dice(slow) - mean_dice(fast) for slow, fast in against]))
+    for setting, name in ((PUBLISHED, "published"), (REFERENCE, "every_slice")):
+        pairs = pairs_with_default(report["rows"], setting)
+        if pairs:
+            figures |= against(pairs, name)
     return figures
+
+
+def pairs_with_default(rows: Sequence[dict[str, Any]], setting: str) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """The rows of a setting and of the default on the same volume, of all volumes that it was run on."""
+    of_default = {row["case"]: row for row in rows if row["setting"] == DEFAULT}
+    return [(row, of_default[row["case"]]) for row in rows if row["setting"] == setting and row["case"] in of_default]
+
+
+def against(pairs: Sequence[tuple[dict[str, Any], dict[str, Any]]], name: str) -> dict[str, float]:
+    """Least speed-up and loss of Dice of the second rows against the first ones."""
+    losses = [mean_dice(slow) - mean_dice(fast) for slow, fast in pairs]
+    suffix = "" if name == "published" else f"_vs_{name}"
+    return {
+        f"speedup_vs_{name}": min(slow["seconds"] / fast["seconds"] for slow, fast in pairs),
+        f"dice_loss{suffix}": float(np.mean(losses)),
+        f"dice_loss_worst_volume{suffix}": max(losses),
+    }
 
 
 def mean_dice(row: dict[str, Any]) -> float:

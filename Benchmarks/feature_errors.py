@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from Benchmarks.bench_accuracy import Case, classes_of
+from Benchmarks.labelled_cases import Case, classes_of
 from Benchmarks.segmentation_metrics import segmentation_metrics
 from Benchmarks.simulated_clicker import MOST_CLICKS, Clicks, click_in_rounds
 from ViTTransferFunction.Logic.feature_settings import FeatureSettings

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from Benchmarks.report_tables import table
 from ViTTransferFunction.Logic.atomic_file import replacing
 
 REPORTED_CLICKS = ("1", "3", "5", "10")
@@ -34,18 +35,26 @@ def _text(report: dict[str, Any]) -> str:
                 f"{machine}. Command: `{report['command']}`. 64 cells along the longest edge.",
                 f"The default is *{report['default']}*. Errors are mean 1 − cosine to *every slice*, over cells of the body. "
                 "Dice is the mean over the structures after so many simulated clicks each, and its mean over 1 to 10 clicks.",
+                _volumes_compared(report),
                 summary,
                 _settings_table(report["rows"]),
                 "## Coarse to fine",
                 _first_maps_table(report["first_maps"]),
                 f"Stages on {report['stages']['case']}, one patch a cell: error against the last.",
-                _table(["s", "error"], [[f"{s['seconds']:.1f}", f"{s['error']:.4f}"] for s in report["stages"]["stages"]]),
+                table(["s", "error"], [[f"{s['seconds']:.1f}", f"{s['error']:.4f}"] for s in report["stages"]["stages"]]),
                 "## Scaling of the default, generated volumes",
                 _scaling_table(report["scaling"]),
             ]
         )
         + "\n"
     )
+
+
+def _volumes_compared(report: dict[str, Any]) -> str:
+    """What the summary's figures against the published way are over."""
+    published = report["published_cases"]
+    volumes = f"over {', '.join(published)}" if published else "missing: it was not run"
+    return f"Figures against *every slice* are over all volumes, those against *published* {volumes}."
 
 
 def _settings_table(rows: Sequence[dict[str, Any]]) -> str:
@@ -67,7 +76,7 @@ def _settings_table(rows: Sequence[dict[str, Any]]) -> str:
         ]
         for row in rows
     ]
-    return _table(header, lines)
+    return table(header, lines)
 
 
 def _first_maps_table(rows: Sequence[dict[str, Any]]) -> str:
@@ -75,7 +84,7 @@ def _first_maps_table(rows: Sequence[dict[str, Any]]) -> str:
         [row["case"], "×".join(map(str, row["voxels"])), f"{row['first_map_s']:.1f}", f"{row['last_map_s']:.1f}"]
         for row in rows
     ]
-    return _table(["volume", "voxels", "first map, s", "last map, s"], lines)
+    return table(["volume", "voxels", "first map, s", "last map, s"], lines)
 
 
 def _scaling_table(rows: Sequence[dict[str, Any]]) -> str:
@@ -89,12 +98,7 @@ def _scaling_table(rows: Sequence[dict[str, Any]]) -> str:
         ]
         for row in rows
     ]
-    return _table(["size", "tokens", "s", "ms a token", "memory beyond the features, MB"], lines)
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return table(["size", "tokens", "s", "ms a token", "memory beyond the features, MB"], lines)
 
 
 def _plot(rows: Sequence[dict[str, Any]], path: Path) -> None:

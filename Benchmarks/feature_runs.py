@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from Benchmarks.bench_accuracy import CASES, classes_of, merged_labels
 from Benchmarks.feature_errors import cosine_errors
+from Benchmarks.labelled_cases import SCANS, classes_of, merged_labels
 from Benchmarks.simulated_clicker import first_click
 from Benchmarks.solver_phantom import body_phantom
 from ViTTransferFunction.Logic.device import choose_device
@@ -34,10 +34,11 @@ from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.volume_io import read_volume
 
+PUBLISHED = "published"
 REFERENCE = "every slice"
 _ONE_BY_ONE = FeatureSettings(thin_air=False, precision="float32")
 SETTINGS = {
-    "published": PRESETS["published"].features,
+    PUBLISHED: PRESETS["published"].features,
     REFERENCE: FeatureSettings(every_slice=True, thin_air=False),
     "one slice a layer, float32": _ONE_BY_ONE,
     "one slice a layer": replace(_ONE_BY_ONE, precision="fastest"),
@@ -56,7 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kind", choices=["setting", "first map", "stages", "scaling"])
     parser.add_argument("name", help="of the setting, or edge length of the generated volume")
-    parser.add_argument("--case", choices=[case.name for case in CASES], default=CASES[0].name)
+    parser.add_argument("--case", choices=[case.name for case in SCANS], default=SCANS[0].name)
     parser.add_argument("--volumes", type=Path, required=True)
     parser.add_argument("--weights", type=Path, required=True)
     parser.add_argument("--model", required=True)
@@ -76,9 +77,10 @@ def _setting(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _measured(volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> tuple[dict[str, Any], np.ndarray]:
-    estimate = feature_cost(volume, settings, network, calibrate(network, settings))
     before = _resident_bytes("VmRSS")
     _forget_peak()
+    # Counted as well: what calibration leaves in memory is what the run uses again.
+    estimate = feature_cost(volume, settings, network, calibrate(network, settings))
     start = time.perf_counter()
     features = extract_features(volume, network, settings).array
     seconds = time.perf_counter() - start
@@ -95,7 +97,7 @@ def _measured(volume: Volume, network: VisionTransformer, settings: FeatureSetti
 
 def _first_map(options: argparse.Namespace) -> dict[str, Any]:
     """Seconds from the file to the first map of a click, and to the last features."""
-    case = next(case for case in CASES if case.name == options.case)
+    case = next(case for case in SCANS if case.name == options.case)
     truth = merged_labels(options.volumes / case.labels, case)
     spacing_mm = _volume(options).geometry.spacing_mm
     click = first_click(truth == 1, spacing_mm[::-1].tolist())
@@ -135,7 +137,7 @@ def _network(options: argparse.Namespace) -> VisionTransformer:
 
 
 def _volume(options: argparse.Namespace) -> Volume:
-    return read_volume(options.volumes / next(case.volume for case in CASES if case.name == options.case))
+    return read_volume(options.volumes / next(case.volume for case in SCANS if case.name == options.case))
 
 
 def _resident_bytes(name: str) -> int:

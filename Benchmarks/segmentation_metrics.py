@@ -57,6 +57,12 @@ def segmentation_metrics(predicted: np.ndarray, truth: np.ndarray, spacing_mm: S
     )
 
 
+def dice(predicted: np.ndarray, truth: np.ndarray) -> float:
+    """2 |A ∩ B| / (|A| + |B|) of two masks (K, J, I) bool; 1 where both are empty."""
+    common = int(np.count_nonzero(predicted & truth))
+    return _share(2 * common, int(np.count_nonzero(predicted)) + int(np.count_nonzero(truth)))
+
+
 def surface_dice(
     predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float], tolerance_mm: float = SURFACE_TOLERANCE_MM
 ) -> float:
@@ -71,20 +77,40 @@ def surface_dice(
         spacing_mm: of the voxels, along (K, J, I).
         tolerance_mm: how far apart surfaces may be and still agree.
     """
-    surfaces = [_surface(mask, np.asarray(spacing_mm, dtype=float)) for mask in (predicted, truth)]
-    total = sum(float(area.sum()) for _, area in surfaces)
-    if total == 0.0:
+    box = _bounding_box(predicted | truth)
+    if box is None:
         return 1.0
+    surfaces = [_surface(mask[box], np.asarray(spacing_mm, dtype=float)) for mask in (predicted, truth)]
     if any(len(area) == 0 for _, area in surfaces):
         return 0.0
     (centres_a, area_a), (centres_b, area_b) = surfaces
     near_a = _near(centres_a, centres_b, tolerance_mm)
     near_b = _near(centres_b, centres_a, tolerance_mm)
-    return (float(area_a[near_a].sum()) + float(area_b[near_b].sum())) / total
+    return float(area_a[near_a].sum() + area_b[near_b].sum()) / float(area_a.sum() + area_b.sum())
+
+
+def surface_distances_mm(predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float]) -> np.ndarray:
+    """Distance from every face of either surface to the other surface, (faces of both,) millimetres; see `surface_dice`.
+
+    Args:
+        predicted: (K, J, I) bool, not empty.
+        truth: (K, J, I) bool, not empty.
+        spacing_mm: of the voxels, along (K, J, I).
+    """
+    (centres_a, _), (centres_b, _) = (_surface(mask, np.asarray(spacing_mm, dtype=float)) for mask in (predicted, truth))
+    return np.concatenate([cKDTree(centres_b).query(centres_a)[0], cKDTree(centres_a).query(centres_b)[0]])
 
 
 def _share(part: int, whole: int, when_empty: bool = True) -> float:
     return part / whole if whole else float(when_empty)
+
+
+def _bounding_box(mask: np.ndarray) -> tuple[slice, ...] | None:
+    """The smallest box that holds all of a mask; None where it is empty."""
+    extents = [np.flatnonzero(mask.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
+    if not extents[0].size:
+        return None
+    return tuple(slice(int(extent[0]), int(extent[-1]) + 1) for extent in extents)
 
 
 def _surface(mask: np.ndarray, spacing_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

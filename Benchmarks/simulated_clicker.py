@@ -46,6 +46,7 @@ def click_in_rounds(
     spacing_mm: Sequence[float],
     segment: Callable[[Clicks], np.ndarray],
     rounds: int = MOST_CLICKS,
+    with_negatives: bool = True,
 ) -> Iterator[ClickedRound]:
     """Annotate all classes of a label map together, one click a class and round.
 
@@ -56,6 +57,7 @@ def click_in_rounds(
         spacing_mm: of the voxels, along (K, J, I).
         segment: the method: from the clicks of each class, in the order of the labels, to labels like the truth's.
         rounds: how many clicks a class receives at most.
+        with_negatives: see `next_click`.
 
     Raises:
         ValueError: a label between 1 and the largest does not occur.
@@ -68,7 +70,7 @@ def click_in_rounds(
         if number == rounds:
             return
         for label, of_class in zip(classes, clicks, strict=True):
-            correction = next_click(labels == label, truth == label, spacing_mm)
+            correction = next_click(labels == label, truth == label, spacing_mm, with_negatives)
             if correction:
                 of_class.append(correction)
 
@@ -85,19 +87,22 @@ def first_click(truth: np.ndarray, spacing_mm: Sequence[float]) -> Click:
     return Click(deepest_voxel(component, spacing_mm), positive=True)
 
 
-def next_click(predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float]) -> Click | None:
+def next_click(
+    predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float], with_negatives: bool = True
+) -> Click | None:
     """A click at the deepest point of the largest error: positive where voxels were missed, negative where taken wrongly.
 
     Args:
         predicted: (K, J, I) bool.
         truth: (K, J, I) bool.
         spacing_mm: of the voxels, along (K, J, I).
+        with_negatives: whether the method takes negative clicks; else only what was missed is looked at.
 
     Returns:
         The click, or None where there is no error.
     """
     missed = largest_component(truth & ~predicted)
-    taken = largest_component(predicted & ~truth)
+    taken = largest_component(predicted & ~truth) if with_negatives else np.zeros_like(missed)
     if not missed.any() and not taken.any():
         return None
     positive = bool(np.count_nonzero(missed) >= np.count_nonzero(taken))
@@ -106,17 +111,19 @@ def next_click(predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[fl
 
 def largest_component(mask: np.ndarray) -> np.ndarray:
     """The connected component (faces touching) with the most voxels, (K, J, I) bool; the first one of equals."""
-    components, count = ndimage.label(mask)
-    if count == 0:
-        return np.zeros(mask.shape, dtype=bool)
-    sizes = np.bincount(components.ravel())
-    sizes[0] = 0
-    return components == sizes.argmax()
+    largest = np.zeros(mask.shape, dtype=bool)
+    box = ndimage.find_objects(mask.view(np.uint8))
+    if box:
+        components, _ = ndimage.label(mask[box[0]])
+        sizes = np.bincount(components.ravel())
+        sizes[0] = 0
+        largest[box[0]] = components == sizes.argmax()
+    return largest
 
 
 def deepest_voxel(mask: np.ndarray, spacing_mm: Sequence[float]) -> tuple[int, int, int]:
     """The voxel of a mask (not empty) that is farthest from its outside, in millimetres; beyond the volume is outside."""
-    box = ndimage.find_objects(mask.astype(np.uint8))[0]
+    box = ndimage.find_objects(mask.view(np.uint8))[0]
     depth_mm = ndimage.distance_transform_edt(np.pad(mask[box], 1), sampling=tuple(spacing_mm))[1:-1, 1:-1, 1:-1]
     k, j, i = np.unravel_index(depth_mm.argmax(), depth_mm.shape)
     return int(k) + box[0].start, int(j) + box[1].start, int(i) + box[2].start

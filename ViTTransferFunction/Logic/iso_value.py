@@ -1,9 +1,9 @@
 """The iso value of a map, chosen from the map and the image.
 
 A prior says how far a class should reach that was clicked n times, half of n / (n + κ): few points raise a map only around
-them. Near that prior, the iso value of a coarse map is drawn to where the mean edge strength along the iso-surface is largest:
-the surface should run where the intensities have edges. A refined map has been sharpened at these edges; its iso value is the
-most stable one, where the enclosed volume changes least (maximally stable extremal regions: Matas et al., 2002).
+them. From that prior, the iso value is drawn to where the mean edge strength along the iso-surface is largest: the surface
+should run where the intensities have edges. A refined map has been sharpened at these edges, so that its iso value is drawn as
+well to where the enclosed volume changes least (maximally stable extremal regions: Matas et al., 2002).
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ import numpy as np
 from .intensity_rank import IntensityRank
 
 POINTS_TO_HALF = 1.5
-"""κ of coarse maps."""
-POINTS_TO_HALF_REFINED = 2.0
-"""κ of refined maps."""
+"""κ."""
 PRIOR_WEIGHT = 0.5
 """What a factor of e between iso value and prior costs, in units of the volume's mean edge strength."""
 SOFTNESS = 0.3
@@ -23,9 +21,10 @@ SOFTNESS = 0.3
 SURFACE_WIDTH = 0.25
 """Standard deviation, in the logarithm of the map, of what counts as near an iso-surface of a coarse map."""
 STABILITY_WIDTH = 0.1
-"""The same of a refined map."""
-STABILITY_SOFTNESS = 0.05
-"""As `SOFTNESS`, for gains that are logarithms."""
+"""The same of a refined map, whose levels lie closer at edges."""
+REFINED_EDGE_WEIGHT = 0.5
+REFINED_SOFTNESS = 0.1
+"""For refined maps, in the logarithm of how much the volume changes: what edge strength counts, and as `SOFTNESS`."""
 STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
 STABILITY_SAMPLES = 2_000_000
@@ -37,9 +36,9 @@ _BINS = 200
 _LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
 
 
-def prior_iso(positive_count: int, points_to_half: float = POINTS_TO_HALF) -> float:
+def prior_iso(positive_count: int) -> float:
     """The iso value of a class with so many different positive points, before the image is looked at."""
-    return 0.5 * positive_count / (positive_count + points_to_half)
+    return 0.5 * positive_count / (positive_count + POINTS_TO_HALF)
 
 
 def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float) -> float:
@@ -56,48 +55,53 @@ def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_po
     Returns:
         A value in (0, 1).
     """
-    highest = _highest(at_positives)
-    seen = similarity > LOWEST_LEVEL
-    if not seen.any():
-        return min(prior, highest)
-    # A histogram over log levels: the edge strength at every level costs one pass over the map.
-    bins = _bins(similarity[seen])
-    total_strength = np.bincount(bins, edge_strength[seen], _BINS)
-    near = _near(SURFACE_WIDTH)
-    strength = (near @ total_strength) / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
-    gain = strength - PRIOR_WEIGHT * np.log(CANDIDATES / prior) ** 2
-    return min(_softly_best(gain, SOFTNESS), highest)
+    strength = _strength_along_surfaces(similarity, edge_strength)
+    return _near_prior(strength - PRIOR_WEIGHT * np.log(CANDIDATES / prior) ** 2, SOFTNESS, at_positives)
 
 
-def choose_stable_iso(similarity: np.ndarray, at_positives: np.ndarray, prior: float) -> float:
-    """The iso value at which the volume that it encloses changes least, not far from the prior.
-
-    It stays below the map's value at most positive points, so that what was clicked is selected.
+def choose_refined_iso(
+    refined: np.ndarray, similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float
+) -> float:
+    """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
     Args:
-        similarity: a refined map of any shape, in [0, 1].
-        at_positives: (P,) values of the map at the class's positive points, P ≥ 1.
-        prior: from `prior_iso`.
+        refined: the map of any shape, in [0, 1].
+        similarity, edge_strength, at_positives, prior: as for `choose_iso_by_edges`, of the refined map.
 
     Returns:
         A value in (0, 1).
     """
-    highest = _highest(at_positives)
+    edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
+    gain = edges - _log_instability(refined) - np.log(CANDIDATES / prior) ** 2
+    return _near_prior(gain, REFINED_SOFTNESS, at_positives)
+
+
+def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) -> np.ndarray:
+    """Mean edge strength near the iso-surface of each candidate, (candidates,)."""
+    seen = similarity > LOWEST_LEVEL
+    # A histogram over log levels: the edge strength at every level costs one pass over the map.
+    bins = _bins(similarity[seen])
+    near = _near(SURFACE_WIDTH)
+    total = near @ np.bincount(bins, edge_strength[seen], _BINS)
+    return total / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
+
+
+def _log_instability(refined: np.ndarray) -> np.ndarray:
+    """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
     # An odd stride, so that it does not keep step with the rows.
-    values = similarity.ravel()[:: similarity.size // STABILITY_SAMPLES | 1]
-    values = values[values > LOWEST_LEVEL]
-    if not values.size:
-        return min(prior, highest)
-    count = np.bincount(_bins(values), minlength=_BINS)
+    values = refined.ravel()[:: refined.size // STABILITY_SAMPLES | 1]
+    count = np.bincount(_bins(values[values > LOWEST_LEVEL]), minlength=_BINS)
     enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
     near = _near(STABILITY_WIDTH)
     per_unit = (near @ count) / near.sum(axis=1) * (_BINS - 1) / -np.log(LOWEST_LEVEL)
-    gain = -np.log(per_unit / (enclosed + 1e-9) + STABILITY_FLOOR) - np.log(CANDIDATES / prior) ** 2
-    return min(_softly_best(gain, STABILITY_SOFTNESS), highest)
+    return np.log(per_unit / (enclosed + 1e-9) + STABILITY_FLOOR)
 
 
-def _highest(at_positives: np.ndarray) -> float:
-    return max(LARGEST_SHARE_OF_POSITIVES * float(np.median(at_positives)), LOWEST_LEVEL)
+def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> float:
+    """The mean of the candidates, weighted by their gain, below the map's value at most positive points."""
+    weights = np.exp((gain - gain.max()) / softness)
+    best = float(np.exp((weights * np.log(CANDIDATES)).sum() / weights.sum()))
+    return min(best, max(LARGEST_SHARE_OF_POSITIVES * float(np.median(at_positives)), LOWEST_LEVEL))
 
 
 def _bins(similarity: np.ndarray) -> np.ndarray:
@@ -109,11 +113,6 @@ def _bins(similarity: np.ndarray) -> np.ndarray:
 def _near(width: float) -> np.ndarray:
     """How much each level counts for the surface at each candidate, (candidates, levels)."""
     return np.exp(-0.5 * ((np.log(_LEVELS) - np.log(CANDIDATES)[:, None]) / width) ** 2)
-
-
-def _softly_best(gain: np.ndarray, softness: float) -> float:
-    weights = np.exp((gain - gain.max()) / softness)
-    return float(np.exp((weights * np.log(CANDIDATES)).sum() / weights.sum()))
 
 
 def edge_strength_at(rank: IntensityRank, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ from .feature_statistics import ComparableFeatures
 from .feature_volume import sample_at
 from .geometry import Geometry
 from .intensity_rank import IntensityRank
-from .iso_value import POINTS_TO_HALF_REFINED, choose_iso_by_edges, choose_stable_iso, edge_strength_at, prior_iso
+from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
 from .orientation import upright_orientation
 from .precision import fastest_precision
 from .volume import Volume
@@ -102,14 +102,15 @@ class KernelSimilarity:
     def iso(self, annotated: AnnotatedClass, similarity: np.ndarray) -> float:
         """The iso value of a class's map S_L (K', J', I')."""
         at_positives = sample_at(similarity[..., None], self._features.geometry, annotated.positive)
-        prior = prior_iso(_different(annotated.positive))
-        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, prior)
+        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, _prior(annotated))
 
     def refined_iso(self, annotated: AnnotatedClass, similarity: np.ndarray, geometry: Geometry) -> float:
         """The iso value of a class's refined map S_H (K, J, I) on `geometry`."""
-        at_positives = sample_at(similarity[..., None], geometry, annotated.positive)
-        prior = prior_iso(_different(annotated.positive), POINTS_TO_HALF_REFINED)
-        return choose_stable_iso(similarity, at_positives, prior)
+        at_positives, at_cells = (
+            sample_at(similarity[..., None], geometry, points)[:, 0]
+            for points in (annotated.positive, self._cells.positions_ras[self._iso_cells])
+        )
+        return choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(annotated))
 
     def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
@@ -196,9 +197,9 @@ class _Places:
         return _Places(self.features[index], self.positions_ras[index], self.ranks[index])
 
 
-def _different(points_ras: np.ndarray) -> int:
-    """How many of the points are different ones."""
-    return len(np.unique(points_ras, axis=0))
+def _prior(annotated: AnnotatedClass) -> float:
+    """The iso value of a class by the number of its different positive points."""
+    return prior_iso(len(np.unique(annotated.positive, axis=0)))
 
 
 def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import pytest
 
 from ViTTransferFunction.Logic.geometry import Geometry
 from ViTTransferFunction.Logic.intensity_rank import IntensityRank
-from ViTTransferFunction.Logic.iso_value import choose_iso_by_edges, choose_stable_iso, edge_strength_at, prior_iso
+from ViTTransferFunction.Logic.iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
 from ViTTransferFunction.Logic.volume import Volume
 
 
@@ -51,25 +51,40 @@ def ball_map(radius: float = 10.0, softness: float = 0.4, inside: float = 0.7, o
     return (slope + edge * (inside - 0.02 * distance - slope)).astype(np.float32)
 
 
-@pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.15), (0.9, 0.05), (0.6, 0.2), (0.9, 0.3)])
+def refined_iso(refined: np.ndarray, at_positive: float, prior: float) -> float:
+    """Where the image has the same edge strength everywhere: stability decides."""
+    sample = refined.ravel()[::7]
+    return choose_refined_iso(refined, sample, np.ones_like(sample), np.array([at_positive]), prior)
+
+
+@pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.15), (0.9, 0.05), (0.6, 0.2), (0.9, 0.25)])
 @pytest.mark.parametrize("prior", [0.2, 0.35])
-def test_the_stable_iso_value_lies_on_the_steep_edge(inside: float, outside: float, prior: float) -> None:
-    iso = choose_stable_iso(ball_map(inside=inside, outside=outside), np.array([inside]), prior)
+def test_the_iso_value_of_a_refined_map_lies_on_its_steep_edge(inside: float, outside: float, prior: float) -> None:
+    iso = refined_iso(ball_map(inside=inside, outside=outside), inside, prior)
     assert outside < iso < inside - 0.2
     volume = np.count_nonzero(ball_map(inside=inside, outside=outside) > iso)
     assert volume == pytest.approx(4 / 3 * np.pi * 10.0**3, rel=0.2)
 
 
-def test_the_stable_iso_value_does_not_depend_on_how_finely_the_map_is_sampled() -> None:
+def test_a_refined_map_that_fades_inside_a_structure_is_cut_at_the_structures_edge() -> None:
+    # Similar near the click alone, as in a large phantom without noise: nothing but the image says how far it reaches.
+    axis = np.arange(48) - 23.5
+    distance = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
+    refined = np.where(distance < 15.0, np.exp(-distance / 5.0), 0.0).astype(np.float32)
+    edges = np.where(np.abs(distance - 15.0) < 1.0, 12.0, 0.3)
+    iso = choose_refined_iso(refined, refined.ravel(), edges.ravel(), np.array([1.0]), prior_iso(2))
+    assert np.count_nonzero(refined > iso) > 0.9 * np.count_nonzero(distance < 15.0)
+
+
+def test_the_iso_value_of_a_refined_map_does_not_depend_on_how_finely_it_is_sampled() -> None:
     fine = np.repeat(np.repeat(np.repeat(ball_map(), 3, 0), 3, 1), 3, 2)
-    args = np.array([0.7]), 0.25
-    assert choose_stable_iso(fine, *args) == pytest.approx(choose_stable_iso(ball_map(), *args), rel=0.02)
+    assert refined_iso(fine, 0.7, 0.25) == pytest.approx(refined_iso(ball_map(), 0.7, 0.25), rel=0.02)
 
 
-def test_the_stable_iso_value_keeps_positive_points_inside_and_is_defined_for_flat_maps() -> None:
-    assert choose_stable_iso(ball_map(), np.array([0.2]), 0.4) <= 0.16 + 1e-9
+def test_the_iso_value_of_a_refined_map_keeps_positive_points_inside_and_is_defined_for_flat_maps() -> None:
+    assert refined_iso(ball_map(), 0.2, 0.4) <= 0.16 + 1e-9
     for level in (0.0, 0.005, 0.3, 1.0):
-        assert 0.0 < choose_stable_iso(np.full((5, 5, 5), level), np.array([level]), 0.3) < 1.0
+        assert 0.0 < refined_iso(np.full((8, 8, 8), level), level, 0.3) < 1.0
 
 
 def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from Benchmarks.segmentation_metrics import segmentation_metrics, surface_dice
+from Benchmarks.segmentation_metrics import segmentation_metrics, surface_dice, surface_distances_mm
 
 CUBE_MM = (1.0, 1.0, 1.0)
 
@@ -83,3 +83,22 @@ def test_faces_count_by_their_area():
 def test_masks_of_different_shapes_are_refused():
     with pytest.raises(ValueError, match="shape"):
         segmentation_metrics(np.zeros((2, 2, 2), dtype=bool), np.zeros((2, 2, 3), dtype=bool), CUBE_MM)
+
+
+def test_surface_distances_are_taken_from_both_sides():
+    # A box and one that is 2 voxels of 2 mm longer: its end is 4 mm away, in one direction alone.
+    short = a_box(slice(3, 8), slice(3, 8), slice(2, 6))
+    long = a_box(slice(3, 8), slice(3, 8), slice(2, 8))
+    distances = surface_distances_mm(long, short, (1.0, 1.0, 2.0))
+    assert distances.max() == 4.0
+    assert np.count_nonzero(distances == 0.0) == 2 * (25 + 4 * 5 * 4)
+    np.testing.assert_array_equal(np.sort(distances), np.sort(surface_distances_mm(short, long, (1.0, 1.0, 2.0))))
+
+
+def test_empty_parts_of_the_volume_do_not_change_the_surface_dice():
+    truth = a_box(slice(4, 8), slice(4, 8), slice(4, 8))
+    predicted = a_box(slice(4, 8), slice(4, 8), slice(4, 11))
+    inner = (slice(3, 9), slice(3, 9), slice(3, 12))
+    whole = surface_dice(predicted, truth, CUBE_MM, tolerance_mm=1.0)
+    assert 0.0 < whole < 1.0
+    assert surface_dice(predicted[inner], truth[inner], CUBE_MM, tolerance_mm=1.0) == whole

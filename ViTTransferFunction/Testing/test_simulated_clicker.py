@@ -54,6 +54,11 @@ def test_a_perfect_answer_gets_no_click():
     assert next_click(LARGE, LARGE, CUBE_MM) is None
 
 
+def test_where_a_method_takes_no_negative_clicks_only_what_was_missed_is_clicked():
+    assert next_click(LARGE, SMALL, CUBE_MM, with_negatives=False) == Click((4, 4, 16), positive=True)
+    assert next_click(LARGE | SMALL, SMALL, CUBE_MM, with_negatives=False) is None
+
+
 def test_a_structure_without_voxels_cannot_be_clicked():
     with pytest.raises(ValueError, match="no voxel"):
         first_click(NOTHING, CUBE_MM)
