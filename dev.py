@@ -103,7 +103,8 @@ def requirements_digest() -> str:
 def run(*arguments: str) -> int:
     """Run Python of the environment in the project's folder; returns its exit code."""
     # Where another program uses a core, OpenMP's default of spinning while it waits makes PyTorch many times slower.
-    environment = {"OMP_WAIT_POLICY": "passive", **os.environ}
+    # NumPy's own threads spin as well; all large products are PyTorch's.
+    environment = {"OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1", **os.environ}
     return subprocess.run([PYTHON, *arguments], cwd=ROOT, env=environment, check=False).returncode
 
 

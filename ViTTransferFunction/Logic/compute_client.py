@@ -53,7 +53,8 @@ class ComputeClient:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             # Where another program uses a core, OpenMP's default of spinning while it waits makes PyTorch many times slower.
-            env={"OMP_WAIT_POLICY": "passive", **os.environ},
+            # NumPy's own threads spin as well; all large products are PyTorch's.
+            env={"OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1", **os.environ},
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
         self.pid = self._process.pid

@@ -48,7 +48,7 @@ BACKGROUND_ROUNDS = 2
 BACKGROUND_LIMIT = 0.5
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
 ROWS_AT_ONCE = 32
-"""Room for so many points is made when there is none left."""
+"""Rows of kernels are made room for, and multiplied, in blocks of so many."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
 ISO_CELLS = 100_000
@@ -67,7 +67,8 @@ class KernelSimilarity:
         self._features = features
         self._rank = IntensityRank(volume)
         centres = features.geometry.voxel_centres_ras()
-        self._cells = _Places(features.array.reshape(-1, features.array.shape[-1]), centres, self._rank.around(centres))
+        self._centre_ras = centres.mean(axis=0)
+        self._cells = self._places(features.array.reshape(-1, features.array.shape[-1]), centres)
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
         indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))
@@ -80,12 +81,13 @@ class KernelSimilarity:
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
-        self._edge_strength = edge_strength_at(self._rank, centres[self._iso_cells], steps_ras)
+        self._iso_cells_ras = centres[self._iso_cells]
+        self._edge_strength = edge_strength_at(self._rank, self._iso_cells_ras, steps_ras)
 
     def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
         """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
         points_ras, targets = _targets(classes)
-        points = _Places(self._features.at(points_ras), points_ras, self._rank.around(points_ras))
+        points = self._places(self._features.at(points_ras), points_ras)
         point_weights, background_weights = self._weights(points, targets)
         indices = self._rows.indices([position.tobytes() for position in points_ras], lambda fresh: self._row(points, fresh))
         weights = np.zeros((len(classes), self._rows.count), dtype=np.float32)
@@ -94,6 +96,11 @@ class KernelSimilarity:
         np.add.at(weights.T, np.array(indices), point_weights)
         scores = self._rows.weighted(weights)
         return np.clip(scores, 0.0, 1.0, out=scores).reshape(len(classes), *self._features.geometry.shape)
+
+    def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
+        # Around the volume's centre, so that float32 holds the differences of positions far from the origin.
+        positions = (positions_ras - self._centre_ras).astype(np.float32)
+        return _Places(features, positions, self._rank.around(positions_ras))
 
     def _row(self, points: _Places, index: int) -> np.ndarray:
         """Kernel of the index-th point with all cells, (cells,) float32."""
@@ -107,8 +114,7 @@ class KernelSimilarity:
     def refined_iso(self, annotated: AnnotatedClass, similarity: np.ndarray, geometry: Geometry) -> float:
         """The iso value of a class's refined map S_H (K, J, I) on `geometry`."""
         at_positives, at_cells = (
-            sample_at(similarity[..., None], geometry, points)[:, 0]
-            for points in (annotated.positive, self._cells.positions_ras[self._iso_cells])
+            sample_at(similarity[..., None], geometry, points)[:, 0] for points in (annotated.positive, self._iso_cells_ras)
         )
         return choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(annotated))
 
@@ -132,10 +138,12 @@ class KernelSimilarity:
 
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
         """k of every place of `a` with every place of `b`, (len a, len b) float32."""
-        exponent = np.float32(FEATURE_SHARPNESS) * (a.features @ b.features.T - np.float32(1.0))
+        exponent = np.float32(FEATURE_SHARPNESS) * (_product(a.features, b.features) - np.float32(1.0))
         exponent -= (a.ranks[:, None] - b.ranks[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
         sigma_mm = POSITION_SIGMA * self._longest_edge_mm
-        near = np.exp(_squared_distances(a.positions_ras, b.positions_ras) / np.float32(-2.0 * sigma_mm**2))
+        near = _squared_distances(a.positions, b.positions)
+        near /= np.float32(-2.0 * sigma_mm**2)
+        np.exp(near, out=near)
         near *= np.float32(POSITION_WEIGHT)
         near += np.float32(1.0 - POSITION_WEIGHT)
         near *= np.exp(exponent, out=exponent)
@@ -152,13 +160,16 @@ class _KernelRows:
     def __init__(self, of_background: np.ndarray) -> None:
         import torch
 
-        self._rows = torch.from_numpy(of_background).to(fastest_precision(torch.device("cpu")))
+        precision = fastest_precision(torch.device("cpu"))
         self._background = len(of_background)
+        self._rows = torch.zeros((0, of_background.shape[1]), dtype=precision)
+        self._make_room(self._background - 1)
+        self._rows[: self._background] = torch.from_numpy(of_background)
         self._row_of_key: dict[bytes, int] = {}
-        self.count = self._background
+        self.count = len(self._rows)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
-        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32; rows of points that are gone have 0."""
+        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
         import torch
 
         return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
@@ -177,24 +188,29 @@ class _KernelRows:
                 self._make_room(row)
                 self._rows[row] = torch.from_numpy(compute(index))
                 self._row_of_key[key] = row
-        self.count = max(taken, default=self._background - 1) + 1
+        self.count = _whole_blocks(max(taken, default=self._background - 1) + 1)
         return [self._row_of_key[key] for key in keys]
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):
-            grown = self._rows.new_zeros((row + ROWS_AT_ONCE, self._rows.shape[1]))
+            grown = self._rows.new_zeros((_whole_blocks(row + 1), self._rows.shape[1]))
             grown[: len(self._rows)] = self._rows
             self._rows = grown
 
 
-class _Places:
-    """Where and what: features (N, C) unit vectors, positions (N, 3) RAS millimetres, intensity ranks (N,)."""
+def _whole_blocks(rows: int) -> int:
+    """So many rows, in whole blocks: for every new number of them the processor's matrix kernels would be compiled anew."""
+    return -(-rows // ROWS_AT_ONCE) * ROWS_AT_ONCE
 
-    def __init__(self, features: np.ndarray, positions_ras: np.ndarray, ranks: np.ndarray) -> None:
-        self.features, self.positions_ras, self.ranks = features, positions_ras, ranks
+
+class _Places:
+    """Where and what: features (N, C) unit vectors, positions (N, 3) float32 millimetres, intensity ranks (N,)."""
+
+    def __init__(self, features: np.ndarray, positions: np.ndarray, ranks: np.ndarray) -> None:
+        self.features, self.positions, self.ranks = features, positions, ranks
 
     def subset(self, index: np.ndarray) -> _Places:
-        return _Places(self.features[index], self.positions_ras[index], self.ranks[index])
+        return _Places(self.features[index], self.positions[index], self.ranks[index])
 
 
 def _prior(annotated: AnnotatedClass) -> float:
@@ -231,8 +247,14 @@ def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.n
 
 def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(len a, len b) float32, mm²."""
-    # Around a common centre, so that float32 holds the differences of positions far from the origin.
-    centre = a.mean(axis=0)
-    a, b = (a - centre).astype(np.float32), (b - centre).astype(np.float32)
-    squared = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1)[None] - 2.0 * a @ b.T
-    return np.maximum(squared, 0.0)
+    squared = _product(-2.0 * a, b)
+    squared += np.einsum("nc,nc->n", a, a)[:, None]
+    squared += np.einsum("nc,nc->n", b, b)
+    return np.maximum(squared, 0.0, out=squared)
+
+
+def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a · bᵀ by PyTorch, like all large products here: NumPy's threads would stay in the way of PyTorch's."""
+    import torch
+
+    return (torch.from_numpy(a) @ torch.from_numpy(b).T).numpy()
