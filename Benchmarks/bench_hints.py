@@ -7,14 +7,13 @@ blindly somewhere on the structure (mean of several of these). Writes `hints.jso
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from Benchmarks.arguments import scan_parser, weights_of
 from Benchmarks.bench_accuracy import load_features
 from Benchmarks.labelled_cases import SCANS, LabelledVolume, classes_of
 from Benchmarks.report_tables import number, table
@@ -22,9 +21,7 @@ from Benchmarks.simulated_clicker import MOST_CLICKS, Click, Clicks, first_click
 from ViTTransferFunction.Logic.atomic_file import replacing
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.weights import find_weights, identify_model
 
-RESULTS = Path(__file__).parent / "results"
 CASES = ("amos_0336", "torso_small")
 BLIND_USERS = 3
 REPORTED_CLICKS = (1, 2, 3, 5, 10)
@@ -35,14 +32,9 @@ Choose = Callable[[Clicks, int, np.ndarray], Click | None]
 
 def main() -> None:
     """Measure all users on every case, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], default=CASES)
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
+    parser = scan_parser(__doc__, CASES)
     options = parser.parse_args()
-    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    weights = weights_of(options)
     rows = []
     for case in SCANS:
         if case.name in options.cases:

@@ -8,7 +8,6 @@ preset but the feature grid; the network sees more patches in the same proportio
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -23,6 +22,7 @@ import numpy as np
 
 from Benchmarks.accuracy_methods import SessionMethod
 from Benchmarks.accuracy_runs import Rounds, run_on_clicks, run_with_own_clicks
+from Benchmarks.arguments import scan_parser, weights_of
 from Benchmarks.kept_results import KeptResults
 from Benchmarks.labelled_cases import SCANS, LabelledVolume
 from Benchmarks.report_tables import number, table
@@ -33,9 +33,7 @@ from ViTTransferFunction.Logic.feature_extraction import extract_features
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.segmentation_session import open_network
 from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
-from ViTTransferFunction.Logic.weights import find_weights, identify_model
 
-RESULTS = Path(__file__).parent / "results"
 GRIDS = (48, 64, 80, 96)
 CASES = ("amos_0336", "torso_small")
 REPORTED_CLICKS = ("1", "3", "5", "10")
@@ -45,16 +43,11 @@ UNREFINED = SessionMethod("not refined", refinement="none")
 
 def main() -> None:
     """Measure every grid on every case, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], default=CASES)
+    parser = scan_parser(__doc__, CASES)
     parser.add_argument("--grids", nargs="*", type=int, default=GRIDS, help="cells along the longest edge")
     parser.add_argument("--keep", type=Path, help="folder for what was measured; what is there is taken as it is")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     options = parser.parse_args()
-    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    weights = weights_of(options)
     network = open_network(weights, choose_device("auto"))
     kept = KeptResults(options.keep)
     rows = []
