@@ -40,21 +40,34 @@ def weighed_by_intensity(similarity: np.ndarray, intensities: np.ndarray, window
         (K, J, I) float32 in [0, 1].
     """
     weighed = similarity.copy()
-    near = (similarity > NEAR_SHARE_OF_ISO * iso) & np.isfinite(intensities)
-    values = similarity[near]
-    bins = np.minimum((window.apply(intensities[near]) * _BINS).astype(np.int64), _BINS - 1)
-    inside = values**2 / (values**2 + np.float32(iso) ** 2)
-    factors = np.exp(TEMPER * _log_ratio(bins, inside)).astype(np.float32)
-    weighed[near] = np.minimum(values * factors[bins], 1.0)
+    inside, outside = np.zeros(_BINS), np.zeros(_BINS)
+    # Slice by slice, so that nothing but the result has the volume's size.
+    for similarities, plane in zip(weighed, intensities, strict=True):
+        near, bins = _near_voxels(similarities, plane, window, iso)
+        probability = similarities[near] ** 2 / (similarities[near] ** 2 + np.float32(iso) ** 2)
+        inside += np.bincount(bins, probability, _BINS)
+        outside += np.bincount(bins, 1.0 - probability, _BINS)
+    factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
+    for similarities, plane in zip(weighed, intensities, strict=True):
+        near, bins = _near_voxels(similarities, plane, window, iso)
+        similarities[near] = np.minimum(similarities[near] * factors[bins], 1.0)
     return weighed
 
 
-def _log_ratio(bins: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """log p(bin | inside) − log p(bin | outside), (bins,), from voxels (N,) and their probabilities of being inside."""
-    ratio = np.log(_density(bins, inside)) - np.log(_density(bins, 1.0 - inside))
+def _near_voxels(
+    similarities: np.ndarray, plane: np.ndarray, window: IntensityWindow, iso: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which voxels of a slice are near the structure, and the bins of their intensities, (near voxels,)."""
+    near = (similarities > NEAR_SHARE_OF_ISO * iso) & np.isfinite(plane)
+    return near, np.minimum((window.apply(plane[near]) * _BINS).astype(np.int64), _BINS - 1)
+
+
+def _log_ratio(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
+    ratio = np.log(_density(inside)) - np.log(_density(outside))
     return np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
 
 
-def _density(bins: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    histogram = ndimage.gaussian_filter1d(np.bincount(bins, weights, _BINS), 1.0)
-    return (histogram / max(float(histogram.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
+def _density(histogram: np.ndarray) -> np.ndarray:
+    smooth = ndimage.gaussian_filter1d(histogram, 1.0)
+    return (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
