@@ -53,7 +53,7 @@ def refine(
     if method not in REFINEMENT_METHODS:
         raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
     refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
-    box = _active_box(similarity > ACTIVE_SHARE_OF_ISO * iso, volume.shape)
+    box = active_box(similarity > ACTIVE_SHARE_OF_ISO * iso, volume.shape)
     if method == "none" or box is None:
         return refined
     window = class_window(volume, display, positive_ras)
@@ -68,7 +68,7 @@ def refine(
     return refined
 
 
-def _active_box(active: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice, slice] | None:
+def active_box(active: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice, slice] | None:
     """The smallest box of a volume's voxels, `shape`, that holds all active cells and one cell around them; None for none."""
     extents = []
     for axis, voxels in enumerate(shape):
