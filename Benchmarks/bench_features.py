@@ -2,7 +2,7 @@
 
 Every setting is run on every labelled volume in a process of its own (`feature_runs`); then the same simulated clicks tell
 what its features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it
-alone (`--published-cases`). What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
+alone (`--published-cases`), and only the settings of presets are, unless others are named. What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
 had in parts. Writes `features.json`, `features.md` and `features.png` to Benchmarks/results.
 """
 
@@ -37,6 +37,8 @@ RESULTS = Path(__file__).parent / "results"
 SIZES = (128, 256, 512)
 DEFAULT = next(name for name, settings in SETTINGS.items() if settings == PRESETS[DEFAULT_PRESET].features)
 SHORT = [name for name in SETTINGS if name != PUBLISHED]
+OF_PRESETS = [name for name in SHORT if SETTINGS[name] in [preset.features for preset in PRESETS.values()]]
+PUBLISHED_CASES = ["amos_0336"]
 
 
 def main() -> None:
@@ -47,12 +49,12 @@ def main() -> None:
     parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
     parser.add_argument("--device", default="auto")
     parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], help="only these volumes")
-    parser.add_argument("--settings", nargs="*", choices=SHORT, default=SHORT, help="only these settings")
+    parser.add_argument("--settings", nargs="*", choices=SHORT, default=OF_PRESETS, help="only these settings")
     parser.add_argument(
         "--published-cases",
         nargs="*",
         choices=[case.name for case in SCANS],
-        default=[],
+        default=PUBLISHED_CASES,
         help="volumes to run the published way on, too",
     )
     parser.add_argument("--keep", type=Path, default=cache_folder() / "bench_features", help="folder for what was measured")
@@ -83,9 +85,9 @@ def main() -> None:
 def command(options: argparse.Namespace) -> str:
     """What was asked for, without the places where the data lie on this machine."""
     words = ["python dev.py bench features --volumes DIR --weights FILE"]
-    for name in ("cases", "settings", "published_cases"):
+    for name, default in (("cases", None), ("settings", OF_PRESETS), ("published_cases", PUBLISHED_CASES)):
         chosen = getattr(options, name)
-        if chosen and chosen != SHORT:
+        if chosen != default:
             words.append(f"--{name.replace('_', '-')} {shlex.join(chosen)}")
     return " ".join(words)
 
