@@ -2,8 +2,9 @@
 
 Every setting is run on every labelled volume in a process of its own (`feature_runs`); then the same simulated clicks tell
 what its features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it
-alone (`--published-cases`), and only the settings of presets are, unless others are named. What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be
-had in parts. Writes `features.json`, `features.md` and `features.png` to Benchmarks/results.
+alone (`--published-cases`), and only the presets' settings are, unless others are named. What was measured is kept in a folder
+(`--keep`) and not measured again there, so that a run can be had in parts. Writes `features.json`, `features.md` and
+`features.png` to Benchmarks/results.
 """
 
 from __future__ import annotations
