@@ -109,10 +109,17 @@ class CandidateSession(SegmentationSession):
         self.candidate: Candidate | None = None
         self.seconds: list[float] = []
 
-    def refined_map(self, low: ClassMap, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
+    def refined_map(
+        self,
+        low: ClassMap,
+        classes: Sequence[AnnotatedClass],
+        index: int,
+        method: RefinementMethod,
+        between: Callable[[], None] = lambda: None,
+    ) -> ClassMap:
         """See `SegmentationSession`; the method is the candidate's."""
         if self.candidate is None:
-            return super().refined_map(low, classes, index, method)
+            return super().refined_map(low, classes, index, method, between)
         positive = classes[index].positive
         at_positives = float(np.median(sample_at(low.similarity[..., None], self.features.geometry, positive)))
         coarse = CoarseMap(low.similarity, low.iso, at_positives, positive, self.volume, self.display_window)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
@@ -29,6 +30,7 @@ def refine(
     positive_ras: np.ndarray,
     iso: float,
     method: RefinementMethod,
+    between: Callable[[], None] = lambda: None,
 ) -> np.ndarray:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
@@ -42,6 +44,7 @@ def refine(
         positive_ras: (N, 3) RAS millimetres, points on the structure: its intensities are the ones to tell apart.
         iso: threshold that will be applied, which says where the surface will be.
         method: "bilateral": 3D bilateral solver; "guided": 3D guided filter; "none": trilinear upsampling alone.
+        between: called between steps; may raise `Cancelled`.
 
     Returns:
         S_H, (K, J, I) float32 in [0, 1].
@@ -58,7 +61,9 @@ def refine(
         return refined
     window = class_window(volume, display, positive_ras)
     intensities = np.ascontiguousarray(volume.array[box])
+    between()
     weighed = weighed_by_intensity(refined[box], intensities, window, iso)
+    between()
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())

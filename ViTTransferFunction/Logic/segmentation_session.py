@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -191,15 +191,24 @@ class SegmentationSession:
         """Where a further click would tell most about the class of S_L `low`, (3,) RAS millimetres; see `click_hint`."""
         return click_hint(low.similarity, low.iso, self.features.geometry, classes)
 
-    def refined_map(self, low: ClassMap, classes: Sequence[AnnotatedClass], index: int, method: RefinementMethod) -> ClassMap:
+    def refined_map(
+        self,
+        low: ClassMap,
+        classes: Sequence[AnnotatedClass],
+        index: int,
+        method: RefinementMethod,
+        between: Callable[[], None] = lambda: None,
+    ) -> ClassMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its iso value.
 
-        The iso value is chosen anew, since refinement changes the range of the map.
+        The iso value is chosen anew, since refinement changes the range of the map. `between` is called between steps, and may
+        raise `Cancelled`.
         """
         annotated = classes[index]
         with self.watch.step("refinement"):
             wanted = method if annotated.refine else "none"
-            similarity = refine(low.similarity, self.volume, self.display_window, annotated.positive, low.iso, wanted)
+            similarity = refine(low.similarity, self.volume, self.display_window, annotated.positive, low.iso, wanted, between)
+            between()
             iso = low.iso if wanted == "none" else self._refined_iso(similarity, classes, index)
             return ClassMap(similarity, iso)
 
@@ -231,9 +240,10 @@ class SegmentationSession:
             progress(0, len(classes), "Segmenting classes")
             low_maps = self.low_resolution_maps(classes)
             for index, annotated in enumerate(classes):
-                full = self.refined_map(low_maps[index], classes, index, method)
                 # In between as well: a click that comes now should not have to wait long.
-                progress(index, len(classes), "Segmenting classes")
+                between = partial(progress, index, len(classes), "Segmenting classes")
+                full = self.refined_map(low_maps[index], classes, index, method, between)
+                between()
                 if on_map:
                     on_map(annotated, full)
                 isos.append(full.iso)
