@@ -15,8 +15,6 @@ With `--keep`, what was measured is kept in a folder and not measured again, so 
 from __future__ import annotations
 
 import argparse
-import os
-import platform
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -25,10 +23,12 @@ from typing import Any
 from Benchmarks.accuracy_methods import DEFAULT, METHODS, TRUE_SAMPLES, Method
 from Benchmarks.accuracy_report import write_report
 from Benchmarks.accuracy_runs import Mode, run_on_clicks, run_on_true_samples, run_with_own_clicks
+from Benchmarks.arguments import weights_of
 from Benchmarks.baseline_classifiers import ClassifierKind
 from Benchmarks.click_sequence import ClickSequence
 from Benchmarks.kept_results import KeptResults
 from Benchmarks.labelled_cases import CASES, LabelledVolume
+from Benchmarks.machine import machine
 from Benchmarks.simulated_clicker import MOST_CLICKS
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.device import choose_device
@@ -37,7 +37,7 @@ from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.volume import Volume
-from ViTTransferFunction.Logic.weights import WeightsFile, find_weights, identify_model
+from ViTTransferFunction.Logic.weights import WeightsFile
 
 RESULTS = Path(__file__).parent / "results"
 REPLAYED_ROUNDS: dict[Mode, tuple[int, ...]] = {"together": (1, 3, 5, 10), "one by one": (5,)}
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path, help="folder for what was measured; to be emptied when the methods change")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     options = parser.parse_args()
-    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    weights = weights_of(options)
     methods = [method for method in METHODS if not options.methods or method.name in options.methods]
     samples = {} if options.without_true_samples else TRUE_SAMPLES
     runs: list[dict[str, Any]] = []
@@ -66,8 +66,7 @@ def main() -> None:
             labelled = case.read(options.volumes)
             bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), options.rounds, options.keep)
             runs += [*bench.on_clicks(methods), *bench.on_true_samples(samples)]
-    machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}
-    write_report({"model": weights.model.name, "machine": machine, "runs": runs}, options.results)
+    write_report({"model": weights.model.name, "machine": machine(), "runs": runs}, options.results)
     print((options.results / "accuracy.md").read_text(encoding="utf-8"))
 
 

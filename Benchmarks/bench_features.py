@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from Benchmarks.arguments import weights_of
 from Benchmarks.feature_errors import cosine_errors, dice_by_clicks
 from Benchmarks.feature_report import write_report
 from Benchmarks.feature_runs import PUBLISHED, REFERENCE, SETTINGS
@@ -32,7 +33,6 @@ from ViTTransferFunction.Logic.cache_folder import cache_folder
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.volume_io import read_volume
-from ViTTransferFunction.Logic.weights import find_weights, identify_model
 
 RESULTS = Path(__file__).parent / "results"
 SIZES = (128, 256, 512)
@@ -60,7 +60,7 @@ def main() -> None:
     )
     parser.add_argument("--keep", type=Path, default=cache_folder() / "bench_features", help="folder for what was measured")
     options = parser.parse_args()
-    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    weights = weights_of(options)
     bench = Bench(options.volumes, weights.path, weights.model.name, options.device, options.keep)
     cases = [case for case in SCANS if not options.cases or case.name in options.cases]
     names = sorted({*options.settings, REFERENCE, DEFAULT}, key=list(SETTINGS).index)

@@ -17,6 +17,7 @@ from Benchmarks.arguments import scan_parser, weights_of
 from Benchmarks.bench_accuracy import load_features
 from Benchmarks.labelled_cases import SCANS, LabelledVolume, classes_of
 from Benchmarks.report_tables import number, table
+from Benchmarks.segmentation_metrics import dice
 from Benchmarks.simulated_clicker import MOST_CLICKS, Click, Clicks, first_click, next_click
 from ViTTransferFunction.Logic.atomic_file import replacing
 from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS
@@ -76,7 +77,7 @@ class HintBench:
         means = []
         for _ in range(MOST_CLICKS):
             labels = self._session.segment(classes_of(names, clicks, self._labelled.volume.geometry)).labels
-            means.append(float(np.mean([_dice(labels == label, truth == label) for label in range(1, len(names) + 1)])))
+            means.append(float(np.mean([dice(labels == label, truth == label) for label in range(1, len(names) + 1)])))
             for of_class, click in zip(clicks, [choose(clicks, index, labels) for index in range(len(names))], strict=True):
                 of_class += [click] if click else []
         return means
@@ -101,10 +102,6 @@ class HintBench:
     def _click_at(self, kji: np.ndarray, index: int) -> Click:
         k, j, i = (int(value) for value in kji)
         return Click((k, j, i), positive=bool(self._labelled.truth[k, j, i] == index + 1))
-
-
-def _dice(a: np.ndarray, b: np.ndarray) -> float:
-    return 2.0 * float(np.count_nonzero(a & b)) / max(int(np.count_nonzero(a)) + int(np.count_nonzero(b)), 1)
 
 
 def as_text(report: dict[str, Any]) -> str:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable
@@ -22,6 +21,7 @@ from typing import Any
 import numpy as np
 from trame_slicer.core import SlicerApp
 
+from Benchmarks.machine import machine
 from ViTTransferFunction.Logic.feature_cache import FeatureCache
 from ViTTransferFunction.Logic.feature_settings import feature_key
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
@@ -77,7 +77,7 @@ def main() -> None:
         os.environ["VITTF_CACHE"] = cache
         volume = phantom(options.size)
         measured: dict[str, Any] = {
-            "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
+            "machine": machine(),
             "volume": options.size,
             "cells": CELLS,
             "classes": CLASSES,

@@ -8,8 +8,6 @@ competition between classes, parts that hold a positive point. Writes `refinemen
 from __future__ import annotations
 
 import json
-import os
-import platform
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -24,6 +22,7 @@ from Benchmarks.bench_accuracy import load_features
 from Benchmarks.click_sequence import ClickSequence
 from Benchmarks.kept_results import KeptResults
 from Benchmarks.labelled_cases import SCANS, LabelledVolume, classes_of
+from Benchmarks.machine import machine
 from Benchmarks.refinement_candidates import (
     ALL_ROUNDS,
     CANDIDATES,
@@ -86,8 +85,7 @@ def main() -> None:
             labelled = case.read(options.volumes)
             bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), kept)
             rows += [bench.row(candidate) for candidate in CANDIDATES]
-    machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}
-    write_report({"model": weights.model.name, "machine": machine, "rows": rows}, options.results)
+    write_report({"model": weights.model.name, "machine": machine(), "rows": rows}, options.results)
     print((options.results / "refinement.md").read_text(encoding="utf-8"))
 
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import platform
 import time
 from dataclasses import replace
 from functools import partial
@@ -25,6 +23,7 @@ from Benchmarks.accuracy_runs import Rounds, run_on_clicks, run_with_own_clicks
 from Benchmarks.arguments import scan_parser, weights_of
 from Benchmarks.kept_results import KeptResults
 from Benchmarks.labelled_cases import SCANS, LabelledVolume
+from Benchmarks.machine import machine
 from Benchmarks.report_tables import number, table
 from Benchmarks.simulated_clicker import MOST_CLICKS
 from ViTTransferFunction.Logic.atomic_file import replacing
@@ -57,8 +56,7 @@ def main() -> None:
             for grid in options.grids:
                 measured = kept.get(f"resolution, {case.name}, {grid}", partial(measure, labelled, network, grid))
                 rows.append({"case": case.name, "grid": grid, **measured})
-    machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()}
-    write_report({"model": weights.model.name, "machine": machine, "rows": rows}, options.results)
+    write_report({"model": weights.model.name, "machine": machine(), "rows": rows}, options.results)
     print((options.results / "resolution.md").read_text(encoding="utf-8"))
 
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from Benchmarks.machine import machine
 from ViTTransferFunction.Logic.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.geometry import Geometry
@@ -43,7 +42,7 @@ def main() -> None:
     rows = [{"points": points, "update_ms": update_ms(session, points)} for points in POINTS_BEFORE]
     worst = max(row["update_ms"] for row in rows)
     measured: dict[str, Any] = {
-        "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
+        "machine": machine(),
         "cells": options.cells,
         "floor_ms": floor_ms,
         "rows": rows,

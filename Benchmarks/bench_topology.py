@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from Benchmarks.arguments import weights_of
 from Benchmarks.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.segmentation_metrics import dice, surface_distances_mm
 from Benchmarks.shape_phantoms import BRIGHTNESS, phantom_volume, sphere, torus
@@ -34,7 +35,6 @@ from ViTTransferFunction.Logic.segmentation_session import SegmentationSession, 
 from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.volume import Volume
 from ViTTransferFunction.Logic.volume_io import read_volume
-from ViTTransferFunction.Logic.weights import find_weights, identify_model
 
 RESULTS = Path(__file__).parent / "results"
 SHAPES = {"sphere": sphere, "torus": torus}
@@ -97,7 +97,7 @@ def main() -> None:
     )
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     options = parser.parse_args()
-    weights = find_weights(identify_model(options.weights) or options.model, options.weights)
+    weights = weights_of(options)
     network = open_network(weights, choose_device("auto"))
     shapes, pictures = [], {}
     for name, noise in product(SHAPES, options.noise):

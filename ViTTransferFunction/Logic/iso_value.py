@@ -8,6 +8,8 @@ well to where the enclosed volume changes least (maximally stable extremal regio
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from .intensity_rank import IntensityRank
@@ -110,6 +112,7 @@ def _bins(similarity: np.ndarray) -> np.ndarray:
     return np.clip((np.log(similarity) + depth) / depth * (_BINS - 1), 0, _BINS - 1).astype(int)
 
 
+@cache
 def _near(width: float) -> np.ndarray:
     """How much each level counts for the surface at each candidate, (candidates, levels)."""
     return np.exp(-0.5 * ((np.log(_LEVELS) - np.log(CANDIDATES)[:, None]) / width) ** 2)
