@@ -61,18 +61,18 @@ def lint(arguments: list[str]) -> int:
 
 def bench(arguments: list[str]) -> int:
     """Run one benchmark of the folder Benchmarks."""
-    names = sorted(path.stem.removeprefix("bench_") for path in (ROOT / "Benchmarks").glob("bench_*.py"))
+    names = sorted(path.parent.name for path in (ROOT / "Benchmarks").glob("*/run.py"))
     if not arguments or arguments[0] not in names:
         print(f"Which benchmark? One of: {', '.join(names)}", file=sys.stderr)
         return 2
     set_up("bench")
-    return run("-m", f"Benchmarks.bench_{arguments[0]}", *arguments[1:])
+    return run("-m", f"Benchmarks.{arguments[0]}.run", *arguments[1:])
 
 
 def screenshots(arguments: list[str]) -> int:
     """Draw the Slicer module."""
     set_up("test")
-    return run("-m", "ViTTransferFunction.Testing.screenshots", *arguments)
+    return run("-m", "ViTTransferFunction.Testing.support.screenshots", *arguments)
 
 
 def set_up(*extras: str) -> None:

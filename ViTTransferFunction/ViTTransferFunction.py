@@ -194,7 +194,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         return SampleData.downloadSample(SAMPLE)
 
     def _compute_features(self, session: Any) -> None:
-        from ViTTransferFunction.Logic.weights import identify_model
+        from ViTTransferFunction.Logic.weights.sources import identify_model
 
         self.delayDisplay("Computing features")
         session.parameters.set("model", identify_model() or "")
@@ -204,8 +204,8 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         assert session.phase == "ready", session.take_error()
 
     def _annotate(self, session: Any, volume: Any) -> list[str]:
-        from ViTTransferFunction.Logic.annotations import read_annotations
-        from ViTTransferFunction.Logic.scene_volume import geometry_from_node
+        from ViTTransferFunction.Logic.core.annotations import read_annotations
+        from ViTTransferFunction.Logic.scene.volume import geometry_from_node
 
         self.delayDisplay("Placing points")
         path = Path(__file__).parent / "Resources" / "Annotations" / "ct_chest.json"

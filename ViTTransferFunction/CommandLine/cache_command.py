@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.Logic.feature_cache import FeatureCache
+from ViTTransferFunction.Logic.features.cache import FeatureCache
 
 
 def add_arguments(subparsers: Subparsers) -> None:

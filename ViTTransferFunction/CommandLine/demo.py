@@ -10,19 +10,19 @@ from pathlib import Path
 
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.annotations import read_annotations
-from ViTTransferFunction.Logic.device import choose_device
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.feature_settings import FeatureSettings
-from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
-from ViTTransferFunction.Logic.progress import Progress
-from ViTTransferFunction.Logic.segmentation_io import Segment, write_segmentation
-from ViTTransferFunction.Logic.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.volume import Volume
-from ViTTransferFunction.Logic.volume_io import read_volume
-from ViTTransferFunction.Logic.weights import WeightsFile, WeightsUnavailable, find_weights, identify_model
+from ViTTransferFunction.Logic.core.annotations import read_annotations
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.progress import Progress
+from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import choose_device
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.weights.sources import WeightsFile, WeightsUnavailable, find_weights, identify_model
 
 ANNOTATIONS = Path(__file__).parents[1] / "Resources" / "Annotations" / "ct_chest.json"
 OUTPUT = Path("demo_output")

@@ -6,7 +6,7 @@ import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, open_session
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.feature_cache import FeatureCache
+from ViTTransferFunction.Logic.features.cache import FeatureCache
 
 
 def add_arguments(subparsers: Subparsers) -> None:

@@ -7,16 +7,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
-from ViTTransferFunction.Logic.device import DEVICE_NAMES, choose_device
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, PRESETS, preset
-from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS
-from ViTTransferFunction.Logic.progress import Progress
-from ViTTransferFunction.Logic.segmentation_session import FeatureProvenance, SegmentationSession
-from ViTTransferFunction.Logic.volume_io import read_volume
-from ViTTransferFunction.Logic.weights import find_weights, identify_model
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.progress import Progress
+from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import DEVICE_NAMES, choose_device
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS, preset
+from ViTTransferFunction.Logic.session.segmentation_session import FeatureProvenance, SegmentationSession
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Logic.weights.sources import find_weights, identify_model
 
 # Its name is private, but it is the documented return value of add_subparsers.
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"

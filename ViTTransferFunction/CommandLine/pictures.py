@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ViTTransferFunction.Logic.annotations import AnnotatedClass
-from ViTTransferFunction.Logic.intensity_window import display_window, looks_like_hounsfield_units
-from ViTTransferFunction.Logic.picture import PictureSegment, save_png
-from ViTTransferFunction.Logic.progress import Progress, no_progress
-from ViTTransferFunction.Logic.segmentation_io import Segment
-from ViTTransferFunction.Logic.slice_picture import PicturePoint, draw_slices
-from ViTTransferFunction.Logic.volume import Volume
-from ViTTransferFunction.Logic.volume_rendering_picture import BONE_HU, render_3d
+from ViTTransferFunction.CommandLine.canvas import PictureSegment, save_png
+from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, render_3d
+from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
+from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
+from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units
+from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.files.segmentation_files import Segment
 
 
 def draw_pictures(

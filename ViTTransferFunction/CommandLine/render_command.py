@@ -8,12 +8,12 @@ from pathlib import Path
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.annotations import read_annotations
-from ViTTransferFunction.Logic.atomic_file import check_writable
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.label_resampling import resample_labels
-from ViTTransferFunction.Logic.segmentation_io import read_segmentation
-from ViTTransferFunction.Logic.volume_io import read_volume
+from ViTTransferFunction.Logic.core.annotations import read_annotations
+from ViTTransferFunction.Logic.core.atomic_file import check_writable
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.label_resampling import resample_labels
+from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
+from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 
 def add_arguments(subparsers: Subparsers) -> None:

@@ -18,14 +18,19 @@ from ViTTransferFunction.CommandLine.options import (
     parse_named_paths,
 )
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.annotations import AnnotatedClass, check_classes, classes_from_markups, read_annotations
-from ViTTransferFunction.Logic.atomic_file import check_writable, replacing
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.geometry import Geometry
-from ViTTransferFunction.Logic.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.segmentation_io import Segment, check_segmentation_path, write_image, write_segmentation
-from ViTTransferFunction.Logic.segmentation_session import ClassMap, FeatureProvenance, Segmentation, SegmentationSession
-from ViTTransferFunction.Logic.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.core.annotations import AnnotatedClass, check_classes, classes_from_markups, read_annotations
+from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.files.segmentation_files import Segment, check_segmentation_path, write_image, write_segmentation
+from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
+from ViTTransferFunction.Logic.session.segmentation_session import (
+    ClassMap,
+    FeatureProvenance,
+    Segmentation,
+    SegmentationSession,
+)
 
 
 def add_arguments(subparsers: Subparsers) -> None:

@@ -11,7 +11,7 @@ import os
 import sys
 
 from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
-from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.core.errors import InputError
 
 
 def main(arguments: list[str] | None = None) -> int:

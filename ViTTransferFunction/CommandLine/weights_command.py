@@ -6,9 +6,9 @@ import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS, pretrained_model
-from ViTTransferFunction.Logic.weights import fetch_weights
-from ViTTransferFunction.Logic.weights_cache import CachedWeights, list_weights, remove_weights, weights_folder
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, pretrained_model
+from ViTTransferFunction.Logic.weights.sources import fetch_weights
+from ViTTransferFunction.Logic.weights.store import CachedWeights, list_weights, remove_weights, weights_folder
 
 
 def add_arguments(subparsers: Subparsers) -> None:

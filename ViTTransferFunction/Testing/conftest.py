@@ -11,10 +11,10 @@ import hypothesis
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.geometry import Geometry
-from ViTTransferFunction.Logic.vision_transformer import VisionTransformer
-from ViTTransferFunction.Logic.volume import Volume
-from ViTTransferFunction.Testing.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 # The same examples on every run, and no judgement by the clock of a busy machine.
 hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True)

@@ -8,12 +8,12 @@ from typing import Any
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.cache_folder import cache_folder
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.feature_cache import FeatureCache
-from ViTTransferFunction.Logic.presets import DEFAULT_PRESET, preset
-from ViTTransferFunction.Logic.pretrained_models import PretrainedModel, pretrained_model
-from ViTTransferFunction.Logic.weights_cache import file_in, remove_weights, weights_folder
+from ViTTransferFunction.Logic.core.cache_folder import cache_folder
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
+from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
+from ViTTransferFunction.Logic.weights.store import file_in, remove_weights, weights_folder
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 from ViTTransferFunction.Widget.wording import size
 

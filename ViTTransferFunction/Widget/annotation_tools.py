@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
-from ViTTransferFunction.Logic.scene_classes import ClassState
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.place_mode import PlaceMode
 from ViTTransferFunction.Widget.section import Section
 from ViTTransferFunction.Widget.stroke_mode import StrokeMode

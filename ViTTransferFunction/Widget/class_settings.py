@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ViTTransferFunction.Logic.scene_classes import ClassState
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.annotations import Color
-from ViTTransferFunction.Logic.errors import InputError
-from ViTTransferFunction.Logic.scene_classes import ClassState
+from ViTTransferFunction.Logic.core.annotations import Color
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD = range(6)

@@ -8,7 +8,7 @@ from typing import Any
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene_segments import CLASS_TAG
+from ViTTransferFunction.Logic.scene.segments import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 

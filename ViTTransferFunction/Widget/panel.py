@@ -8,7 +8,7 @@ from typing import Any
 import qt
 import slicer
 
-from ViTTransferFunction.Logic.scene_session import SceneSession
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
 from ViTTransferFunction.Widget.class_settings import ClassSettings

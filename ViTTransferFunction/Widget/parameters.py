@@ -8,11 +8,11 @@ import qt
 from slicer.i18n import tr as _
 from slicer.parameterNodeWrapper import Choice, WithinRange, parameterNodeWrapper
 
-from ViTTransferFunction.Logic.device import DEVICE_NAMES
-from ViTTransferFunction.Logic.presets import PRESETS
-from ViTTransferFunction.Logic.pretrained_models import PRETRAINED_MODELS
-from ViTTransferFunction.Logic.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.scene_parameters import RENDERINGS, SceneParameters
+from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
+from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
+from ViTTransferFunction.Logic.scene.parameters import RENDERINGS, SceneParameters
+from ViTTransferFunction.Logic.session.presets import PRESETS
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 
 _DEFAULTS: dict[str, Any] = dict(SceneParameters.DEFAULTS)
 _CHOICES: dict[str, list[str]] = {

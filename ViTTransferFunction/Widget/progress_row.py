@@ -6,7 +6,7 @@ from typing import Any
 
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.remote_data import Progressing
+from ViTTransferFunction.Logic.compute.exchange import Progressing
 from ViTTransferFunction.Widget.wording import duration
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.errors import InputError
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Widget.section import Section
 
 REQUIREMENT = "torch>=2.0"

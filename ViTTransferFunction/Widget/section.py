@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from ViTTransferFunction.Logic.scene_session import SceneSession
+from ViTTransferFunction.Logic.scene.session import SceneSession
 
 
 class Section:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import slicer
 
-from ViTTransferFunction.Logic.stroke_tool import StrokeTool
+from ViTTransferFunction.Logic.scene.stroke_tool import StrokeTool
 
 
 class StrokeMode:

@@ -8,7 +8,7 @@ from typing import Any
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.remote_data import Estimate, Progressing
+from ViTTransferFunction.Logic.compute.exchange import Estimate, Progressing
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.section import Section, signals_blocked

@@ -1,0 +1,129 @@
+"""Volumes whose structures are known: scans that somebody labelled, and generated shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import SimpleITK as sitk  # noqa: N813
+
+from Benchmarks.shared.shape_phantoms import phantom_volume, sphere, torus
+from Benchmarks.shared.simulated_clicker import Click
+from ViTTransferFunction.Logic.core.annotations import AnnotatedClass, default_color
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+
+
+@dataclass(frozen=True)
+class Case:
+    """A labelled scan: its files, and which label numbers make up each structure."""
+
+    name: str
+    volume: str
+    labels: str
+    structures: dict[str, tuple[int, ...]]
+
+    def read(self, folder: Path) -> LabelledVolume:
+        """The scan and its labels, from the folder that holds the files."""
+        return LabelledVolume(
+            read_volume(folder / self.volume), merged_labels(folder / self.labels, self), tuple(self.structures)
+        )
+
+
+@dataclass(frozen=True)
+class PhantomCase:
+    """The paper's sphere and torus in one volume, of equal brightness: what tells them apart is shape and place."""
+
+    name: str = "phantoms"
+    size: int = 128
+
+    def read(self, folder: Path) -> LabelledVolume:
+        """The generated volume and its labels; needs no file."""
+        masks = [sphere(self.size, (0.5, 0.5, 0.27), 0.17), torus(self.size, (0.5, 0.5, 0.7), 0.18, 0.07)]
+        truth = np.zeros(masks[0].shape, dtype=np.uint8)
+        for label, mask in enumerate(masks, start=1):
+            truth[mask] = label
+        return LabelledVolume(phantom_volume(truth > 0, self.name), truth, ("sphere", "torus"))
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledVolume:
+    """A volume, and what is where in it.
+
+    Attributes:
+        volume: the intensities.
+        truth: (K, J, I) uint8, 0 for background, 1 + index of the structure elsewhere.
+        names: of the structures.
+    """
+
+    volume: Volume
+    truth: np.ndarray
+    names: tuple[str, ...]
+
+    @property
+    def spacing_mm(self) -> list[float]:
+        """Distance between voxels along (K, J, I)."""
+        return self.volume.geometry.spacing_mm[::-1].tolist()
+
+    def alone(self, index: int) -> LabelledVolume:
+        """The same volume where the index-th structure is the only one and all else is background."""
+        return LabelledVolume(self.volume, (self.truth == index + 1).astype(np.uint8), self.names[index : index + 1])
+
+
+SCANS = (
+    Case(
+        "amos_0336", "amos_0336_ct.nii.gz", "amos_0336_labels.nii.gz",
+        {
+            "liver": (6,), "spleen": (1,), "right kidney": (2,), "left kidney": (3,),
+            "stomach": (7,), "bladder": (14,), "aorta": (8,),
+        },
+    ),
+    Case(
+        "torso_small", "torso_small_ct.nii.gz", "torso_small_labels.nii.gz",
+        {
+            "liver": (5,), "spleen": (1,), "right kidney": (2,), "left kidney": (3,),
+            "stomach": (6,), "bladder": (21,), "aorta": (52,),
+        },
+    ),
+    Case(
+        "brain", "brain_t1.nii.gz", "brain_labels.nii.gz",
+        {
+            "lateral ventricles": (41, 92), "thalamus": (40, 91), "caudate": (49, 100), "putamen": (21, 72),
+            "hippocampus": (48, 99), "brainstem": (11, 62), "cerebellar grey matter": (46, 97),
+        },
+    ),
+)  # fmt: skip
+
+CASES: tuple[Case | PhantomCase, ...] = (*SCANS, PhantomCase())
+
+
+def merged_labels(path: Path, case: Case) -> np.ndarray:
+    """Truth (K, J, I) uint8, 1 + index for each structure."""
+    labels = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
+    truth = np.zeros(labels.shape, dtype=np.uint8)
+    for index, values in enumerate(case.structures.values(), start=1):
+        truth[np.isin(labels, values)] = index
+    return truth
+
+
+def classes_of(
+    names: Sequence[str], clicks: Sequence[Sequence[Click]], geometry: Geometry, with_negatives: bool = True
+) -> list[AnnotatedClass]:
+    """The clicker's clicks as a user's annotations; without negatives, those clicks are left out."""
+
+    def positions(of_class: Sequence[Click], positive: bool) -> np.ndarray:
+        ijk = [click.kji[::-1] for click in of_class if click.positive == positive]
+        return geometry.ijk_to_ras_points(np.array(ijk, dtype=float).reshape(-1, 3))
+
+    return [
+        AnnotatedClass(
+            name,
+            default_color(index),
+            positions(of_class, True),
+            negative=positions(of_class if with_negatives else (), False),
+        )
+        for index, (name, of_class) in enumerate(zip(names, clicks, strict=True))
+    ]

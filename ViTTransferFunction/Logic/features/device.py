@@ -1,0 +1,35 @@
+"""Where to compute: the user's choice, or the fastest device that this computer has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
+
+DEVICE_NAMES = ("auto", "cpu", "cuda", "mps")
+
+
+def choose_device(name: str) -> torch.device:
+    """The PyTorch device called `name`; "auto" takes CUDA, else Apple's MPS, else the CPU.
+
+    Raises:
+        InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing.
+    """
+    try:
+        import torch
+    except ImportError as error:
+        raise InputError(
+            f"PyTorch, which computes the features, cannot be loaded ({error}). Install it and try again."
+        ) from error
+
+    available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    if name == "auto":
+        return torch.device(next(device for device, there in available.items() if there))
+    if name not in available:
+        raise InputError(f"Unknown device '{name}'; expected one of {', '.join(DEVICE_NAMES)}.")
+    if not available[name]:
+        raise InputError(f"PyTorch finds no {name} device on this computer; choose the device cpu, or auto.")
+    return torch.device(name)

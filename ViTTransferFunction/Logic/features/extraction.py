@@ -1,0 +1,119 @@
+"""From a volume to its feature volume F: slices along three axes through the ViT, pooled and merged (paper §III-A).
+
+    F = ⅓ (pool_K keys(slices along K) + pool_J keys(slices along J) + pool_I keys(slices along I))
+
+The keys of each slice are added to the layers of F that they belong to as soon as they are computed, so that memory is
+the result plus one batch of slices. Three things keep the cost at what the scene needs: slices of fewer patches than F has
+cells along an edge, air that a few patches stand for (`token_selection`), and the device's fastest precision.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.geometry import Geometry
+from ..core.progress import Progress, no_progress
+from ..core.volume import Volume
+from ..weights.models import PretrainedModel
+from .accumulation import FeatureSums, interpolated
+from .bounded_memory import BoundedMemory
+from .extraction_plan import ExtractionPlan, SliceBatch
+from .feature_volume import FeatureVolume
+from .settings import FeatureSettings, feature_key, grid_shape
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from .vision_transformer import VisionTransformer
+
+
+def extract_features(
+    volume: Volume, network: VisionTransformer, settings: FeatureSettings, progress: Progress = no_progress
+) -> FeatureVolume:
+    """Compute the feature volume.
+
+    Args:
+        volume: intensities and geometry.
+        network: loaded weights on the device to compute on.
+        settings: grid and sampling.
+        progress: told of slices done, and of memory that was too small; may raise `Cancelled`.
+
+    Returns:
+        Features in float16, whose rounding (2⁻¹¹ relative) is far below the differences between neighbouring cells.
+
+    Raises:
+        InputError: not even one slice fits into memory.
+    """
+    run = FeatureRun(volume, network, settings)
+    for batch in run.batches:
+        run.report(progress)
+        run.run(batch)
+    run.report(progress)
+    return run.features()
+
+
+def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: PretrainedModel) -> int:
+    """Size of the feature volume that `extract_features` returns."""
+    return math.prod(grid_shape(geometry, settings)) * model.embed_dim * np.dtype(np.float16).itemsize
+
+
+class FeatureRun:
+    """An extraction under way: batches of slices are run in any order, and what there is can be had at any time.
+
+    Args:
+        volume: intensities and geometry.
+        network: loaded weights on the device to compute on.
+        settings: grid and sampling.
+
+    Attributes:
+        batches: all slices to run.
+    """
+
+    def __init__(self, volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> None:
+        self._key = feature_key(volume, network.model.name, network.weights_digest, settings)
+        self._geometry = volume.geometry.resized(grid_shape(volume.geometry, settings))
+        self._plan = ExtractionPlan(volume, settings)
+        self.batches = self._plan.batches
+        self._patches = self._plan.patches(network.model.patch_size, network.device)
+        self._memory = BoundedMemory(network.converted(network.device, settings.precision_on(network.device)))
+        self._channels = network.model.embed_dim
+        self._sums = FeatureSums(self._plan.shape, self._channels, network.device)
+        self._total, self._done = sum(len(batch.samples) for batch in self.batches), 0
+
+    def report(self, progress: Progress) -> None:
+        """Tell how many slices are done, and what was given up for lack of memory."""
+        progress(self._done, self._total, f"Extracting features{self._memory.trouble}")
+
+    def run(self, batch: SliceBatch) -> None:
+        """Run a batch of slices; each batch once."""
+        patches = self._patches[batch.axis]
+        tokens = [patches.tokens(sample.position, chosen) for sample, chosen in zip(batch.samples, batch.chosen, strict=True)]
+        keys = self._memory.keys_of_tokens(tokens).split([len(of_slice.patches) for of_slice in tokens])
+        for sample, chosen, of_slice in zip(batch.samples, batch.chosen, keys, strict=True):
+            self._sums.add(batch.axis, sample, patches.spread(of_slice, chosen))
+        self._done += len(batch.samples)
+
+    def distance_mm(self, batch: SliceBatch, point_ras: np.ndarray) -> float:
+        """How far a batch's slices are from a point (3,) in RAS millimetres, on average."""
+        return self._plan.distance_mm(batch, point_ras)
+
+    def features(self) -> FeatureVolume:
+        """The features, once every batch was run."""
+        return self._feature_volume(self._sums.means(), self._key)
+
+    def features_so_far(self, coarse: FeatureRun) -> FeatureVolume:
+        """Features in which a coarser, finished run of the same volume stands in for the slices not yet run."""
+        others = interpolated(coarse._sums.means(), coarse._plan.shape, self._plan.shape)
+        return self._feature_volume(self._sums.means_with(others), f"{self._key}-{self._done}-of-{self._total}")
+
+    def _feature_volume(self, layers: Iterator[Tensor], key: str) -> FeatureVolume:
+        """Features of upright `layers`, each written where it belongs: there is never a second volume of them."""
+        array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
+        upright = self._plan.orientation.upright(array)
+        for place, layer in zip(upright, interpolated(layers, self._plan.shape, upright.shape[:3]), strict=True):
+            place[...] = layer.numpy()
+        return FeatureVolume(array, self._geometry, key)

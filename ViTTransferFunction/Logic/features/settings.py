@@ -1,0 +1,112 @@
+"""How features are extracted, and the names of what comes out."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.geometry import Geometry
+from ..core.intensity_window import ChannelWindows, full_range_window, network_windows
+from ..core.volume import Volume
+from .precision import fastest_precision
+
+if TYPE_CHECKING:
+    import torch
+
+SMALLEST_GRID, LARGEST_GRID = 4, 128
+FORMAT_VERSION = 3
+"""Part of every key: to be raised when the same settings come to give other features."""
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """How features are extracted.
+
+    Attributes:
+        grid: number of cells along the volume's longest edge.
+        patches_per_cell: edge of a cell in patches, 1 or less: where the network sees fewer patches than there are cells,
+            features are interpolated.
+        layer_step: run the slices of every n-th layer of patches and interpolate between; 1 runs all.
+        isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as published.
+        upright: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as
+            published.
+        every_slice: run every slice and average-pool, as published; otherwise one slice through a layer's centre.
+        thin_air: let a few patches stand for the air around the body (`token_selection`).
+        windows: intensity windows of the three colour channels: chosen from the volume ("robust", `network_windows`), from
+            its smallest to its largest value ("full range", as published), or as given.
+        precision: "fastest" on the device at hand (`fastest_precision`), or "float32".
+
+    Raises:
+        InputError: `grid`, `patches_per_cell` or `layer_step` is out of range, or layers are to be skipped and pooled at once.
+    """
+
+    grid: int = 64
+    patches_per_cell: float = 1.0
+    layer_step: int = 1
+    isotropic: bool = True
+    upright: bool = True
+    every_slice: bool = False
+    thin_air: bool = True
+    windows: ChannelWindows | Literal["robust", "full range"] = "robust"
+    precision: Literal["fastest", "float32"] = "fastest"
+
+    def __post_init__(self) -> None:
+        if not SMALLEST_GRID <= self.grid <= LARGEST_GRID:
+            raise InputError(f"The feature grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {self.grid}.")
+        if not 0.0 < self.patches_per_cell <= 1.0:
+            raise InputError(f"A cell must be more than 0 and at most 1 patch wide; got {self.patches_per_cell}.")
+        if self.layer_step < 1 or (self.every_slice and self.layer_step > 1):
+            raise InputError(f"layer_step must be 1 or more, and 1 where every slice is run; got {self.layer_step}.")
+
+    def windows_for(self, volume: Volume) -> ChannelWindows:
+        """The windows to use for `volume`."""
+        if self.windows == "robust":
+            return network_windows(volume)
+        if self.windows == "full range":
+            return (full_range_window(volume),) * 3
+        return self.windows
+
+    def precision_on(self, device: torch.device) -> torch.dtype:
+        """The precision to use on `device`."""
+        import torch
+
+        return fastest_precision(device) if self.precision == "fastest" else torch.float32
+
+
+def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
+    """Number of cells along (K, J, I): `settings.grid` along the longest edge, the others in proportion, at least 1."""
+    return _proportional_shape(geometry, settings.grid, settings.isotropic)
+
+
+def patch_grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
+    """Number of patches along (K, J, I): `patches_along` the longest edge, the others in proportion, at least 1."""
+    return _proportional_shape(geometry, patches_along(settings), settings.isotropic)
+
+
+def patches_along(settings: FeatureSettings) -> int:
+    """Number of patches along the volume's longest edge."""
+    return max(SMALLEST_GRID, round(settings.grid * settings.patches_per_cell))
+
+
+def _proportional_shape(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:
+    edges = geometry.extent_mm[::-1] if isotropic else np.array(geometry.shape, dtype=float)
+    cells = np.maximum(1, np.round(edges * longest / edges.max())).astype(int)
+    return int(cells[0]), int(cells[1]), int(cells[2])
+
+
+def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings) -> str:
+    """A name for the features of this content, model and settings: hexadecimal SHA-256.
+
+    The volume's place in the patient is part of it (feature cells lie in the patient), its name is not.
+    """
+    digest = hashlib.sha256()
+    digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings).items())}".encode())
+    digest.update(f"{volume.array.shape} {volume.array.dtype.str}".encode())
+    # A file format may keep fewer digits, and turn 0 into -0.
+    digest.update((np.round(volume.geometry.ijk_to_ras, 4) + 0.0).astype("<f8").tobytes())
+    digest.update(np.ascontiguousarray(volume.array).data)
+    return digest.hexdigest()

@@ -1,0 +1,79 @@
+"""Slices as the network reads them: windowed to three colour channels, resized to whole patches, normalised."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.intensity_window import ChannelWindows
+from .background_tokens import TokenSelection
+from .line_resizing import resizing_matrix
+from .slice_sampling import slice_at
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
+    from .packed_slices import PatchTokens
+
+CHANNEL_MEAN = (0.485, 0.456, 0.406)
+CHANNEL_STD = (0.229, 0.224, 0.225)
+
+
+class SlicePatches:
+    """The patches of a volume's slices across one axis.
+
+    Args:
+        array: (K, J, I) intensities, as the network is to see them.
+        windows: of the colour channels.
+        axis: across which the slices run.
+        shape: cells along (K, J, I); a patch for each cell of a slice.
+        patch_size: of the network, pixels.
+        device: where to compute.
+    """
+
+    def __init__(
+        self,
+        array: np.ndarray,
+        windows: ChannelWindows,
+        axis: int,
+        shape: tuple[int, int, int],
+        patch_size: int,
+        device: torch.device,
+    ) -> None:
+
+        self._array, self._windows, self._axis, self._patch_size = array, windows, axis, patch_size
+        across = [other for other in range(3) if other != axis]
+        self.rows, self.columns = (shape[other] for other in across)
+        self._to_rows, self._to_columns = (
+            resizing_matrix(array.shape[other], shape[other] * patch_size).to(device) for other in across
+        )
+
+    def tokens(self, position: float, chosen: TokenSelection) -> PatchTokens:
+        """The chosen patches of the slice at `position`, as the network takes them."""
+        import torch
+
+        from .packed_slices import PatchTokens
+
+        channels = torch.from_numpy(self._channels(slice_at(self._array, self._axis, position)))
+        image = self._to_rows @ channels.to(self._to_rows.device) @ self._to_columns.T
+        size = self._patch_size
+        patches = image.reshape(3, self.rows, size, self.columns, size).permute(1, 3, 0, 2, 4)
+        if len(chosen.places) == self.rows * self.columns:
+            return PatchTokens(patches.reshape(self.rows * self.columns, -1), self.rows, self.columns)
+        places, counts = torch.from_numpy(chosen.places), torch.from_numpy(chosen.counts)
+        of_places = patches[places // self.columns, places % self.columns].flatten(1)
+        return PatchTokens(of_places, self.rows, self.columns, places, counts)
+
+    def _channels(self, intensities: np.ndarray) -> np.ndarray:
+        """A slice in the three windows, (3, rows, columns) float32, normalised; resizing it keeps it so."""
+        shown = {window: window.apply(intensities) for window in set(self._windows)}
+        channels = zip(self._windows, CHANNEL_MEAN, CHANNEL_STD, strict=True)
+        return np.stack([(shown[window] - np.float32(mean)) / np.float32(std) for window, mean, std in channels])
+
+    def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
+        """Keys (T, C) of the chosen patches, in the places of all that they stand for: (rows, columns, C)."""
+        import torch
+
+        return keys[torch.from_numpy(chosen.standing_for).to(keys.device)].reshape(self.rows, self.columns, -1)

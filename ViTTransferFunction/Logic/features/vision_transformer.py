@@ -1,0 +1,268 @@
+"""A vision transformer that gives the attention keys of its last block: the features of the method (paper §III-A).
+
+Dosovitskiy et al., An Image is Worth 16×16 Words, 2021; Caron et al., Emerging Properties in Self-Supervised Vision
+Transformers, 2021 (DINO); Oquab et al., DINOv2, 2023; Darcet et al., Vision Transformers Need Registers, 2023.
+
+Inference only, so there are no modules: the network is the published state dict and the functions below, and every weight
+is looked up by its published name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+from ..weights.models import PretrainedModel
+from .buffer_pool import Workspace
+from .packed_slices import PackedSlices, PatchTokens
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
+LAYER_NORM_EPSILON = 1e-6
+ROWS_AT_ONCE = 2048
+"""Rows that go through a layer at once on a processor: what lies between two layers then stays in its cache."""
+
+
+class VisionTransformer:
+    """A frozen ViT, ready to compute last-block keys.
+
+    Args:
+        model: the architecture.
+        state_dict: the weights under their published names, any floating dtype.
+        weights_digest: names the weights, for whoever keeps what is computed with them.
+        device: where to compute.
+        dtype: in what precision to compute; float32 unless given.
+
+    Raises:
+        InputError: the state dict is not one of this architecture (missing, unexpected or wrongly shaped entries).
+    """
+
+    def __init__(
+        self,
+        model: PretrainedModel,
+        state_dict: dict[str, Tensor],
+        weights_digest: str,
+        device: torch.device | str = "cpu",
+        dtype: torch.dtype | None = None,
+    ) -> None:
+        import torch
+
+        _check_state_dict(model, state_dict)
+        self.model = model
+        self.weights_digest = weights_digest
+        self.device = torch.device(device)
+        self.dtype = dtype or torch.float32
+        self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in state_dict.items()}
+        self._position_tables: dict[tuple[int, int], Tensor] = {}
+
+    def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
+        """The same network on another device or in another precision; this one where both are its own."""
+        import torch
+
+        if (self.device, self.dtype) == (torch.device(device), dtype):
+            return self
+        return VisionTransformer(self.model, self._weights, self.weights_digest, device, dtype)
+
+    def last_block_keys(self, images: Tensor) -> Tensor:
+        """Keys `K` of the last block's self-attention, heads side by side, without class and register tokens.
+
+        Args:
+            images: (B, 3, H, W), normalised as the model expects; H and W are multiples of the patch size.
+
+        Returns:
+            (B, H / patch_size, W / patch_size, C) on the same device, in the network's precision.
+        """
+        size = self.model.patch_size
+        rows, columns = (edge // size for edge in images.shape[-2:])
+        patches = images.reshape(-1, 3, rows, size, columns, size).permute(0, 2, 4, 1, 3, 5).flatten(0, 2).flatten(1)
+        return self.keys_of_tokens([PatchTokens(group, rows, columns) for group in patches.split(rows * columns)]).reshape(
+            len(images), rows, columns, self.model.embed_dim
+        )
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> Tensor:
+        """Last-block keys of slices of which not every patch is there; the slices do not see each other.
+
+        Args:
+            slices: to run at once.
+            workspace: for whoever runs many batches one after the other.
+
+        Returns:
+            (T, C), the keys of the slices' patches one after the other, on the network's device, in its precision.
+        """
+        import torch
+
+        with torch.inference_mode():
+            packed = PackedSlices(slices, 1 + self.model.num_register_tokens)
+            work = workspace or Workspace()
+            tokens = self._embed(slices, packed, work)
+            biases = [self._attention_bias(group, span) for group, span in zip(slices, packed.spans, strict=True)]
+            for block in range(self.model.depth - 1):
+                self._add_attention(tokens, packed.spans, biases, f"blocks.{block}", work)
+                self._add_mlp(tokens, f"blocks.{block}", work)
+            keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")
+            return torch.cat([keys[patches] for patches in packed.patches])
+
+    def _embed(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: Workspace) -> Tensor:
+        """Tokens (R, C): of each slice the class token, the registers, then the patches; zeros where there are none."""
+        w = self._weights
+        weight = w["patch_embed.proj.weight"].flatten(1)
+        pixels = self._rows(work, "pixels", packed.rows, weight.shape[1]).zero_()
+        tokens = self._rows(work, "tokens", packed.rows, weight.shape[0]).zero_()
+        for group, span, patches in zip(slices, packed.spans, packed.patches, strict=True):
+            positions = self._position_table(group.rows, group.columns)
+            tokens[span.start] = w["cls_token"][0, 0] + positions[0]
+            if self.model.num_register_tokens:
+                # Registers carry no position (Darcet et al. 2023).
+                tokens[span.start + 1 : patches.start] = w["register_tokens"][0]
+            at_patches = positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
+            tokens[patches] = at_patches + w["patch_embed.proj.bias"]
+            pixels[patches] = group.patches.to(self.device)
+        return tokens.addmm_(pixels, weight.T)
+
+    def _attention_bias(self, group: PatchTokens, span: slice) -> Tensor | None:
+        """What is added to every token's logits, (1, rows of the slice): a token that stands for n counts n times.
+
+        log n on the logit of a key is what n equal keys side by side amount to (Bolya et al., Token Merging, 2023, Eq. 1):
+        also for padding, which counts for nothing.
+        """
+        import torch
+
+        if group.counts is None:
+            return None
+        own = 1 + self.model.num_register_tokens
+        counts = torch.zeros(span.stop - span.start)
+        counts[:own] = 1.0
+        counts[own : own + len(group.counts)] = group.counts
+        return counts.log()[None].to(self.device, self.dtype)
+
+    def _position_table(self, rows: int, columns: int) -> Tensor:
+        """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
+        if (rows, columns) not in self._position_tables:
+            table = interpolate_position_table(self._weights["pos_embed"].float(), rows, columns)[0]
+            self._position_tables[rows, columns] = table.to(self.dtype)
+        return self._position_tables[rows, columns]
+
+    def _add_attention(
+        self, tokens: Tensor, spans: Sequence[slice], biases: Sequence[Tensor | None], block: str, work: Workspace
+    ) -> None:
+        """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`."""
+        import torch.nn.functional as F
+
+        heads, (rows, channels) = self.model.num_heads, tokens.shape
+        qkv = self._rows(work, "qkv", rows, 3 * channels)
+        for part, out in self._parts(tokens, qkv):
+            self._linear(self._layer_norm(part, f"{block}.norm1"), f"{block}.attn.qkv", out)
+        attended = self._rows(work, "attended", rows, channels)
+        attended[spans[-1].stop :] = 0.0
+        for span, bias in zip(spans, biases, strict=True):
+            query, key, value = qkv[span].reshape(1, -1, 3, heads, channels // heads).permute(2, 0, 3, 1, 4)
+            mask = None if bias is None else bias.expand(1, 1, query.shape[2], -1)
+            of_heads = F.scaled_dot_product_attention(query, key, value, attn_mask=mask)
+            attended[span] = of_heads[0].transpose(0, 1).flatten(1)
+        for part, values in self._parts(tokens, attended):
+            self._add_scaled(part, self._linear(values, f"{block}.attn.proj"), f"{block}.ls1")
+
+    def _add_mlp(self, tokens: Tensor, block: str, work: Workspace) -> None:
+        import torch
+
+        for (part,) in self._parts(tokens):
+            hidden = self._rows(work, "hidden", len(part), 4 * tokens.shape[1])
+            self._linear(self._layer_norm(part, f"{block}.norm2"), f"{block}.mlp.fc1", hidden)
+            torch.ops.aten.gelu_(hidden)
+            self._add_scaled(part, self._linear(hidden, f"{block}.mlp.fc2"), f"{block}.ls2")
+
+    def _parts(self, *arrays: Tensor) -> Iterator[tuple[Tensor, ...]]:
+        """The rows of arrays that go through a layer at once; all of them on a GPU, where each call costs time."""
+        rows = ROWS_AT_ONCE if self.device.type == "cpu" else len(arrays[0])
+        return zip(*(array.split(rows) for array in arrays), strict=True)
+
+    def _keys(self, tokens: Tensor, block: str) -> Tensor:
+        """Only the key third of the block's qkv projection: nothing after it is ever read."""
+        import torch.nn.functional as F
+
+        channels = self.model.embed_dim
+        weight = self._weights[f"{block}.attn.qkv.weight"][channels : 2 * channels]
+        bias = self._weights[f"{block}.attn.qkv.bias"][channels : 2 * channels]
+        return F.linear(self._layer_norm(tokens, f"{block}.norm1"), weight, bias)
+
+    def _layer_norm(self, tokens: Tensor, name: str) -> Tensor:
+        import torch.nn.functional as F
+
+        w = self._weights
+        return F.layer_norm(tokens, tokens.shape[-1:], w[f"{name}.weight"], w[f"{name}.bias"], LAYER_NORM_EPSILON)
+
+    def _linear(self, tokens: Tensor, name: str, out: Tensor | None = None) -> Tensor:
+        import torch
+
+        return torch.addmm(self._weights[f"{name}.bias"], tokens, self._weights[f"{name}.weight"].T, out=out)
+
+    def _add_scaled(self, tokens: Tensor, residual: Tensor, name: str) -> None:
+        if self.model.layer_scale:
+            tokens.addcmul_(residual, self._weights[f"{name}.gamma"])
+        else:
+            tokens.add_(residual)
+
+    def _rows(self, work: Workspace, name: str, rows: int, columns: int) -> Tensor:
+        return work.rows(name, rows, columns, self.dtype, self.device)
+
+
+def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor:
+    """Resize a learned position table to another patch grid, bicubic with anti-aliasing; the class entry is kept.
+
+    Args:
+        table: (1, 1 + n², C), the class token's entry first.
+        rows, columns: patch grid to resize to.
+
+    Returns:
+        (1, 1 + rows·columns, C); `table` itself where the grid is n × n already.
+    """
+    import torch
+    import torch.nn.functional as F
+
+    side = math.isqrt(table.shape[1] - 1)
+    if (rows, columns) == (side, side):
+        return table
+    grid = table[:, 1:].reshape(1, side, side, -1).permute(0, 3, 1, 2)
+    grid = F.interpolate(grid, size=(rows, columns), mode="bicubic", antialias=True, align_corners=False)
+    return torch.cat([table[:, :1], grid.flatten(2).transpose(1, 2)], dim=1)
+
+
+def expected_shapes(model: PretrainedModel) -> dict[str, tuple[int, ...]]:
+    """Name and shape of every entry of the architecture's published state dict."""
+    c, p = model.embed_dim, model.patch_size
+    shapes: dict[str, tuple[int, ...]] = {
+        "cls_token": (1, 1, c),
+        "pos_embed": (1, 1 + model.position_grid**2, c),
+        "patch_embed.proj.weight": (c, 3, p, p),
+        "patch_embed.proj.bias": (c,),
+        "norm.weight": (c,),
+        "norm.bias": (c,),
+    }
+    if model.num_register_tokens:
+        shapes["register_tokens"] = (1, model.num_register_tokens, c)
+    for block in (f"blocks.{index}" for index in range(model.depth)):
+        for name, rows, columns in (("attn.qkv", 3 * c, c), ("attn.proj", c, c), ("mlp.fc1", 4 * c, c), ("mlp.fc2", c, 4 * c)):
+            shapes[f"{block}.{name}.weight"] = (rows, columns)
+            shapes[f"{block}.{name}.bias"] = (rows,)
+        for norm in ("norm1", "norm2"):
+            shapes[f"{block}.{norm}.weight"] = shapes[f"{block}.{norm}.bias"] = (c,)
+        if model.layer_scale:
+            shapes[f"{block}.ls1.gamma"] = shapes[f"{block}.ls2.gamma"] = (c,)
+    return shapes
+
+
+def _check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> None:
+    expected = expected_shapes(model)
+    got = {name: tuple(tensor.shape) for name, tensor in state_dict.items()}
+    differing = sorted(name for name in expected.keys() | got.keys() if expected.get(name) != got.get(name))
+    if differing:
+        first = differing[0]
+        raise InputError(
+            f"The weights are not those of '{model.name}': {len(differing)} entries differ, first '{first}': expected "
+            f"{expected.get(first, 'no such entry')}, got {got.get(first, 'no such entry')}. "
+            "Name the model that the file belongs to with --model, or choose another file."
+        )

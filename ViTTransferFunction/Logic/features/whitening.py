@@ -1,0 +1,111 @@
+"""Features made comparable by the volume's own statistics.
+
+Un-centred keys of the DINOv2 family have cosine above 0.9 between any two cells: no threshold separates anything. What
+tells cells apart is how they differ from the volume's mean, measured against how much each direction varies anyway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..core.geometry import Geometry
+from .feature_volume import FeatureVolume, sample_at
+
+Statistics = Literal["none", "centred", "whitened"]
+
+WHITENED_COMPONENTS = 64
+"""Directions of largest variance that are kept; the rest is mostly noise that whitening would blow up."""
+STATISTICS_CELLS = 30_000
+"""Enough for a covariance of some hundred channels: with all cells of a 64³ grid the result is the same to a few percent."""
+CELLS_PER_COMPONENT = 50
+"""Fewer cells than this for each direction would make every cell look unlike its neighbours."""
+BLOCK_CELLS = 16_384
+SMALLEST_NORM = 1e-12
+
+
+@dataclass(frozen=True)
+class FeatureTransform:
+    """An affine map of feature vectors: `(F − mean) · projection`.
+
+    Attributes:
+        mean: (C,) float32.
+        projection: (C, C') float32, or None to keep all channels as they are.
+    """
+
+    mean: np.ndarray
+    projection: np.ndarray | None
+
+    def apply(self, vectors: np.ndarray) -> np.ndarray:
+        """Map vectors (…, C) to (…, C') float32."""
+        centred = np.asarray(vectors, dtype=np.float32) - self.mean
+        return centred if self.projection is None else centred @ self.projection
+
+
+@dataclass(frozen=True, eq=False)
+class ComparableFeatures:
+    """Unit vectors whose dot products are the cosine similarities of Eq. 1.
+
+    Attributes:
+        array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
+        geometry: the cells' grid.
+        transform: what was applied before normalising.
+    """
+
+    array: np.ndarray
+    geometry: Geometry
+    transform: FeatureTransform
+    source: FeatureVolume
+
+    def at(self, points_ras: np.ndarray) -> np.ndarray:
+        """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
+        return unit_vectors(self.transform.apply(sample_at(self.source.array, self.geometry, points_ras)))
+
+
+def comparable_features(features: FeatureVolume, statistics: Statistics) -> ComparableFeatures:
+    """Prepare a feature volume for cosine similarity.
+
+    Args:
+        features: as extracted.
+        statistics: "none": as they are, the published way; "centred": minus the volume's mean; "whitened": centred, then
+            the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+    """
+    transform = _fit_transform(features.array, statistics)
+    cells = features.array.reshape(-1, features.channels)
+    # Block by block, so that no full-size float32 copy of the raw features is ever made.
+    blocks = (cells[start : start + BLOCK_CELLS] for start in range(0, len(cells), BLOCK_CELLS))
+    array = np.concatenate([unit_vectors(transform.apply(block)) for block in blocks])
+    return ComparableFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
+
+
+def unit_vectors(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (…, C) scaled to length 1; zero vectors stay zero."""
+    norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.maximum(norms, SMALLEST_NORM)
+
+
+def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransform:
+    channels = array.shape[-1]
+    if statistics == "none":
+        return FeatureTransform(np.zeros(channels, dtype=np.float32), None)
+    mean, covariance = _moments(array)
+    if statistics == "centred":
+        return FeatureTransform(mean.astype(np.float32), None)
+    variances, directions = np.linalg.eigh(covariance)
+    count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
+    order = np.argsort(variances)[::-1][:count]
+    # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
+    order = order[variances[order] > variances[order[0]] * 1e-6]
+    projection = directions[:, order] / np.sqrt(variances[order])
+    return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
+
+
+def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (C,) and covariance (C, C) over evenly spread cells, at most about `STATISTICS_CELLS`, in float64."""
+    cells = array.reshape(-1, array.shape[-1])
+    cells = cells[:: max(1, len(cells) // STATISTICS_CELLS)].astype(np.float64)
+    mean = cells.mean(axis=0)
+    cells -= mean
+    return mean, cells.T @ cells / len(cells)

@@ -1,0 +1,185 @@
+"""The bilateral grid: voxels that are near each other in space and in intensity share one cell, and become one unknown.
+
+A 4D grid over (K, J, I, luma). Spatial cells are whole numbers of voxels; luma cells are centred on the multiples of
+`sigma_luma`, in units of the intensity window. A voxel's place in the dense grid is arithmetic: nothing is sorted or hashed.
+
+The grid is walked in layers, all cells with the same K, and a layer's voxels in pieces of a few slices or rows: what either
+needs stays in the processor's cache, and no temporary has the volume's or the dense grid's size. Unoccupied cells pad every row
+and column of a layer, so that neighbours are found without looking for borders; voxels that take no part are counted into
+padding.
+
+Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and the other way round. The padding
+makes every stride odd, so that a cell's colour is the parity of its layer and of its place in it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+from . import large_arrays
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from torch import Tensor
+
+    Piece = tuple[slice, slice]
+    """Slices and rows, along K and J, with all that they hold along I."""
+
+DIMENSIONS = 4
+PIECE_VOXELS = 2**17
+"""Half a megabyte for each number that a voxel has: a piece's temporaries stay in the cache of one processor core."""
+MAX_DENSE_CELLS = 2**27
+"""Bounds the dense grid, every layer of which is walked through. A 600³ volume in cells of 5 voxels fits twice."""
+
+
+@dataclass(frozen=True)
+class GridLayout:
+    """How many cells there are, and which voxels lie in which: integers only.
+
+    Attributes:
+        voxels: volume shape, (K, J, I).
+        cell_voxels: voxels along each edge of a spatial cell, (K, J, I).
+        luma_cells: cells along luma.
+    """
+
+    voxels: tuple[int, int, int]
+    cell_voxels: tuple[int, int, int]
+    luma_cells: int
+
+    @classmethod
+    def of_sigmas(
+        cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
+    ) -> GridLayout:
+        """The layout whose cells come nearest to `sigma_spatial_mm` along every axis, and measure `sigma_luma` of the window.
+
+        Raises:
+            InputError: the grid would be too large to hold.
+        """
+        # Larger than the volume is as large as the volume; said here so that an infinite ratio needs no case of its own.
+        edges = [max(1, round(min(sigma_spatial_mm / s, n))) for s, n in zip(spacing_mm, voxels, strict=True)]
+        layout = cls(voxels, (edges[0], edges[1], edges[2]), math.floor(min(1.0 / sigma_luma, 2.0**31) + 0.5) + 1)
+        if layout.dense_cells > MAX_DENSE_CELLS:
+            raise InputError(
+                f"sigma_spatial_mm {sigma_spatial_mm:g} and sigma_luma {sigma_luma:g} divide a volume of {voxels} voxels of "
+                f"{tuple(float(s) for s in spacing_mm)} mm into {layout.dense_cells:.3g} cells; expected at most "
+                f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
+            )
+        return layout
+
+    @property
+    def cells(self) -> tuple[int, int, int]:
+        """Spatial cells along (K, J, I), the last of each row perhaps incomplete."""
+        return tuple(-(-n // edge) for n, edge in zip(self.voxels, self.cell_voxels, strict=True))  # type: ignore[return-value]
+
+    @property
+    def layer_shape(self) -> tuple[int, int, int]:
+        """Cells of a layer along (J, I, luma), padding included: odd numbers."""
+        return (self.cells[1] + 1) | 1, (self.cells[2] + 1) | 1, (self.luma_cells + 1) | 1
+
+    @property
+    def layer_size(self) -> int:
+        """Cells of a layer, padding included. The last is padding along every axis."""
+        return math.prod(self.layer_shape)
+
+    @property
+    def dense_cells(self) -> int:
+        """Cells of the dense grid."""
+        return self.cells[0] * self.layer_size
+
+    @property
+    def strides(self) -> tuple[int, int, int]:
+        """Distance within a layer between neighbours along (J, I, luma)."""
+        _, columns, lumas = self.layer_shape
+        return columns * lumas, lumas, 1
+
+    def layers(self) -> list[tuple[int, slice]]:
+        """Number of each layer of cells, and its voxels along K."""
+        edge, end = self.cell_voxels[0], self.voxels[0]
+        return [(layer, slice(layer * edge, min((layer + 1) * edge, end))) for layer in range(self.cells[0])]
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelCells:
+    """Which cell of the dense grid each voxel lies in.
+
+    Attributes:
+        layout: the dense grid.
+        intensities: (K, J, I), any real dtype; voxels that are not finite take no part.
+        window: the intensities that count as luma 0 and luma 1; those outside are clamped.
+        sigma_luma: size of a luma cell.
+        active: (K, J, I) bool over spatial cells: those that take part; None for all.
+    """
+
+    layout: GridLayout
+    intensities: Tensor
+    window: tuple[float, float]
+    sigma_luma: float
+    active: Tensor | None = None
+
+    def pieces(self, slices: slice) -> Iterator[Piece]:
+        """Slices divided into pieces of `PIECE_VOXELS` or less, though not less than a row; on a GPU, all in one piece."""
+        _, rows, columns = self.layout.voxels
+        most = PIECE_VOXELS if self.intensities.device.type == "cpu" else math.prod(self.layout.voxels)
+        slice_step, row_step = max(1, most // (rows * columns)), min(rows, max(1, most // columns))
+        for k in range(slices.start, slices.stop, slice_step):
+            for j in range(0, rows, row_step):
+                yield slice(k, min(k + slice_step, slices.stop)), slice(j, min(j + row_step, rows))
+
+    def taking_part(self, layer: int, piece: Piece) -> Tensor | None:
+        """(slices, rows, I) bool: whether the voxels of a piece of a layer take part; None where all do."""
+        import torch
+
+        part = None
+        if self.active is not None and not bool(self.active[layer].all()):
+            slices, rows = piece
+            _, edge_j, edge_i = self.layout.cell_voxels
+            columns = self.active[layer].repeat_interleave(edge_i, 1)[:, : self.layout.voxels[2]]
+            of_rows = torch.arange(rows.start, rows.stop, device=columns.device) // edge_j
+            part = columns[of_rows].expand(slices.stop - slices.start, -1, -1)
+        if large_arrays.all_finite(self.intensities[piece]):
+            return part
+        finite = torch.isfinite(self.intensities[piece])
+        return finite if part is None else finite & part
+
+    def luma_coordinates(
+        self, piece: Piece, part: Tensor | None, origin: float, unit: float, out: Tensor | None = None
+    ) -> Tensor:
+        """(slices, rows, I) float32: where voxels lie along luma; where not in `part`, anywhere on it.
+
+        The axis has luma 0 at `origin` and cells of length `unit`.
+        """
+        import torch
+
+        low, high = self.window
+        # A window without width tells no intensities apart.
+        units_per_intensity = unit / ((high - low) * self.sigma_luma) if high > low else 0.0
+        intensities = self.intensities[piece].to(torch.float32)
+        if part is not None:
+            intensities = torch.where(part, intensities, low)
+        at_zero = torch.tensor(origin - low * units_per_intensity, device=intensities.device)
+        coordinates = torch.add(at_zero, intensities, alpha=units_per_intensity, out=out)
+        last_cell = min(1.0 / self.sigma_luma, self.layout.luma_cells - 1.0)
+        return coordinates.clamp_(origin, origin + unit * last_cell)
+
+    def keys(self, piece: Piece, part: Tensor | None) -> Tensor:
+        """(slices, rows, I) int32: place of each voxel's cell within its layer; the last one, padding, where not in `part`."""
+        import torch
+
+        keys = self.luma_coordinates(piece, part, origin=0.5, unit=1.0).to(torch.int32).add_(self._column_keys[piece[1]])
+        return keys if part is None else torch.where(part, keys, self.layout.layer_size - 1)
+
+    @cached_property
+    def _column_keys(self) -> Tensor:
+        """(J, I) int32: the place within a layer of the first of the luma cells that a voxel may lie in."""
+        import torch
+
+        rows, columns = (
+            torch.arange(n, dtype=torch.int32, device=self.intensities.device) // edge
+            for n, edge in zip(self.layout.voxels[1:], self.layout.cell_voxels[1:], strict=True)
+        )
+        return rows[:, None] * self.layout.strides[0] + columns * self.layout.strides[1]

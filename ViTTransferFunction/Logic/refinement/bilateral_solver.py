@@ -1,0 +1,299 @@
+"""The bilateral solver in 3D: smooths a map of similarity within structures and not across their edges in the image.
+
+Of all maps x over the voxels of a volume, the one is sought that minimises
+
+    λ/2 · Σ_ij W_ij (x_i − x_j)²  +  Σ_i c_i (x_i − t_i)²,
+
+where t is the target (the map to be refined), c ≥ 0 its confidence, and W the bistochastised bilateral affinity: large between
+voxels near each other in space and in intensity, with every row's sum 1 (Barron & Poole 2016, Eq. 1–3).
+
+**Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
+of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
+share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
+cell. Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them,
+which leaves no blocks.
+
+**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
+n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
+
+**Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (here on paper, not in
+rounded numbers), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal D = λ n · N n + S c. Scaled symmetrically by D^-½
+(Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours differ in
+colour, as on a chessboard, so that E takes red cells to black ones and back. Eliminating the black ones leaves
+(1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones, symmetric and positive definite, which conjugate gradients solve in half
+of the iterations, each on half of the cells. What they leave of the right-hand side is added to z_r at the end: the eigenvalues
+lie in (0, 1], so that this shrinks what is left of the error.
+
+References:
+    Barron, Adams, Shih, Hernández: Fast bilateral-space stereo for synthetic defocus. CVPR 2015.
+    Barron, Poole: The fast bilateral solver. ECCV 2016.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, get_args
+
+from ..core.errors import InputError
+from . import large_arrays
+from .bilateral_cells import Target, splat
+from .bilateral_grid import GridLayout, VoxelCells
+from .bilateral_slice import slice_multilinear, slice_nearest
+from .bilateral_system import solve_cells
+from .upsampling import Upsampling, upsampled
+from .workers import Workers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from torch import Tensor
+
+Slicing = Literal["multilinear", "nearest"]
+
+
+@dataclass(frozen=True)
+class BilateralSolverSettings:
+    """What the solver smooths over, how much, and how far it iterates.
+
+    Attributes:
+        sigma_spatial_mm: distance over which voxels count as near, millimetres; rounded to whole voxels along each axis.
+        sigma_luma: difference of intensity over which voxels count as alike, as a fraction of the intensity window.
+        smoothness: λ, the weight of smoothness against agreement with the target.
+        max_iterations: of conjugate gradients.
+        tolerance: residual, relative to the right-hand side, at which the iteration stops.
+        slicing: "multilinear" interpolates between cells; "nearest" is faster, and shows the cells as blocks.
+    """
+
+    sigma_spatial_mm: float = 6.0
+    sigma_luma: float = 10.0 / 255.0
+    smoothness: float = 32.0
+    max_iterations: int = 50
+    tolerance: float = 2e-3
+    slicing: Slicing = "multilinear"
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_spatial_mm", "sigma_luma", "smoothness", "tolerance"):
+            value = getattr(self, name)
+            if not value > 0.0 or math.isinf(value):
+                raise InputError(f"Bilateral solver: {name} is {value}; expected a finite number above 0.")
+        if self.max_iterations < 1:
+            raise InputError(f"Bilateral solver: max_iterations is {self.max_iterations}; expected at least 1.")
+        if self.slicing not in get_args(Slicing):
+            raise InputError(f"Bilateral solver: slicing is {self.slicing!r}; expected one of {', '.join(get_args(Slicing))}.")
+
+
+@dataclass(frozen=True, eq=False)
+class BilateralSolution:
+    """A refined map, and how it was reached.
+
+    Attributes:
+        map: (K, J, I) float32, within the range of the target.
+        converged: whether the residual came below the tolerance.
+        iterations: of conjugate gradients.
+        residual: norm of what conjugate gradients leave of the equation, relative to its right-hand side, in the Jacobi
+            scaling. The map is a little better than it says: what is left is added to it.
+        cells: occupied cells, the unknowns; 0 where there was nothing to solve.
+        smoothness: λ that was used; below the one asked for where that was beyond `MAX_SMOOTHNESS`.
+        cell_voxels: voxels along the edges of the grid's cells, (K, J, I): what `sigma_spatial_mm` was rounded to.
+    """
+
+    map: Tensor
+    converged: bool
+    iterations: int
+    residual: float
+    cells: int
+    smoothness: float
+    cell_voxels: tuple[int, int, int]
+
+
+def refine_map(
+    low_resolution_map: Tensor,
+    intensities: Tensor,
+    window: tuple[float, float],
+    spacing_mm: Sequence[float],
+    settings: BilateralSolverSettings | None = None,
+    threshold: float | None = None,
+) -> BilateralSolution:
+    """Bring a coarse map to the resolution and to the edges of the volume that it describes.
+
+    Args:
+        low_resolution_map: (K', J', I'), filling the same box as the volume; where not finite, it is not known.
+        intensities: (K, J, I), any real dtype; voxels that are not finite keep the interpolated map.
+        window: the intensities between which differences count.
+        spacing_mm: of the volume, along (K, J, I).
+        settings: default values where None.
+        threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
+
+    Raises:
+        InputError: something about the volume, the window or the settings cannot be used.
+    """
+    _check_volume("low-resolution map", low_resolution_map)
+    _check_volume("volume", intensities)
+    settings = settings or BilateralSolverSettings()
+    layout = _layout(intensities, spacing_mm, settings)
+    active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
+    with Workers(intensities.device) as workers:
+        if large_arrays.all_finite(low_resolution_map):
+            target = Target(Upsampling(low_resolution_map, intensities.shape).read, _largest(low_resolution_map))
+            return _refine(target, None, intensities, window, active, layout, settings, workers)
+        target, confidence = _without_unknown_voxels(upsampled(low_resolution_map, intensities.shape), None)
+        return _refine(target, confidence, intensities, window, active, layout, settings, workers)
+
+
+def solve_bilateral(
+    target: Tensor,
+    luma: Tensor,
+    confidence: Tensor | None,
+    spacing_mm: Sequence[float],
+    settings: BilateralSolverSettings | None = None,
+    threshold: float | None = None,
+) -> BilateralSolution:
+    """Minimise the energy for a target that has the volume's resolution.
+
+    Args:
+        target: (K, J, I); where not finite, it has no confidence.
+        luma: (K, J, I), intensity in units of its window, clamped to [0, 1]; voxels that are not finite keep the target.
+        confidence: (K, J, I), not negative; None for 1.
+        spacing_mm: along (K, J, I).
+        settings: default values where None.
+        threshold: solve only near where the target exceeds this, and keep it elsewhere. None solves everywhere.
+
+    Raises:
+        InputError: shapes differ, or a value is out of its range.
+    """
+    import torch
+
+    _check_volume("target", target)
+    for name, other in (("luma", luma), ("confidence", confidence)):
+        if other is not None and other.shape != target.shape:
+            raise InputError(f"Bilateral solver: {name} has shape {tuple(other.shape)}; expected {tuple(target.shape)}.")
+    if confidence is not None and not bool((confidence >= 0).all() & torch.isfinite(confidence).all()):
+        raise InputError("Bilateral solver: confidence has values that are negative or not finite; expected finite ones ≥ 0.")
+    settings = settings or BilateralSolverSettings()
+    layout = _layout(luma, spacing_mm, settings)
+    active = None if threshold is None else _active_cells(target, threshold, layout)
+    with Workers(luma.device) as workers:
+        known_target, confidence = _without_unknown_voxels(target, confidence)
+        return _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
+
+
+def _check_volume(name: str, volume: Tensor) -> None:
+    if volume.ndim != 3 or volume.numel() == 0:
+        raise InputError(
+            f"Bilateral solver: {name} has shape {tuple(volume.shape)}; expected three axes (K, J, I), none empty."
+        )
+
+
+def _layout(volume: Tensor, spacing_mm: Sequence[float], settings: BilateralSolverSettings) -> GridLayout:
+    spacing_k, spacing_j, spacing_i = (float(s) for s in spacing_mm)
+    if not all(s > 0.0 and math.isfinite(s) for s in spacing_mm):
+        raise InputError(f"Bilateral solver: spacing_mm is {tuple(spacing_mm)}; expected three finite numbers above 0.")
+    k, j, i = volume.shape
+    return GridLayout.of_sigmas((k, j, i), (spacing_k, spacing_j, spacing_i), settings.sigma_spatial_mm, settings.sigma_luma)
+
+
+def _active_cells(where: Tensor, threshold: float, layout: GridLayout) -> Tensor:
+    """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
+    import torch
+
+    above = where > threshold
+    for axis, (n, cells) in enumerate(zip(where.shape, layout.cells, strict=True)):
+        # The map's elements from the first in the cell before each to the last in the cell after; axis by axis, as for boxes.
+        cell = torch.arange(cells, device=where.device)
+        first = (cell - 1).clamp_(min=0) * n // cells
+        last = -(-(cell + 2).clamp_(max=cells) * n // cells) - 1
+        near = above.index_select(axis, first)
+        for step in range(1, int((last - first).max()) + 1):
+            near |= above.index_select(axis, torch.minimum(first + step, last))
+        above = near
+    return above
+
+
+def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[Target, Tensor | None]:
+    """The target, where voxels that are not finite have the lowest value that is; and confidence, which these have none of."""
+    import torch
+
+    if not large_arrays.all_finite(target):
+        finite = torch.isfinite(target)
+        if not bool(finite.any()):
+            raise InputError("Bilateral solver: no voxel of the map is finite. Compute the map again.")
+        confidence = finite.to(torch.float32) if confidence is None else torch.where(finite, confidence, 0.0)
+        target = torch.where(finite, target, target[finite].min())
+    return Target(target.__getitem__, _largest(target)), confidence
+
+
+def _largest(target: Tensor) -> float:
+    """The greatest magnitude."""
+    lowest, highest = target.aminmax()
+    return max(abs(float(lowest)), abs(float(highest)))
+
+
+def _refine(
+    target: Target,
+    confidence: Tensor | None,
+    intensities: Tensor,
+    window: tuple[float, float],
+    active: Tensor | None,
+    layout: GridLayout,
+    settings: BilateralSolverSettings,
+    workers: Workers,
+) -> BilateralSolution:
+    """Solve for the active cells of a volume; all other voxels keep the target."""
+    import torch
+
+    if not (math.isfinite(window[0]) and math.isfinite(window[1]) and window[0] <= window[1]):
+        raise InputError(f"Bilateral solver: window is {window}; expected two finite intensities in ascending order.")
+    refined = large_arrays.empty(intensities.shape, torch.float32, intensities.device)
+    unsolved = BilateralSolution(refined, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
+    region = refined
+    if active is not None:
+        # What is not near the structure keeps the target.
+        _read_all(target, refined, layout, workers)
+        if not bool(active.any()):
+            return unsolved
+        box, layout, active = _cropped(layout, active)
+        region, intensities = refined[box], intensities[box]
+        confidence = None if confidence is None else confidence[box]
+        target = Target(region.__getitem__, target.largest)
+    voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, active)
+    cells, places = splat(voxel_cells, target, confidence, workers)
+    if not bool(cells.confidence.any()):
+        _read_all(target, region, layout, workers)
+        return unsolved
+    solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
+    # Memory for the map, which is written now.
+    del cells
+    slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
+    slice_cells(voxel_cells, places, solution.values, target, region, workers)
+    return replace(
+        unsolved,
+        converged=solution.residual <= settings.tolerance,
+        iterations=solution.iterations,
+        residual=solution.residual,
+        cells=len(solution.values),
+        smoothness=solution.smoothness,
+    )
+
+
+def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers) -> None:
+    rows = slice(0, layout.voxels[1])
+
+    def read(layers: Sequence[tuple[int, slice]]) -> None:
+        for k in range(layers[0][1].start, layers[-1][1].stop):
+            out[k : k + 1] = target.read((slice(k, k + 1), rows))
+
+    workers.share_out(layout.layers(), read)
+
+
+def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:
+    """The smallest box of voxels that holds all active cells; its own layout, and its active cells."""
+    cells, voxels = [], []
+    for axis, (edge, n) in enumerate(zip(layout.cell_voxels, layout.voxels, strict=True)):
+        occupied = active.movedim(axis, 0).flatten(1).any(1).nonzero()
+        first, end = int(occupied[0]), int(occupied[-1]) + 1
+        cells.append(slice(first, end))
+        voxels.append(slice(first * edge, min(end * edge, n)))
+    k, j, i = voxels
+    shape = (k.stop - k.start, j.stop - j.start, i.stop - i.start)
+    return (k, j, i), replace(layout, voxels=shape), active[tuple(cells)]

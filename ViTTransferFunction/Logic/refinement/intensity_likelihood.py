@@ -1,0 +1,73 @@
+"""What a voxel's own intensity says of its class: a likelihood ratio, learned from the map itself.
+
+Features tell structures apart, but their cells are many voxels wide; intensities are as fine as the volume. Where a map
+holds a structure mostly, its intensities there and around it are the two histograms p(u | inside) and p(u | outside), without
+anybody having marked them (as in GrabCut: Rother, Kolmogorov, Blake, 2004). By Bayes' rule each voxel's odds are then
+multiplied by their ratio, which is tempered and bounded, since a map is no perfect teacher and neighbouring voxels are no
+independent witnesses:
+
+    S'(x) = S(x) · (p(u_x | inside) / p(u_x | outside))^β.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from ..core.intensity_window import IntensityWindow
+
+NEAR_SHARE_OF_ISO = 0.5
+"""Voxels whose map exceeds this share of the iso value are near enough to the structure to learn from, and to be weighed."""
+TEMPER = 0.5
+"""β."""
+LARGEST_LOG_RATIO = 1.5
+"""Bounds the ratio from either side: with β, a voxel's map changes by a factor of 2.1 at most."""
+_BINS = 64
+_SMALLEST_SHARE = 0.08
+"""Share of voxels spread over all bins, so that intensities hardly seen do not decide."""
+
+
+def weighed_by_intensity(similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float) -> np.ndarray:
+    """A class's map with each voxel's odds changed by its intensity.
+
+    Args:
+        similarity: (K, J, I) float32 in [0, 1], at the volume's resolution.
+        intensities: (K, J, I), any real dtype; voxels that are not finite keep their map.
+        window: in which the structure's edges show.
+        iso: the map's threshold: even odds.
+
+    Returns:
+        (K, J, I) float32 in [0, 1].
+    """
+    weighed = similarity.copy()
+    inside, outside = np.zeros(_BINS), np.zeros(_BINS)
+    # Slice by slice, so that nothing but the result has the volume's size.
+    for similarities, plane in zip(weighed, intensities, strict=True):
+        near, bins = _near_voxels(similarities, plane, window, iso)
+        probability = similarities[near] ** 2 / (similarities[near] ** 2 + np.float32(iso) ** 2)
+        inside += np.bincount(bins, probability, _BINS)
+        outside += np.bincount(bins, 1.0 - probability, _BINS)
+    factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
+    for similarities, plane in zip(weighed, intensities, strict=True):
+        near, bins = _near_voxels(similarities, plane, window, iso)
+        similarities[near] = np.minimum(similarities[near] * factors[bins], 1.0)
+    return weighed
+
+
+def _near_voxels(
+    similarities: np.ndarray, plane: np.ndarray, window: IntensityWindow, iso: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which voxels of a slice are near the structure, and the bins of their intensities, (near voxels,)."""
+    near = (similarities > NEAR_SHARE_OF_ISO * iso) & np.isfinite(plane)
+    return near, np.minimum((window.apply(plane[near]) * _BINS).astype(np.int64), _BINS - 1)
+
+
+def _log_ratio(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
+    ratio = np.log(_density(inside)) - np.log(_density(outside))
+    return np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
+
+
+def _density(histogram: np.ndarray) -> np.ndarray:
+    smooth = ndimage.gaussian_filter1d(histogram, 1.0)
+    return (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)

@@ -1,0 +1,135 @@
+"""From a low-resolution map S_L to a full-resolution map S_H that follows the edges in the intensities (paper §III-C)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Literal, get_args
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.intensity_window import IntensityWindow
+from ..core.volume import Volume
+from ..features.feature_volume import sample_at
+from .intensity_likelihood import weighed_by_intensity
+
+RefinementMethod = Literal["bilateral", "guided", "none"]
+REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
+
+ACTIVE_SHARE_OF_ISO = 0.5
+"""Voxels whose map stays below this share of the iso value are far from the surface and are not refined."""
+SIGMA_SHARE_OF_CELL = 0.6
+"""Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
+
+
+def refine(
+    similarity: np.ndarray,
+    volume: Volume,
+    display: IntensityWindow,
+    positive_ras: np.ndarray,
+    iso: float,
+    method: RefinementMethod,
+    between: Callable[[], None] = lambda: None,
+) -> np.ndarray:
+    """Upsample a class's map and sharpen it against the volume's intensities.
+
+    First every voxel near the structure is weighed by its own intensity (`intensity_evidence`), then smoothed along with those
+    like it.
+
+    Args:
+        similarity: S_L, (K', J', I') float32 in [0, 1], on cells that fill the volume's box.
+        volume: the intensities.
+        display: the window in which a person would look at them (`display_window`).
+        positive_ras: (N, 3) RAS millimetres, points on the structure: its intensities are the ones to tell apart.
+        iso: threshold that will be applied, which says where the surface will be.
+        method: "bilateral": 3D bilateral solver; "guided": 3D guided filter; "none": trilinear upsampling alone.
+        between: called between steps; may raise `Cancelled`.
+
+    Returns:
+        S_H, (K, J, I) float32 in [0, 1].
+    """
+    import torch
+
+    from .upsampling import upsampled
+
+    if method not in REFINEMENT_METHODS:
+        raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
+    refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
+    box = active_box(similarity > ACTIVE_SHARE_OF_ISO * iso, volume.shape)
+    if method == "none" or box is None:
+        return refined
+    window = class_window(volume, display, positive_ras)
+    intensities = np.ascontiguousarray(volume.array[box])
+    between()
+    weighed = weighed_by_intensity(refined[box], intensities, window, iso)
+    between()
+    spacing_mm = volume.geometry.spacing_mm[::-1]
+    if method == "bilateral":
+        cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
+        refined[box] = _solved(weighed, intensities, window, spacing_mm, cell_edge_mm, ACTIVE_SHARE_OF_ISO * iso)
+    else:
+        refined[box] = _filtered(weighed, intensities, window, spacing_mm)
+    return refined
+
+
+def active_box(active: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice, slice] | None:
+    """The smallest box of a volume's voxels, `shape`, that holds all active cells and one cell around them; None for none."""
+    extents = []
+    for axis, voxels in enumerate(shape):
+        indices = np.flatnonzero(active.any(axis=tuple(other for other in range(3) if other != axis)))
+        if not len(indices):
+            return None
+        voxels_per_cell = voxels / active.shape[axis]
+        low = math.floor((indices[0] - 1) * voxels_per_cell)
+        high = math.ceil((indices[-1] + 2) * voxels_per_cell)
+        extents.append(slice(max(low, 0), min(high, voxels)))
+    k, j, i = extents
+    return k, j, i
+
+
+def _solved(
+    target: np.ndarray,
+    intensities: np.ndarray,
+    window: IntensityWindow,
+    spacing_mm: np.ndarray,
+    cell_edge_mm: float,
+    threshold: float,
+) -> np.ndarray:
+    """The bilateral solver's answer; it smooths over most of a feature cell, and over two voxels at least."""
+    import torch
+
+    from .bilateral_solver import BilateralSolverSettings, refine_map
+
+    sigma_mm = max(SIGMA_SHARE_OF_CELL * cell_edge_mm, 2.0 * float(spacing_mm.min()))
+    bounds = (window.low, window.high)
+    settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
+    tensors = torch.from_numpy(target), torch.from_numpy(intensities)
+    return refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold).map.numpy()
+
+
+def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray) -> np.ndarray:
+    import torch
+
+    from .guided_filter import guided_filter
+
+    luma = torch.from_numpy(window.apply(intensities))
+    return guided_filter(torch.from_numpy(target), luma, tuple(spacing_mm.tolist())).numpy()
+
+
+def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:
+    """The window in which a structure's edges show: as wide as the display's, centred on the annotated intensities.
+
+    So lung is told from the chest wall and from outside air although a soft-tissue window shows it as plain black.
+    """
+    annotated = _intensities_at(volume, positive_ras)
+    if not annotated.size:
+        return display
+    centre = float(np.median(annotated))
+    return IntensityWindow(centre - 0.5 * display.width, centre + 0.5 * display.width)
+
+
+def _intensities_at(volume: Volume, points_ras: np.ndarray) -> np.ndarray:
+    """Finite interpolated intensities at world points, (≤ N,)."""
+    samples = sample_at(volume.array[..., None], volume.geometry, points_ras)
+    return samples[np.isfinite(samples)]

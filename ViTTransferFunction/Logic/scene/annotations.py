@@ -1,0 +1,235 @@
+"""The classes of a scene as the user edits them: by this object or in the views, with undo and redo for either.
+
+It watches the point lists that `scene_classes` describes, so that a point placed, dragged or deleted anywhere in the
+application counts as one placed here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import slicer
+import vtk
+
+from ..core.annotations import Color
+from ..core.errors import InputError
+from .classes import (
+    ClassState,
+    Point,
+    class_id,
+    class_nodes,
+    create_class,
+    negative_node,
+    new_class_state,
+    order_classes,
+    read_class,
+    remove_class,
+    write_class,
+)
+from .history import AnnotationHistory
+from .observers import SceneObservers
+
+Classes = tuple[ClassState, ...]
+
+
+class SceneAnnotations:
+    """All classes that a parameter node refers to.
+
+    Args:
+        scene: the scene.
+        parameter_node: refers to the classes.
+        on_change: called after any class or point has changed.
+
+    Attributes:
+        classes: as they are now, in order.
+    """
+
+    def __init__(
+        self, scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, on_change: Callable[[], None]
+    ) -> None:
+        self._scene = scene
+        self._parameter_node = parameter_node
+        self._on_change = on_change
+        self._observers = SceneObservers()
+        self._paused = 0
+        self._last_grown: dict[str, str] = {}
+        self.classes: Classes = ()
+        self._history: AnnotationHistory[Classes] = AnnotationHistory(())
+        self.restart()
+
+    def add_class(self, name: str | None = None, color: Color | None = None) -> ClassState:
+        """Add a class without points."""
+        state = new_class_state(list(self.classes), name, color)
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+        return state
+
+    def remove_class(self, id_: str) -> None:
+        """Remove a class and its points. Its segment, if it was written, stays."""
+        with self._edit():
+            remove_class(self._scene, self._positive(id_))
+
+    def set_class(self, id_: str, **fields: Any) -> None:
+        """Change fields of a class (see `ClassState`). The steps of a slider being dragged count as one for undo.
+
+        Raises:
+            InputError: the name is empty.
+        """
+        state = replace(self._class(id_), **fields)
+        if not state.name.strip():
+            raise InputError("A class needs a name; it keeps the one that it had.")
+        with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
+            write_class(self._scene, self._positive(id_), state)
+
+    def points_node(self, id_: str, positive: bool) -> slicer.vtkMRMLMarkupsFiducialNode:
+        """The list that the user places a class's points in."""
+        node = self._positive(id_)
+        if not positive and negative_node(node) is None:
+            with self._edit():  # The user deleted it; it is made again.
+                write_class(self._scene, node, self._class(id_))
+        return node if positive else negative_node(node)
+
+    def add_points(self, id_: str, points_ras: np.ndarray, positive: bool, continued: bool = False) -> None:
+        """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo."""
+        field = "positive" if positive else "negative"
+        state = self._class(id_)
+        added = tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
+        with self._edit(f"{id_} {field}", continued):
+            write_class(self._scene, self._positive(id_), replace(state, **{field: getattr(state, field) + added}))
+
+    def erase_points(self, points_ras: np.ndarray, radius_mm: float, continued: bool = False) -> None:
+        """Remove the points of visible classes that lie within `radius_mm` of one of `points_ras` (N, 3)."""
+        with self._edit("erase", continued):
+            for state in self.classes:
+                if state.visible:
+                    positive, negative = (_outside(p, points_ras, radius_mm) for p in (state.positive, state.negative))
+                    write_class(self._scene, self._positive(state.id), replace(state, positive=positive, negative=negative))
+
+    def remove_last_point(self, id_: str) -> None:
+        """Remove the point of a class that was placed last, positive or negative."""
+        state = self._class(id_)
+        field = self._last_grown.get(id_, "positive")
+        if not getattr(state, field):
+            field = "positive" if field == "negative" else "negative"
+        with self._edit():
+            write_class(self._scene, self._positive(id_), replace(state, **{field: getattr(state, field)[:-1]}))
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether a change of classes or points can be taken back."""
+        return self._history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a change that was taken back can be made again."""
+        return self._history.can_redo
+
+    def undo(self) -> None:
+        """Take the last change of classes or points back."""
+        self._restore(self._history.undo())
+
+    def redo(self) -> None:
+        """Make the change that was taken back last again."""
+        self._restore(self._history.redo())
+
+    def restart(self) -> None:
+        """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
+        self.refresh()
+        self._history = AnnotationHistory(self.classes)
+
+    def refresh(self) -> None:
+        """Read the classes anew, and watch the lists that are there now."""
+        before, self.classes = self.classes, tuple(read_class(node) for node in class_nodes(self._parameter_node))
+        self._remember_growth(before)
+        lists = [node for positive in class_nodes(self._parameter_node) for node in (positive, negative_node(positive)) if node]
+        for node in lists:
+            self._observers.observe(node, self._reactions())
+        self._observers.keep_only(lists)
+
+    def refresh_and_record(self) -> None:
+        """As `refresh`, where something happened to the lists themselves; it can be undone."""
+        if not self._paused:
+            self._changed(None)
+
+    @property
+    def observer_count(self) -> int:
+        """How many observers of point lists there are."""
+        return self._observers.count
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._observers.remove_all()
+
+    def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
+        markups = slicer.vtkMRMLMarkupsNode
+        steps = (markups.PointPositionDefinedEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
+        passing = ("ModifiedEvent", slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent)
+        return [*((event, self._on_step) for event in steps), *((event, self._on_passing) for event in passing)]
+
+    def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
+        if not self._paused:
+            self._changed("passing")
+            self._history.seal()
+
+    def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
+        """A point is being dragged, a colour being chosen: maps follow, but undo goes back to where it began."""
+        if not self._paused:
+            self._changed("passing")
+
+    @contextmanager
+    def _edit(self, kind: str | None = None, continued: bool = True) -> Iterator[None]:
+        """Change nodes without reacting to every single step, then react once."""
+        if not continued:
+            self._history.seal()
+        self._paused += 1
+        try:
+            yield
+        finally:
+            self._paused -= 1
+        self._changed(kind)
+
+    def _changed(self, kind: str | None) -> None:
+        self.refresh()
+        if self._history.record(self.classes, kind):
+            self._on_change()
+
+    def _restore(self, states: Classes) -> None:
+        """Bring the scene's classes to `states`."""
+        self._paused += 1
+        present = {class_id(node): node for node in class_nodes(self._parameter_node)}
+        for id_ in present.keys() - {state.id for state in states}:
+            remove_class(self._scene, present[id_])
+        for state in states:
+            if state.id in present:
+                write_class(self._scene, present[state.id], state)
+            else:
+                create_class(self._scene, self._parameter_node, state)
+        order_classes(self._parameter_node, [state.id for state in states])
+        self._paused -= 1
+        self.refresh()
+        self._on_change()
+
+    def _remember_growth(self, before: Classes) -> None:
+        """Keep in mind to which of a class's lists a point was added last."""
+        counts = {state.id: (len(state.positive), len(state.negative)) for state in before}
+        for state in self.classes:
+            positive, negative = counts.get(state.id, (0, 0))
+            if len(state.negative) > negative:
+                self._last_grown[state.id] = "negative"
+            elif len(state.positive) > positive:
+                self._last_grown[state.id] = "positive"
+
+    def _class(self, id_: str) -> ClassState:
+        return next(state for state in self.classes if state.id == id_)
+
+    def _positive(self, id_: str) -> slicer.vtkMRMLMarkupsFiducialNode:
+        return next(node for node in class_nodes(self._parameter_node) if class_id(node) == id_)
+
+
+def _outside(points: tuple[Point, ...], centres_ras: np.ndarray, radius_mm: float) -> tuple[Point, ...]:
+    """The points that lie further than `radius_mm` from every centre."""
+    return tuple(p for p in points if np.linalg.norm(centres_ras - np.array(p), axis=1).min() > radius_mm)

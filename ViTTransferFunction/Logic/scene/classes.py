@@ -1,0 +1,220 @@
+"""Classes in the scene: two point lists each, for what belongs to a structure and for what does not.
+
+The list of positive points stands for the class: its name and colour are the class's, its attributes hold the class's settings,
+and it refers to the list of negative points. The parameter node refers to the lists of positive points, in order. So a saved
+scene holds everything, and a user who deletes or renames a list in the Data module deletes or renames the class.
+"""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import slicer
+import vtk
+
+from ..core.annotations import Color, default_color
+from .folder import put_into_folder
+
+CLASS_ROLE = "class"
+NEGATIVE_ROLE = "negativePoints"
+_PREFIX = "ViTTransferFunction."
+
+Point = tuple[float, float, float]
+"""R, A and S in millimetres."""
+
+
+@dataclass(frozen=True)
+class ClassState:
+    """Everything about a class that the user decides, as values: what undo brings back.
+
+    Attributes:
+        id: stays the same when everything else changes.
+        name: what the user calls it.
+        color: red, green, blue in [0, 1].
+        opacity: of its rendering, in [0, 1].
+        iso: threshold in [0, 1]; None: chosen from the annotations.
+        proximity: in [0, 1]; see `AnnotatedClass`.
+        refine: whether its map is sharpened.
+        visible: whether it is shown.
+        positive: points on the structure, in the scene's coordinates.
+        negative: points off it.
+    """
+
+    id: str
+    name: str
+    color: Color
+    opacity: float = 1.0
+    iso: float | None = None
+    proximity: float = 0.0
+    refine: bool = True
+    visible: bool = True
+    positive: tuple[Point, ...] = ()
+    negative: tuple[Point, ...] = ()
+
+
+SETTINGS: tuple[str, ...] = ("opacity", "iso", "proximity", "refine", "visible")
+"""The fields of `ClassState` that are attributes of the list of positive points."""
+
+
+def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
+    """The lists of positive points of all classes, in order."""
+    count = parameter_node.GetNumberOfNodeReferences(CLASS_ROLE)
+    nodes = (parameter_node.GetNthNodeReference(CLASS_ROLE, n) for n in range(count))
+    return [node for node in nodes if node is not None]
+
+
+def negative_node(positive: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsFiducialNode | None:
+    """A class's list of negative points; None where the user deleted it."""
+    return positive.GetNodeReference(NEGATIVE_ROLE)
+
+
+def class_id(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
+    """The id of the class that a list of positive points stands for."""
+    return positive.GetAttribute(f"{_PREFIX}class")
+
+
+def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
+    """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
+    negative = negative_node(positive)
+    return ClassState(
+        class_id(positive),
+        positive.GetName() or "",
+        tuple(positive.GetDisplayNode().GetSelectedColor()),
+        **_read_settings(positive),
+        positive=defined_points(positive),
+        negative=defined_points(negative) if negative else (),
+    )
+
+
+def create_class(
+    scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, state: ClassState
+) -> slicer.vtkMRMLMarkupsFiducialNode:
+    """Add a class to the scene, after the others; returns its list of positive points."""
+    positive = _create_list(scene, slicer.vtkMRMLMarkupsDisplayNode.Sphere3D)
+    positive.SetAttribute(f"{_PREFIX}class", state.id)
+    positive.SetAttribute(f"{_PREFIX}polarity", "positive")
+    _create_negative(scene, positive)
+    write_class(scene, positive, state)
+    parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+    return positive
+
+
+def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
+    """Bring a class in the scene to `state`; what is equal is not touched."""
+    negative = negative_node(positive) or _create_negative(scene, positive)
+    _set_name(positive, state.name)
+    _set_name(negative, f"{state.name} – not")
+    for node, points in ((positive, state.positive), (negative, state.negative)):
+        _set_color(node, state.color)
+        _set_visible(node, state.visible)
+        if defined_points(node) != points:
+            _set_points(node, points)
+    for name in SETTINGS:
+        value = getattr(state, name)
+        if (_read_settings(positive)[name]) != value:
+            positive.SetAttribute(f"{_PREFIX}{name}", None if value is None else str(value))
+
+
+def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """Take a class's two lists out of the scene."""
+    for node in (negative_node(positive), positive):
+        if node is not None and scene.IsNodePresent(node):
+            scene.RemoveNode(node)
+
+
+def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[str]) -> None:
+    """Bring the classes into the order of `ids`, which names each once."""
+    by_id = {class_id(node): node for node in class_nodes(parameter_node)}
+    if list(by_id) != ids:
+        parameter_node.RemoveNodeReferenceIDs(CLASS_ROLE)
+        for id_ in ids:
+            parameter_node.AddNodeReferenceID(CLASS_ROLE, by_id[id_].GetID())
+
+
+def new_class_state(existing: list[ClassState], name: str | None = None, color: Color | None = None) -> ClassState:
+    """A class without points, of a name and colour that no other class has unless they are given."""
+    taken = {state.name for state in existing}
+    number = next(n for n in range(1, len(existing) + 2) if f"Structure {n}" not in taken)
+    used = {tuple(np.round(state.color, 2)) for state in existing}
+    free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
+    return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", color or default_color(next(free, len(existing))))
+
+
+def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
+    """World positions of the control points that were placed, RAS millimetres; not of one that still hangs on the mouse."""
+    points = []
+    for index in range(node.GetNumberOfControlPoints()):
+        if node.GetNthControlPointPositionStatus(index) == slicer.vtkMRMLMarkupsNode.PositionDefined:
+            x, y, z = node.GetNthControlPointPositionWorld(index)
+            points.append((x, y, z))
+    return tuple(points)
+
+
+def _create_list(scene: slicer.vtkMRMLScene, glyph: int) -> slicer.vtkMRMLMarkupsFiducialNode:
+    node = scene.AddNewNodeByClass("vtkMRMLMarkupsFiducialNode")
+    node.CreateDefaultDisplayNodes()
+    put_into_folder(scene, node)
+    display = node.GetDisplayNode()
+    # Told apart without colour: what belongs to the structure is a dot, what does not is a cross.
+    display.SetGlyphType(glyph)
+    display.SetGlyphScale(2.0)
+    display.SetPointLabelsVisibility(False)
+    display.SetPropertiesLabelVisibility(False)
+    return node
+
+
+def _create_negative(
+    scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode
+) -> slicer.vtkMRMLMarkupsFiducialNode:
+    negative = _create_list(scene, slicer.vtkMRMLMarkupsDisplayNode.ThickCross2D)
+    negative.SetAttribute(f"{_PREFIX}polarity", "negative")
+    positive.SetNodeReferenceID(NEGATIVE_ROLE, negative.GetID())
+    return negative
+
+
+def _read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any]:
+    settings: dict[str, Any] = {}
+    for name in SETTINGS:
+        default = getattr(ClassState, name)
+        text = positive.GetAttribute(f"{_PREFIX}{name}")
+        settings[name] = default
+        if text in ("True", "False"):
+            settings[name] = text == "True"
+        elif text is not None:
+            settings[name] = _share(text, default)
+    return settings
+
+
+def _share(text: str, default: float | None) -> float | None:
+    """A number in [0, 1]; the default where the text is no such number: a scene may come from anywhere."""
+    try:
+        number = float(text)
+    except ValueError:
+        return default
+    return number if 0.0 <= number <= 1.0 else default
+
+
+def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:
+    if node.GetName() != name:
+        node.SetName(name)
+
+
+def _set_color(node: slicer.vtkMRMLMarkupsFiducialNode, color: Color) -> None:
+    display = node.GetDisplayNode()
+    if display.GetSelectedColor() != color:
+        display.SetSelectedColor(*color)
+        display.SetColor(*color)
+
+
+def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None:
+    if bool(node.GetDisplayNode().GetVisibility()) != visible:
+        node.GetDisplayNode().SetVisibility(visible)
+
+
+def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:
+    node.RemoveAllControlPoints()
+    for point in points:
+        node.AddControlPointWorld(vtk.vtkVector3d(*point))

@@ -1,0 +1,165 @@
+"""A class's similarity map over the slices: its colour, the stronger the more similar.
+
+The map is shown as the foreground of all slice views. What was the foreground before comes back when the overlay goes.
+
+It is a label map whose labels are similarities: of a scalar volume, Slicer shows each voxel fully or not at all, whatever
+its colour table says. Label maps are shown without interpolation, so coarse maps are interpolated here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..core.annotations import Color
+from ..core.geometry import Geometry
+from ..core.map_interpolation import box_above, cell_positions, in_units_of, interpolated
+from .derived_nodes import DerivedNodes, nodes_of_class
+from .volume import set_image
+
+if TYPE_CHECKING:
+    import slicer
+
+VOLUME_NAME = "Similarity"
+COLORS_NAME = "Similarity colors"
+COMPOSITE_CLASS = "vtkMRMLSliceCompositeNode"
+"""The nodes that say which volumes a slice view shows."""
+
+FADE_IN = (0.4, 0.7, 1.0, 1.3)
+FADE_IN_OPACITY = (0.0, 0.12, 0.5, 0.75)
+"""Opacity of the overlay at multiples of the iso value: nothing to see well below it, most of it right above."""
+
+LEVELS = 256
+
+FINE_VOXELS = 2_000_000
+"""Voxels up to which a coarse map is refined."""
+
+MOST_VOXELS_PER_CELL = 6
+
+
+class _Foreground(NamedTuple):
+    """What a slice view shows in its foreground."""
+
+    volume_id: str | None
+    opacity: float
+
+
+class SimilarityOverlay:
+    """Shows one map at a time in all slice views.
+
+    Args:
+        scene: where slice views and volumes are.
+    """
+
+    def __init__(self, scene: slicer.vtkMRMLScene) -> None:
+        self._scene = scene
+        self._nodes = DerivedNodes(scene)
+        self._opacity = 0.0
+        self._before: dict[str, _Foreground] = {}
+
+    def show(
+        self,
+        volume_node: slicer.vtkMRMLScalarVolumeNode,
+        array: np.ndarray,
+        ijk_to_ras: np.ndarray,
+        iso: float,
+        color: Color,
+        opacity: float,
+    ) -> None:
+        """Show a map, or another one instead, in all slice views that there are.
+
+        Args:
+            volume_node: the volume that the map is of; the overlay moves with it.
+            array: (K', J', I') float32 in [0, 1], or uint8 with 255 for 1.
+            ijk_to_ras: (4, 4), of the map's voxels in the volume's local frame, RAS millimetres.
+            iso: what counts as similar, in (0, 1).
+            color: of the class.
+            opacity: in [0, 1].
+        """
+        levels, geometry = similarity_levels(array, ijk_to_ras, FADE_IN[0] * iso)
+        colors = self._nodes.find(COLORS_NAME) or self._add_colors()
+        _set_colors(colors, iso, color)
+        volume = self._nodes.find(VOLUME_NAME) or self._nodes.add("vtkMRMLLabelMapVolumeNode", VOLUME_NAME)
+        if volume.GetDisplayNode() is None:
+            volume.CreateDefaultDisplayNodes()
+            volume.GetDisplayNode().SetSaveWithScene(False)
+        volume.GetDisplayNode().SetAndObserveColorNodeID(colors.GetID())
+        volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
+        set_image(volume, levels, geometry.ijk_to_ras)
+        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS):
+            self._take_foreground(composite, volume, opacity)
+        self._opacity = opacity
+
+    def hide(self) -> None:
+        """Give every slice view back the foreground it had, unless it meanwhile got another one."""
+        volume = self._nodes.find(VOLUME_NAME)
+        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS) if volume else []:
+            if composite.GetForegroundVolumeID() == volume.GetID():
+                self._give_back(composite)
+        self._before.clear()
+
+    def remove(self) -> None:
+        """Hide the overlay, and take its nodes out of the scene."""
+        self.hide()
+        self._nodes.remove()
+
+    def _add_colors(self) -> Any:
+        colors = self._nodes.add("vtkMRMLColorTableNode", COLORS_NAME)
+        colors.SetTypeToUser()
+        colors.SetNumberOfColors(LEVELS)
+        return colors
+
+    def _take_foreground(self, composite: Any, volume: Any, opacity: float) -> None:
+        shown = _Foreground(composite.GetForegroundVolumeID(), composite.GetForegroundOpacity())
+        was_modifying = composite.StartModify()
+        if shown.volume_id != volume.GetID():
+            self._before[composite.GetID()] = shown
+            composite.SetForegroundVolumeID(volume.GetID())
+            composite.SetForegroundOpacity(opacity)
+        elif opacity != self._opacity:
+            # Otherwise the opacity that the user set in the view stays.
+            composite.SetForegroundOpacity(opacity)
+        composite.EndModify(was_modifying)
+
+    def _give_back(self, composite: Any) -> None:
+        before = self._before.get(composite.GetID(), _Foreground(None, 0.0))
+        exists = before.volume_id and self._scene.GetNodeByID(before.volume_id)
+        was_modifying = composite.StartModify()
+        composite.SetForegroundVolumeID(before.volume_id if exists else None)
+        composite.SetForegroundOpacity(before.opacity)
+        composite.EndModify(was_modifying)
+
+
+def _set_colors(colors: Any, iso: float, color: Color) -> None:
+    """The colour of the class for all levels, with opacities that depend on the level."""
+    similarity = np.linspace(0.0, 1.0, LEVELS)
+    opacity = np.interp(similarity, [*np.multiply(FADE_IN, iso), max(1.0, 1.5 * iso)], [*FADE_IN_OPACITY, 1.0])
+    was_modifying = colors.StartModify()
+    for level, alpha in enumerate(opacity.tolist()):
+        colors.SetColor(level, *color, alpha)
+    colors.EndModify(was_modifying)
+
+
+def similarity_levels(array: np.ndarray, ijk_to_ras: np.ndarray, threshold: float) -> tuple[np.ndarray, Geometry]:
+    """A map in 256 levels, where it is above `threshold` and right around, finer if it is coarse.
+
+    Args:
+        array: (K', J', I') float32 in [0, 1], or uint8 with 255 for 1.
+        ijk_to_ras: (4, 4), of its voxels.
+        threshold: in [0, 1].
+
+    Returns:
+        (K, J, I) uint8, trilinearly interpolated, with 255 for 1; and where it lies.
+    """
+    box = box_above(array, threshold, margin=1)
+    if box is None:
+        return np.zeros((1, 1, 1), dtype=np.uint8), Geometry((1, 1, 1), ijk_to_ras)
+    values, geometry = array[box], Geometry(array.shape, ijk_to_ras).part(box)
+    per_cell = min(int(np.cbrt(FINE_VOXELS / values.size)), MOST_VOXELS_PER_CELL)
+    if per_cell > 1:
+        values = interpolated(values, [cell_positions(count, per_cell * count) for count in values.shape])
+        geometry = geometry.resized(values.shape)
+    if values.dtype != np.uint8:
+        values = np.clip(255.0 / in_units_of(array, 1.0) * values + 0.5, 0.0, 255.0).astype(np.uint8)
+    return values, geometry

@@ -1,0 +1,114 @@
+"""The module's settings, typed, as a parameter node of the scene keeps them.
+
+The node holds text, written as Slicer's `parameterNodeWrapper` writes it, so that a panel may bind its widgets to the same
+values.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal, get_args
+
+import slicer
+
+from ..core.intensity_window import IntensityWindow
+from ..session.presets import DEFAULT_PRESET, PRESETS
+
+Rendering = Literal["off", "similarity", "transfer function"]
+RENDERINGS: tuple[str, ...] = get_args(Rendering)
+
+
+class SceneParameters:
+    """Reads and writes a parameter node.
+
+    Args:
+        node: which one. What it lacks is filled in with defaults, so that whoever reads it finds everything.
+
+    The parameters, by the names that they have in the node:
+        volume, segmentation: references to the volume to segment, and to the segmentation that gets the segments.
+        preset: one of `PRESETS`.
+        model: one of `PRETRAINED_MODELS`; empty: the preset's.
+        weightsPath: file or folder of weights; empty: the cache or a download.
+        grid: feature cells along the longest edge; 0: the preset's.
+        device: one of `DEVICE_NAMES`.
+        windowAutomatic, windowLow, windowHigh: intensities that the network sees.
+        refinement: one of `REFINEMENT_METHODS`.
+        onlyAnnotatedParts: drop the parts of a segment that no positive point lies in.
+        respectOtherSegments: leave voxels to the segments that have them already.
+        overlayVisible, overlayOpacity: of the selected class's similarity in the slice views.
+        rendering: what the 3D views show ("off", "similarity" or "transfer function").
+        selectedClass: id of the class that is annotated.
+    """
+
+    DEFAULTS: dict[str, bool | int | float | str] = {  # noqa: RUF012
+        "preset": DEFAULT_PRESET,
+        "model": "",
+        "weightsPath": "",
+        "grid": 0,
+        "device": "auto",
+        "windowAutomatic": True,
+        "windowLow": 0.0,
+        "windowHigh": 0.0,
+        "refinement": "bilateral",
+        "onlyAnnotatedParts": True,
+        "respectOtherSegments": True,
+        "overlayVisible": True,
+        "overlayOpacity": 0.5,
+        "rendering": "similarity",
+        "selectedClass": "",
+    }
+
+    def __init__(self, node: slicer.vtkMRMLScriptedModuleNode) -> None:
+        self.node = node
+        for name, default in self.DEFAULTS.items():
+            if not node.HasParameter(name):
+                node.SetParameter(name, str(default))
+
+    def get(self, name: str) -> Any:
+        """The value of a parameter, of its default's type; the default where the node's text is no such value."""
+        default = self.DEFAULTS[name]
+        if not self.node.HasParameter(name):
+            return default  # Closing a scene empties the node.
+        text = self.node.GetParameter(name)
+        if isinstance(default, bool):
+            return text == "True"
+        try:
+            return type(default)(text)
+        except ValueError:
+            return default
+
+    def set(self, name: str, value: bool | float | str) -> None:
+        """Write a parameter."""
+        self.node.SetParameter(name, str(type(self.DEFAULTS[name])(value)))
+
+    @property
+    def volume(self) -> Any:
+        """The volume to segment, a vtkMRMLScalarVolumeNode; None where none is chosen."""
+        return self.node.GetNodeReference("volume")
+
+    @property
+    def segmentation(self) -> Any:
+        """The vtkMRMLSegmentationNode that gets the segments; None where none is chosen."""
+        return self.node.GetNodeReference("segmentation")
+
+    def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
+        """Refer to a node as "volume" or "segmentation"."""
+        self.node.SetNodeReferenceID(name, node.GetID() if node else None)
+
+    def feature_settings(self) -> dict[str, Any]:
+        """What decides the features: the arguments of `SegmentationService.prepare`."""
+        low, high = self.get("windowLow"), self.get("windowHigh")
+        automatic = self.get("windowAutomatic")
+        if not automatic:
+            IntensityWindow(low, high)  # Refuses what is no window.
+        return {
+            "preset_name": self.get("preset") if self.get("preset") in PRESETS else DEFAULT_PRESET,
+            "grid": self.get("grid") or None,
+            "window": None if automatic else (low, high),
+            "model": self.get("model") or None,
+            "weights_path": self.get("weightsPath") or None,
+            "device": self.get("device"),
+        }
+
+    def refinement_settings(self) -> dict[str, Any]:
+        """The further arguments of `SegmentationService.refine`."""
+        return {"method": self.get("refinement"), "only_annotated": self.get("onlyAnnotatedParts")}

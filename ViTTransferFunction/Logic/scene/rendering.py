@@ -1,0 +1,137 @@
+"""The classes in 3D, in Slicer's views: one volume of colours (`colorized_volume`), by GPU volume rendering."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
+
+from ..core.errors import InputError
+from ..core.geometry import Geometry
+from ..rendering.color_volume import SURFACE, optical_density
+from .derived_nodes import DerivedNodes, nodes_of_class
+from .volume import set_image
+
+if TYPE_CHECKING:
+    import slicer
+
+VOLUME_NAME = "Class rendering"
+DISPLAY_NAME = "Class rendering display"
+PROPERTY_NAME = "Class rendering property"
+DISPLAY_CLASS = "vtkMRMLGPURayCastVolumeRenderingDisplayNode"
+
+CODE_COMPONENT = 3
+
+UNIT_VOXELS = 0.1
+"""The distance that opacities are for, short enough for the highest of them to stay below 1."""
+
+
+class ClassRendering:
+    """Shows a volume of colours in all 3D views.
+
+    Soft shadows are in the colours. Slicer's ambient shadows, a setting of its views, are left as they are: with OpenGL in
+    software they cover volumes with a chequered pattern.
+
+    Args:
+        scene: where views and volumes are.
+        app_logic: of the application, which knows the logic of the module Volume Rendering.
+    """
+
+    def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkSlicerApplicationLogic) -> None:
+        self._scene = scene
+        self._app_logic = app_logic
+        self._nodes = DerivedNodes(scene)
+        self._smoothed_view_ids: set[str] = set()
+
+    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, rgba: np.ndarray, ijk_to_ras: np.ndarray) -> None:
+        """Show colours, or others instead, in all 3D views that there are.
+
+        Args:
+            volume_node: the volume that they are of; they move with it.
+            rgba: (K, J, I, 4) uint8, from `colorized_volume`.
+            ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
+
+        Raises:
+            InputError: Slicer's module Volume Rendering is missing.
+        """
+        volume = self._nodes.find(VOLUME_NAME) or self._nodes.add("vtkMRMLVectorVolumeNode", VOLUME_NAME)
+        if volume.GetVolumeDisplayNode() is None:
+            volume.CreateDefaultDisplayNodes()
+            volume.GetVolumeDisplayNode().SetSaveWithScene(False)
+        display = self._nodes.find(DISPLAY_NAME) or self._add_display()
+        material = self._nodes.find(PROPERTY_NAME) or self._add_property()
+        set_image(volume, rgba, ijk_to_ras)
+        codes = volume.GetImageData().GetPointData().GetScalars().GetFiniteRange(CODE_COMPONENT)
+        _set_opacity(material, codes, float(np.cbrt(Geometry(rgba.shape[:3], ijk_to_ras).voxel_volume_mm3)))
+        volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
+        display.SetAndObserveVolumePropertyNodeID(material.GetID())
+        if not volume.HasNodeReferenceID(volume.GetDisplayNodeReferenceRole(), display.GetID()):
+            volume.AddAndObserveDisplayNodeID(display.GetID())
+        display.SetVisibility(codes[1] > SURFACE)
+        self._smooth_surfaces()
+
+    def hide(self) -> None:
+        """Take the colours out of the views, and undo what was set in them."""
+        display = self._nodes.find(DISPLAY_NAME)
+        if display is not None:
+            display.SetVisibility(False)
+        for view_id in self._smoothed_view_ids:
+            view = self._scene.GetNodeByID(view_id)
+            if view is not None:
+                view.SetVolumeRenderingSurfaceSmoothing(False)
+        self._smoothed_view_ids.clear()
+
+    def remove(self) -> None:
+        """Hide the colours, and take their nodes out of the scene."""
+        self.hide()
+        self._nodes.remove()
+
+    def _add_display(self) -> Any:
+        logic = self._app_logic.GetModuleLogic("VolumeRendering")
+        if logic is None:
+            raise InputError(
+                "3D rendering needs Slicer's module Volume Rendering, which is not loaded. Enable it under Edit, Application "
+                "Settings, Modules, and restart Slicer."
+            )
+        display = logic.CreateVolumeRenderingDisplayNode(DISPLAY_CLASS)
+        # Created for the caller to release.
+        display.UnRegister(None)
+        display.SetName(DISPLAY_NAME)
+        self._scene.AddNode(display)
+        return self._nodes.keep(display, DISPLAY_NAME)
+
+    def _add_property(self) -> Any:
+        node = self._nodes.add("vtkMRMLVolumePropertyNode", PROPERTY_NAME)
+        material = node.GetVolumeProperty()
+        material.IndependentComponentsOff()
+        material.SetInterpolationTypeToLinear()
+        material.ShadeOn()
+        material.SetAmbient(0.35)
+        material.SetDiffuse(0.65)
+        material.SetSpecular(0.2)
+        material.SetSpecularPower(20.0)
+        return node
+
+    def _smooth_surfaces(self) -> None:
+        """Let rays start at random depths, so that their steps leave no rings on translucent surfaces."""
+        for view in nodes_of_class(self._scene, "vtkMRMLViewNode"):
+            # Who switches it off while the colours are shown does not want it.
+            if view.GetID() not in self._smoothed_view_ids and not view.GetVolumeRenderingSurfaceSmoothing():
+                view.SetVolumeRenderingSurfaceSmoothing(True)
+                self._smoothed_view_ids.add(view.GetID())
+
+
+def _set_opacity(node: Any, codes: tuple[float, float], voxel_mm: float) -> None:
+    """The opacity of each code in a volume with voxels `voxel_mm` apart, whose codes range from the one to the other."""
+    # VTK spreads its table over the codes that occur, and then reads it as if that were all of 0 … 255.
+    low, high = codes
+    opacities = 1.0 - np.exp(-optical_density() * UNIT_VOXELS)
+    opacity = vtkPiecewiseFunction()
+    for code in (0, *range(SURFACE, 256)):
+        opacity.AddPoint(low + (high - low) * code / 255.0, opacities[code])
+    was_modifying = node.StartModify()
+    node.SetScalarOpacity(opacity)
+    # VTK takes the function from component 0, its unit from the component that it is applied to.
+    node.GetVolumeProperty().SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS * voxel_mm)
+    node.EndModify(was_modifying)

@@ -1,0 +1,77 @@
+"""From similarity maps to labels: iso values, competition between classes, and the parts that the user meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy import ndimage
+
+from ..core.geometry import Geometry
+
+SMALLEST_ISO, LARGEST_ISO = 0.02, 0.98
+ISO_WITHOUT_NEGATIVES = 0.5
+"""Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
+
+
+def choose_iso(at_positives: np.ndarray, at_negatives: np.ndarray) -> float:
+    """The iso value that lies in the middle between the points to include and those to exclude.
+
+    Args:
+        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
+        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
+
+    Returns:
+        The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
+        low or high that everything or nothing would be selected.
+    """
+    typical = float(np.mean(at_positives))
+    iso = ISO_WITHOUT_NEGATIVES * typical
+    if len(at_negatives):
+        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
+    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
+
+
+def compete(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:
+    """Label each voxel with the class whose map exceeds its own iso value by the largest factor.
+
+    Args:
+        maps: for each class its map (K, J, I) in [0, 1] and its iso value; consumed one at a time, so that they need not all
+            be in memory.
+        shape: of the maps, (K, J, I).
+
+    Returns:
+        (K, J, I) uint16: 0 where no class reaches its iso value, else 1 + the index of the class. An exact tie stays with the
+        class that came first.
+    """
+    labels = np.zeros(shape, dtype=np.uint16)
+    best = np.ones(shape, dtype=np.float32)
+    for label, (similarity, iso) in enumerate(maps, start=1):
+        ratio = similarity / np.float32(max(iso, SMALLEST_ISO))
+        wins = (ratio > best) | ((labels == 0) & (ratio >= 1.0))
+        labels[wins] = label
+        best[wins] = ratio[wins]
+    return labels
+
+
+def keep_annotated_components(labels: np.ndarray, label: int, geometry: Geometry, points_ras: np.ndarray) -> None:
+    """Keep of one label only the connected components (26-neighbourhood) that hold a point; in place.
+
+    Where no point lies in any component, the label is left as it is: better a visible surplus than a vanished segment.
+
+    Args:
+        labels: (K, J, I) label map, changed in place.
+        label: which label.
+        geometry: of the label map.
+        points_ras: (N, 3) RAS millimetres.
+    """
+    box = ndimage.find_objects((labels == label).astype(np.uint8))
+    if not box:
+        return
+    components, _ = ndimage.label(labels[box[0]] == label, structure=np.ones((3, 3, 3)))
+    nearest = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int) - [axis.start for axis in box[0]]
+    inside = ((nearest >= 0) & (nearest < components.shape)).all(axis=1)
+    kept = np.unique(components[tuple(nearest[inside].T)])
+    kept = kept[kept > 0]
+    if len(kept):
+        labels[box[0]][(components > 0) & ~np.isin(components, kept)] = 0

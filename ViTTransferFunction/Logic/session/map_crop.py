@@ -1,0 +1,74 @@
+"""The part of a full-resolution map that matters: the box around its iso-surface, in bytes.
+
+A structure fills a small part of a volume. Its box, at one byte a voxel, is hundreds of times smaller than the map, and small
+enough to be handed from process to process and shown at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.geometry import Box
+
+SHARE_OF_ISO = 0.5
+"""Voxels whose map stays below this share of the iso value may be cut off: nothing of them is shown."""
+FULL_SCALE = 255
+"""The byte that stands for a similarity of 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapCrop:
+    """A box of a class's map.
+
+    Attributes:
+        array: (K, J, I) of the box, uint8, similarity times 255.
+        box: where the box lies in the volume's array.
+        iso: threshold that selects the class, in [0, 1].
+    """
+
+    array: np.ndarray
+    box: Box
+    iso: float
+
+
+def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
+    """Cut the map (K, J, I) in [0, 1] down to the box of its iso-surface and two voxels around it."""
+    above = similarity >= SHARE_OF_ISO * iso
+    k, j, i = (_extent(np.asarray(above.any(axis=rest))) for rest in ((1, 2), (0, 2), (0, 1)))
+    array = np.rint(similarity[k, j, i] * np.float32(FULL_SCALE)).astype(np.uint8)
+    return MapCrop(array, (k, j, i), iso)
+
+
+def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
+    """The crops' arrays, 0 where they were cut off, on the smallest box that holds them all; and that box."""
+    starts = np.min([[extent.start for extent in crop.box] for crop in crops], axis=0)
+    stops = np.max([[extent.stop for extent in crop.box] for crop in crops], axis=0)
+    arrays = []
+    for crop in crops:
+        array = np.zeros(stops - starts, dtype=np.uint8)
+        array[tuple(slice(e.start - s, e.stop - s) for e, s in zip(crop.box, starts, strict=True))] = crop.array
+        arrays.append(array)
+    k, j, i = (slice(int(start), int(stop)) for start, stop in zip(starts, stops, strict=True))
+    return arrays, (k, j, i)
+
+
+def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:
+    """The crop whose iso-surface encloses nothing but the voxels that carry `label` in `labels` (K, J, I) of the volume.
+
+    Other classes may have won the rest, or it was dropped as a part without a click.
+    """
+    threshold = int(np.ceil(crop.iso * FULL_SCALE))
+    inside = labels[crop.box] == label
+    array = np.where(inside, np.maximum(crop.array, threshold), np.minimum(crop.array, max(threshold - 1, 0)))
+    return MapCrop(array.astype(np.uint8), crop.box, crop.iso)
+
+
+def _extent(occupied: np.ndarray) -> slice:
+    """The range of what is occupied along an axis, with a margin; at least two voxels, so that it has an extent."""
+    indices = np.flatnonzero(occupied)
+    low, high = (indices[0] - 2, indices[-1] + 3) if len(indices) else (0, 2)
+    low = int(np.clip(low, 0, max(len(occupied) - 2, 0)))
+    return slice(low, int(np.clip(high, low + 2, max(len(occupied), 2))))

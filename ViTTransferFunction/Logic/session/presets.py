@@ -1,0 +1,71 @@
+"""Named settings for the whole path, so that users choose a meaning and not a dozen numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..core.errors import InputError
+from ..features.settings import FeatureSettings
+from ..features.whitening import Statistics
+from ..similarity.cosine import SimilarityMethod
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One way through the method.
+
+    Attributes:
+        meaning: one sentence for users.
+        model: the pretrained model, where the user names none.
+        features: how features are extracted.
+        statistics: how they are made comparable.
+        similarity: how annotations become maps.
+    """
+
+    meaning: str
+    model: str
+    features: FeatureSettings
+    statistics: Statistics
+    similarity: SimilarityMethod
+
+
+def _whitened(meaning: str, features: FeatureSettings) -> Preset:
+    return Preset(meaning, model="dinov2_vits14", features=features, statistics="whitened", similarity="kernel")
+
+
+# Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
+PRESETS = {
+    "preview": _whitened(
+        "three patches for eight cells along an edge: a first look within seconds", FeatureSettings(patches_per_cell=0.375)
+    ),
+    "fast": _whitened(
+        "five patches for eight cells along an edge, near what the network was trained on: half the time of balanced",
+        FeatureSettings(patches_per_cell=0.625),
+    ),
+    "balanced": _whitened(
+        "a patch for each cell of a slice, through every second layer of cells", FeatureSettings(layer_step=2)
+    ),
+    "published": Preset(
+        meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
+        model="dino_vits8",
+        features=FeatureSettings(
+            isotropic=False, upright=False, every_slice=True, thin_air=False, windows="full range", precision="float32"
+        ),
+        statistics="none",
+        similarity="published",
+    ),
+}
+
+
+DEFAULT_PRESET = "balanced"
+
+
+def preset(name: str) -> Preset:
+    """The preset called `name`.
+
+    Raises:
+        InputError: no preset is called so.
+    """
+    if name not in PRESETS:
+        raise InputError(f"Unknown preset '{name}'; expected one of {', '.join(PRESETS)}.")
+    return PRESETS[name]

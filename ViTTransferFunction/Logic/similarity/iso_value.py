@@ -1,0 +1,134 @@
+"""The iso value of a map, chosen from the map and the image.
+
+A prior says how far a class should reach that was clicked n times, half of n / (n + κ): few points raise a map only around
+them. From that prior, the iso value is drawn to where the mean edge strength along the iso-surface is largest: the surface
+should run where the intensities have edges. A refined map has been sharpened at these edges, so that its iso value is drawn as
+well to where the enclosed volume changes least (maximally stable extremal regions: Matas et al., 2002).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ..core.intensity_cdf import IntensityRank
+
+POINTS_TO_HALF = 1.5
+"""κ."""
+PRIOR_WEIGHT = 0.5
+"""What a factor of e between iso value and prior costs, in units of the volume's mean edge strength."""
+SOFTNESS = 0.3
+"""Candidates are averaged by their gain, not the best one taken: the iso value must not jump from click to click."""
+SURFACE_WIDTH = 0.25
+"""Standard deviation, in the logarithm of the map, of what counts as near an iso-surface of a coarse map."""
+STABILITY_WIDTH = 0.1
+"""The same of a refined map, whose levels lie closer at edges."""
+REFINED_EDGE_WEIGHT = 0.5
+REFINED_SOFTNESS = 0.1
+"""For refined maps, in the logarithm of how much the volume changes: what edge strength counts, and as `SOFTNESS`."""
+STABILITY_FLOOR = 0.02
+"""Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
+STABILITY_SAMPLES = 2_000_000
+"""A refined map is looked at in so many voxels at most, spread evenly."""
+LOWEST_LEVEL = 0.01
+LARGEST_SHARE_OF_POSITIVES = 0.8
+CANDIDATES = np.exp(np.linspace(np.log(0.02), np.log(0.7), 40))
+_BINS = 200
+_LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
+
+
+def prior_iso(positive_count: int) -> float:
+    """The iso value of a class with so many different positive points, before the image is looked at."""
+    return 0.5 * positive_count / (positive_count + POINTS_TO_HALF)
+
+
+def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float) -> float:
+    """The iso value whose surface runs along the strongest edges, not far from the prior.
+
+    It stays below the map's value at most positive points, so that what was clicked is selected.
+
+    Args:
+        similarity: (N,) values of the map in [0, 1] at places spread evenly over the volume.
+        edge_strength: (N,) edge strength at the same places; see `edge_strength_at`.
+        at_positives: (P,) values of the map at the class's positive points, P ≥ 1.
+        prior: from `prior_iso`.
+
+    Returns:
+        A value in (0, 1).
+    """
+    strength = _strength_along_surfaces(similarity, edge_strength)
+    return _near_prior(strength - PRIOR_WEIGHT * np.log(CANDIDATES / prior) ** 2, SOFTNESS, at_positives)
+
+
+def choose_refined_iso(
+    refined: np.ndarray, similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float
+) -> float:
+    """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
+
+    Args:
+        refined: the map of any shape, in [0, 1].
+        similarity, edge_strength, at_positives, prior: as for `choose_iso_by_edges`, of the refined map.
+
+    Returns:
+        A value in (0, 1).
+    """
+    edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
+    gain = edges - _log_instability(refined) - np.log(CANDIDATES / prior) ** 2
+    return _near_prior(gain, REFINED_SOFTNESS, at_positives)
+
+
+def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) -> np.ndarray:
+    """Mean edge strength near the iso-surface of each candidate, (candidates,)."""
+    seen = similarity > LOWEST_LEVEL
+    # A histogram over log levels: the edge strength at every level costs one pass over the map.
+    bins = _bins(similarity[seen])
+    near = _near(SURFACE_WIDTH)
+    total = near @ np.bincount(bins, edge_strength[seen], _BINS)
+    return total / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
+
+
+def _log_instability(refined: np.ndarray) -> np.ndarray:
+    """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
+    # An odd stride, so that it does not keep step with the rows.
+    values = refined.ravel()[:: refined.size // STABILITY_SAMPLES | 1]
+    count = np.bincount(_bins(values[values > LOWEST_LEVEL]), minlength=_BINS)
+    enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
+    near = _near(STABILITY_WIDTH)
+    per_unit = (near @ count) / near.sum(axis=1) * (_BINS - 1) / -np.log(LOWEST_LEVEL)
+    return np.log(per_unit / (enclosed + 1e-9) + STABILITY_FLOOR)
+
+
+def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> float:
+    """The mean of the candidates, weighted by their gain, below the map's value at most positive points."""
+    weights = np.exp((gain - gain.max()) / softness)
+    best = float(np.exp((weights * np.log(CANDIDATES)).sum() / weights.sum()))
+    return min(best, max(LARGEST_SHARE_OF_POSITIVES * float(np.median(at_positives)), LOWEST_LEVEL))
+
+
+def _bins(similarity: np.ndarray) -> np.ndarray:
+    """The logarithmic level, an index to `_LEVELS`, of values above `LOWEST_LEVEL`."""
+    depth = -np.log(LOWEST_LEVEL)
+    return np.clip((np.log(similarity) + depth) / depth * (_BINS - 1), 0, _BINS - 1).astype(int)
+
+
+@cache
+def _near(width: float) -> np.ndarray:
+    """How much each level counts for the surface at each candidate, (candidates, levels)."""
+    return np.exp(-0.5 * ((np.log(_LEVELS) - np.log(CANDIDATES)[:, None]) / width) ** 2)
+
+
+def edge_strength_at(rank: IntensityRank, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
+    """Gradient magnitude of the intensity ranks, over its mean, (N,) float32.
+
+    Args:
+        rank: of the volume.
+        points_ras: (N, 3) RAS millimetres.
+        steps_ras: (3, 3), one in each row: steps along the volume's own axes over which differences are taken, to either side.
+            Along the patient's, a volume that lies askew would have other edges than its upright twin.
+    """
+    squared = np.zeros(len(points_ras), dtype=np.float32)
+    for step in steps_ras:
+        squared += (rank.at(points_ras + step) - rank.at(points_ras - step)) ** 2
+    strength = np.sqrt(squared)
+    return strength / max(float(strength.mean()), 1e-12)

@@ -1,0 +1,108 @@
+"""Files that arrive whole and checked, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import http.client
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from ..core.atomic_file import replacing
+from ..core.errors import InputError
+from ..core.progress import Progress, no_progress
+
+_TIMEOUT_S = 10.0
+"""Longest silence of the network, on connecting as on reading, before it counts as broken."""
+_BLOCK = 1 << 20
+
+
+class DownloadFailed(InputError):
+    """The network was not reached, refused, or broke off. Another source may still do."""
+
+
+def download(
+    url: str, target: Path, *, expected_sha256: str | None = None, what: str = "Downloading", progress: Progress = no_progress
+) -> str:
+    """Download `url` to `target`, which appears only when it is complete and its hash is the expected one.
+
+    Args:
+        url: the file's address.
+        target: where it goes; its folder is created, an older file there is replaced.
+        expected_sha256: hexadecimal hash that the file must have; None accepts any.
+        what: name of this work in `progress`.
+        progress: called with bytes; may raise to cancel.
+
+    Returns:
+        Hexadecimal SHA-256 of the file.
+
+    Raises:
+        DownloadFailed: the network did not deliver the whole file.
+        InputError: the file has another hash, or cannot be written.
+    """
+    with _open(url) as response, replacing(target) as part:
+        sha256 = _stream_to(part, response, what, progress)
+        if expected_sha256 is not None and sha256 != expected_sha256:
+            raise InputError(
+                f"{url} delivered a file with SHA-256 {sha256}, expected {expected_sha256}; it was not kept. Something on the "
+                "way may have changed it: try another network, or get it from someone who has it and check its hash."
+            )
+    return sha256
+
+
+def sha256_of(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file's content.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(_BLOCK):
+                digest.update(block)
+    except OSError as error:
+        raise InputError(f"Cannot read {path} ({error.strerror or error}).") from error
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def _open(url: str) -> Iterator[http.client.HTTPResponse]:
+    # Some hosts refuse the default "Python-urllib".
+    request = urllib.request.Request(url, headers={"User-Agent": "vit-transfer-function"})
+    try:
+        response = urllib.request.urlopen(request, timeout=_TIMEOUT_S)
+    except (OSError, http.client.HTTPException) as error:
+        raise DownloadFailed(f"{url} could not be opened ({str(error).strip('<>')})") from error
+    with response:
+        # A hospital's or hotel's network answers with its own page and status 200.
+        if response.headers.get_content_type() == "text/html":
+            raise DownloadFailed(f"{url} answered with a web page instead of the file; is there a login or a proxy in between?")
+        yield response
+
+
+def _stream_to(part: Path, response: http.client.HTTPResponse, what: str, progress: Progress) -> str:
+    digest = hashlib.sha256()
+    done, total = 0, int(response.headers.get("Content-Length", 0))
+    with part.open("wb") as stream:
+        for block in _blocks(response):
+            stream.write(block)
+            digest.update(block)
+            done += len(block)
+            progress(done, max(done, total), what)
+    # Python's own check for an early end covers only some ways of reading.
+    if done < total:
+        raise DownloadFailed(f"{response.url} broke off after {done} of {total} bytes")
+    return digest.hexdigest()
+
+
+def _blocks(response: http.client.HTTPResponse) -> Iterator[bytes]:
+    while True:
+        try:
+            block = response.read(_BLOCK)
+        except (OSError, http.client.HTTPException) as error:
+            raise DownloadFailed(f"{response.url} broke off ({error})") from error
+        if not block:
+            return
+        yield block

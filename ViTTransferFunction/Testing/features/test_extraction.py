@@ -1,0 +1,258 @@
+"""Slices through the network, and their keys into one volume."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.orientation import Orientation, upright_orientation
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.extraction import extract_features, features_size_bytes
+from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
+from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature_key, grid_shape
+from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.session.presets import PRESETS
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+
+WINDOW = IntensityWindow(0.0, 1.0)
+
+
+class MeanIntensityNetwork(VisionTransformer):
+    """In the network's place: a patch's key is the mean of its pixels, so that pooling has a known answer."""
+
+    def __init__(self) -> None:
+        self.model = TINY_MODEL
+        self.device = torch.device("cpu")
+        self.weights_digest = "mean"
+
+    def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
+        return self
+
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
+        channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
+        means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
+        return means[:, None].expand(-1, self.model.embed_dim)
+
+
+def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
+    return Volume(array, Geometry(array.shape, np.diag([*spacing_ijk, 1.0])))
+
+
+def block_means(array: np.ndarray, size: int) -> np.ndarray:
+    k, j, i = (n // size for n in array.shape)
+    return array.reshape(k, size, j, size, i, size).mean(axis=(1, 3, 5))
+
+
+def test_pooling_every_slice_gives_the_mean_of_each_cell() -> None:
+    array = np.random.default_rng(0).random((16, 24, 32)).astype(np.float32)
+    settings = FeatureSettings(grid=8, isotropic=False, every_slice=True, windows=(WINDOW,) * 3)
+    features = extract_features(volume_of(array), MeanIntensityNetwork(), settings)
+    assert features.array.shape == (4, 6, 8, TINY_MODEL.embed_dim)
+    np.testing.assert_allclose(features.array[..., 0], block_means(array, 4), atol=1e-3)
+
+
+def test_features_follow_the_axes_of_the_volume() -> None:
+    ramps = np.meshgrid(*[np.linspace(0.0, 1.0, n) for n in (16, 24, 32)], indexing="ij")
+    for axis, ramp in enumerate(ramps):
+        settings = FeatureSettings(grid=8, windows=(WINDOW,) * 3)
+        features = extract_features(volume_of(ramp.astype(np.float32)), MeanIntensityNetwork(), settings).array[..., 0]
+        across = np.moveaxis(features, axis, 0).reshape(features.shape[axis], -1)
+        assert (np.diff(across[:, 0].astype(float)) > 0.05).all()
+        np.testing.assert_allclose(across.max(axis=1), across.min(axis=1), atol=1e-3)
+
+
+@given(st.integers(1, 300), st.integers(1, 80), st.sampled_from([(True, 1), (False, 1), (False, 2), (False, 3)]))
+def test_slice_weights_of_every_layer_add_up_to_one(slices: int, layers: int, sampling: tuple[bool, int]) -> None:
+    samples = slice_samples(slices, layers, *sampling)
+    totals = np.zeros(layers)
+    for sample in samples:
+        assert 0.0 <= sample.position <= slices - 1
+        for layer, weight in sample.layers:
+            totals[layer] += weight
+    np.testing.assert_allclose(totals, 1.0)
+
+
+def test_every_slice_pools_as_adaptive_average_pooling_does() -> None:
+    values = torch.rand(1, 1, 157, dtype=torch.float64)
+    pooled = torch.zeros(64, dtype=torch.float64)
+    for sample in slice_samples(157, 64, every_slice=True):
+        for layer, weight in sample.layers:
+            pooled[layer] += weight * values[0, 0, int(sample.position)]
+    torch.testing.assert_close(pooled, torch.nn.functional.adaptive_avg_pool1d(values, 64)[0, 0])
+
+
+def test_one_slice_a_layer_runs_through_the_layers_centres() -> None:
+    assert [sample.position for sample in slice_samples(8, 4, every_slice=False)] == [0.5, 2.5, 4.5, 6.5]
+
+
+def test_skipped_layers_are_interpolated_and_the_last_is_always_run() -> None:
+    samples = slice_samples(8, 8, every_slice=False, layer_step=3)
+    assert [sample.position for sample in samples] == [0.0, 3.0, 6.0, 7.0]
+    third = 1.0 / 3.0
+    assert dict(samples[1].layers) == pytest.approx({1: third, 2: 2 * third, 3: 1.0, 4: 2 * third, 5: third})
+
+
+def test_fewer_patches_than_cells_are_interpolated_onto_the_same_cells() -> None:
+    ramp = np.broadcast_to(np.linspace(0.0, 1.0, 48, dtype=np.float32), (48, 48, 48))
+    settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, thin_air=False)
+    fine = extract_features(volume_of(ramp), MeanIntensityNetwork(), settings)
+    coarse = extract_features(volume_of(ramp), MeanIntensityNetwork(), replace(settings, patches_per_cell=0.5))
+    assert coarse.array.shape == fine.array.shape
+    np.testing.assert_allclose(coarse.array[:, :, 1:-1].astype(float), fine.array[:, :, 1:-1].astype(float), atol=5e-3)
+
+
+def test_cells_are_cubes_in_millimetres() -> None:
+    geometry = Geometry((40, 100, 200), np.diag([1.0, 1.0, 5.0, 1.0]))
+    assert grid_shape(geometry, FeatureSettings(grid=20)) == (20, 10, 20)
+    assert grid_shape(geometry, FeatureSettings(grid=20, isotropic=False)) == (4, 10, 20)
+
+
+def test_the_published_preset_is_repeatable_bit_for_bit(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    settings = replace(PRESETS["published"].features, grid=8)
+    first = extract_features(spheres[0], tiny_network, settings)
+    second = extract_features(spheres[0], tiny_network, settings)
+    np.testing.assert_array_equal(first.array, second.array)
+    assert len(first.array) == round(32 / 48 * 8)
+
+
+def test_one_slice_a_layer_is_close_to_every_slice(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    settings = FeatureSettings(grid=12)
+    sampled = extract_features(spheres[0], tiny_network, settings).array.astype(float)
+    pooled = extract_features(spheres[0], tiny_network, replace(settings, every_slice=True)).array.astype(float)
+    cosine = (sampled * pooled).sum(-1) / np.linalg.norm(sampled, axis=-1) / np.linalg.norm(pooled, axis=-1)
+    assert cosine.mean() > 0.99
+
+
+def test_voxels_that_are_not_finite_or_metal_leave_the_rest_as_it_is(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    volume, _ = spheres
+    damaged = volume.array.copy()
+    damaged[16, 20, 24], damaged[16, 20, 25], damaged[16, 20, 26] = np.nan, np.inf, 30_000.0
+    settings = FeatureSettings(grid=8)
+    clean = extract_features(volume, tiny_network, settings).array.astype(float)
+    features = extract_features(Volume(damaged, volume.geometry), tiny_network, settings).array.astype(float)
+    assert np.isfinite(features).all()
+    far = np.ones(clean.shape[:3], dtype=bool)
+    far[clean.shape[0] // 2 - 1 : clean.shape[0] // 2 + 1, 2:6, 2:6] = False
+    cosine = (clean * features).sum(-1) / np.linalg.norm(clean, axis=-1) / np.linalg.norm(features, axis=-1)
+    assert cosine[far].min() > 0.98
+
+
+def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    reports: list[tuple[int, int]] = []
+    extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), lambda done, total, _: reports.append((done, total)))
+    assert reports[0][0] == 0
+    assert reports[-1][0] == reports[-1][1] == sum((8, 7, 8))
+
+    def cancel(done: int, total: int, what: str) -> None:
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel)
+
+
+@given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))
+def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], mirrored: tuple[bool, bool, bool]) -> None:
+    array = np.random.default_rng(0).random((8, 10, 12)).astype(np.float32)
+    network = VisionTransformer(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
+    settings = FeatureSettings(grid=4, windows=(WINDOW,) * 3)
+    geometry = Geometry(array.shape, np.diag([1.0, 1.0, 1.0, 1.0]))
+    expected = extract_features(Volume(array, geometry), network, settings).array
+
+    stored = Orientation((order[0], order[1], order[2]), mirrored)
+    stored_array = np.ascontiguousarray(stored.upright(array))
+    features = extract_features(Volume(stored_array, stored_geometry(geometry, stored)), network, settings).array
+
+    np.testing.assert_array_equal(stored.restored(features), expected)
+
+
+def stored_geometry(geometry: Geometry, stored: Orientation) -> Geometry:
+    """Geometry of `stored.upright(array)`, of an array on `geometry`."""
+    shape = stored.upright_shape(geometry.shape)
+    matrix = np.eye(4)
+    for column, axis in enumerate(reversed(range(3))):
+        source = 2 - stored.order[axis]
+        matrix[:3, column] = geometry.ijk_to_ras[:3, source] * (-1.0 if stored.mirrored[axis] else 1.0)
+    first = [0.0, 0.0, 0.0]
+    for axis in range(3):
+        first[2 - stored.order[axis]] = shape[axis] - 1.0 if stored.mirrored[axis] else 0.0
+    matrix[:3, 3] = geometry.ijk_to_ras_points(np.array([first]))[0]
+    return Geometry(shape, matrix)
+
+
+def test_upright_axes_point_to_inferior_posterior_and_left() -> None:
+    lps = Geometry((4, 5, 6), np.diag([-1.0, -1.0, 1.0, 1.0]))
+    assert upright_orientation(lps) == Orientation((0, 1, 2), (True, False, False))
+    turned = np.array([[0.1, 0.0, -1.0, 0.0], [1.0, 0.0, 0.1, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    assert upright_orientation(Geometry((4, 5, 6), turned)) == Orientation((1, 2, 0), (False, True, False))
+
+
+def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    settings = FeatureSettings(grid=8)
+    features = extract_features(spheres[0], tiny_network, settings)
+    assert features.array.nbytes == features_size_bytes(spheres[0].geometry, settings, TINY_MODEL)
+
+
+OTHER_SETTINGS: list[dict[str, Any]] = [
+    {"grid": 65},
+    {"patches_per_cell": 0.5},
+    {"layer_step": 2},
+    {"isotropic": False},
+    {"upright": False},
+    {"every_slice": True},
+    {"thin_air": False},
+    {"windows": (WINDOW,) * 3},
+    {"precision": "float32"},
+]
+
+
+def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tuple[Volume, np.ndarray]) -> None:
+    volume, _ = spheres
+    settings = FeatureSettings()
+    base = feature_key(volume, "model", "weights", settings)
+    other_array = volume.array.copy()
+    other_array[0, 0, 0] += 1
+    moved = Geometry(volume.shape, volume.geometry.ijk_to_ras + np.diag([0.1, 0.0, 0.0, 0.0]))
+    others = {
+        feature_key(Volume(other_array, volume.geometry), "model", "weights", settings),
+        feature_key(Volume(volume.array, moved), "model", "weights", settings),
+        feature_key(volume, "other", "weights", settings),
+        feature_key(volume, "model", "other", settings),
+        *(feature_key(volume, "model", "weights", replace(settings, **change)) for change in OTHER_SETTINGS),
+    }
+    assert len(others) == 4 + len(OTHER_SETTINGS)
+    assert base not in others
+    assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings)
+
+
+@pytest.mark.parametrize("grid", [3, 129, -1])
+def test_a_grid_out_of_range_is_refused(grid: int) -> None:
+    with pytest.raises(InputError, match=f"4 to 128 cells; got {grid}"):
+        FeatureSettings(grid=grid)
+
+
+@pytest.mark.parametrize("patches_per_cell", [0.0, 1.5, float("nan")])
+def test_cells_finer_than_patches_are_refused(patches_per_cell: float) -> None:
+    with pytest.raises(InputError, match="at most 1 patch wide"):
+        FeatureSettings(patches_per_cell=patches_per_cell)
+
+
+@pytest.mark.parametrize("fields", [{"layer_step": 0}, {"layer_step": 2, "every_slice": True}])
+def test_layers_are_skipped_or_pooled(fields: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="layer_step must be 1 or more"):
+        FeatureSettings(**fields)

@@ -1,0 +1,81 @@
+"""Features that sharpen while the user works."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.errors import Cancelled
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features import progressive as module
+from ViTTransferFunction.Logic.features.extraction import FeatureRun, extract_features
+from ViTTransferFunction.Logic.features.progressive import progressive_features
+from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature_key
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+
+SETTINGS = FeatureSettings(grid=24, precision="float32")
+
+
+@pytest.fixture(autouse=True)
+def few_coarse_patches_and_small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "COARSE_PATCHES", 8)
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 1000)
+
+
+def test_the_last_features_are_those_of_a_direct_extraction(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    corner = spheres[0].geometry.ijk_to_ras_points(np.zeros((1, 3)))[0]
+    *_, last = progressive_features(spheres[0], tiny_network, SETTINGS, corner)
+    direct = extract_features(spheres[0], tiny_network, SETTINGS)
+    np.testing.assert_array_equal(last.array, direct.array)
+    assert last.key == direct.key
+
+
+def test_features_come_closer_to_the_last_at_every_stage(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    stages = [features.array.astype(float) for features in progressive_features(spheres[0], tiny_network, SETTINGS)]
+    assert len(stages) >= 4
+    errors = [np.abs(stage - stages[-1]).mean() for stage in stages]
+    assert errors == sorted(errors, reverse=True)
+    assert len(set(errors)) == len(errors)
+
+
+def test_all_stages_lie_on_the_same_cells_and_only_the_last_has_the_settings_key(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    stages = list(progressive_features(spheres[0], tiny_network, SETTINGS))
+    assert len({stage.array.shape for stage in stages}) == 1
+    key = feature_key(spheres[0], tiny_network.model.name, tiny_network.weights_digest, SETTINGS)
+    assert [stage.key == key for stage in stages] == [False] * (len(stages) - 1) + [True]
+    assert len({stage.key for stage in stages}) == len(stages)
+
+
+def test_slices_near_the_focus_come_first(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    volume = spheres[0]
+    corner = volume.geometry.ijk_to_ras_points(np.zeros((1, 3)))[0]
+    stages = [features.array.astype(float) for features in progressive_features(volume, tiny_network, SETTINGS, corner)]
+    error = np.abs(stages[1] - stages[-1]).mean(axis=-1)
+    k, j, i = (edge // 4 for edge in error.shape)
+    assert error[:k, :j, :i].mean() < 0.5 * error[-k:, -j:, -i:].mean()
+
+
+def test_cancelling_leaves_what_was_had_before(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    calls = 0
+
+    def cancel_later(done: int, total: int, what: str) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > len(FeatureRun(spheres[0], tiny_network, SETTINGS).batches):
+            raise Cancelled
+
+    stages = progressive_features(spheres[0], tiny_network, SETTINGS, progress=cancel_later)
+    had = [next(stages)]
+    with pytest.raises(Cancelled):
+        had.extend(stages)
+    assert np.isfinite(had[-1].array).all()
+
+
+def test_few_patches_are_run_at_once(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    assert len(list(progressive_features(spheres[0], tiny_network, FeatureSettings(grid=8)))) == 1

@@ -1,0 +1,127 @@
+"""What each saving changes, on a real volume and with real weights: no more than its bound."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
+from ViTTransferFunction.Logic.features.extraction import extract_features
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
+from ViTTransferFunction.Logic.features.progressive import progressive_features
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.slice_patches import SlicePatches
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.features.whitening import comparable_features, unit_vectors
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+
+FULL = FeatureSettings(grid=20, thin_air=False, precision="float32")
+
+
+@pytest.fixture(scope="module")
+def kept() -> dict[str, np.ndarray]:
+    """The full features, computed by the first test that asks for them."""
+    return {}
+
+
+@pytest.fixture
+def torso(real_volume: Callable[[str], Path]) -> Volume:
+    return read_volume(real_volume("torso_small_ct.nii.gz"))
+
+
+@pytest.fixture
+def network(real_weights: Path) -> VisionTransformer:
+    return VisionTransformer(pretrained_model("dinov2_vits14_focus"), load_state_dict(real_weights), "real")
+
+
+@pytest.fixture
+def full(torso: Volume, network: VisionTransformer, kept: dict[str, np.ndarray]) -> FeatureVolume:
+    if "full" not in kept:
+        kept["full"] = extract_features(torso, network, FULL).array
+    return FeatureVolume(kept["full"], torso.geometry.resized(kept["full"].shape[:3]), "full")
+
+
+def whitened_error(features: FeatureVolume, full: FeatureVolume, inside: np.ndarray) -> float:
+    """Mean 1 − cosine over the cells `inside`, after whitening by the full features' statistics."""
+    comparable = comparable_features(full, "whitened")
+    vectors = unit_vectors(comparable.transform.apply(features.array[inside]))
+    return float((1.0 - (vectors * comparable.array[inside]).sum(axis=1)).mean())
+
+
+def body(torso: Volume, full: FeatureVolume) -> np.ndarray:
+    """Cells brighter than fat, (K', J', I') bool."""
+    intensities = sample_at(torso.array[..., None], torso.geometry, full.geometry.voxel_centres_ras())
+    return intensities.reshape(full.geometry.shape) > -150
+
+
+@pytest.mark.parametrize(
+    ("change", "bound"),
+    [
+        ({"thin_air": True}, 0.01),
+        ({"precision": "fastest"}, 0.003),
+        ({"layer_step": 2}, 0.35),
+        ({"patches_per_cell": 0.75}, 0.5),
+    ],
+    ids=["thin air", "fastest precision", "every 2nd layer", "fewer patches"],
+)
+def test_a_saving_changes_the_bodys_features_by_no_more_than_its_bound(
+    torso: Volume, network: VisionTransformer, full: FeatureVolume, change: dict[str, object], bound: float
+) -> None:
+    saving = extract_features(torso, network, replace(FULL, **change))  # type: ignore[arg-type]
+    assert whitened_error(saving, full, body(torso, full)) < bound
+
+
+def tokens_that_count_once(
+    patches: SlicePatches, position: float, chosen: TokenSelection, tokens: Any = SlicePatches.tokens
+) -> PatchTokens:
+    """In the place of `SlicePatches.tokens`: patches that stand for air count for themselves alone."""
+    of_slice = tokens(patches, position, chosen)
+    return of_slice if of_slice.counts is None else replace(of_slice, counts=torch.ones_like(of_slice.counts))
+
+
+def test_leaving_air_out_without_a_count_changes_far_more(
+    torso: Volume, network: VisionTransformer, full: FeatureVolume, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the weights of the patches that stand for air are for."""
+    counted = extract_features(torso, network, replace(FULL, thin_air=True))
+    monkeypatch.setattr(SlicePatches, "tokens", tokens_that_count_once)
+    uncounted = extract_features(torso, network, replace(FULL, thin_air=True))
+    inside = body(torso, full)
+    assert whitened_error(uncounted, full, inside) > 3.0 * whitened_error(counted, full, inside)
+
+
+def test_reduced_precision_is_close_to_float32(torso: Volume, network: VisionTransformer, full: FeatureVolume) -> None:
+    reduced = network.converted("cpu", torch.bfloat16)
+    network.converted = lambda device, dtype: reduced  # type: ignore[method-assign]
+    features = extract_features(torso, network, FULL)
+    assert 0.0 < whitened_error(features, full, body(torso, full)) < 0.003
+
+
+def test_coarse_features_are_followed_by_better_ones_and_the_last_are_the_direct_ones(
+    torso: Volume, network: VisionTransformer, full: FeatureVolume, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.progressive.COARSE_PATCHES", 10)
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 1500)
+    stages = list(progressive_features(torso, network, FULL))
+    errors = [whitened_error(stage, full, body(torso, full)) for stage in stages]
+    assert len(errors) >= 4
+    assert all(later < earlier for earlier, later in itertools.pairwise(errors))
+    direct = extract_features(torso, network, FULL)
+    np.testing.assert_array_equal(stages[-1].array, direct.array)
+
+
+def test_features_are_exact_from_run_to_run(torso: Volume, network: VisionTransformer) -> None:
+    settings = FeatureSettings(grid=20, patches_per_cell=0.7)
+    first, second = (extract_features(torso, network, settings).array for _ in range(2))
+    np.testing.assert_array_equal(first, second)

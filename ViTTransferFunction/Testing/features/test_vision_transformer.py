@@ -1,0 +1,215 @@
+"""Our network against independent ones with the same weights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer, interpolate_position_table
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+
+TIMM_NAMES = {
+    "dino_vits8": "vit_small_patch8_224.dino",
+    "dino_vits16": "vit_small_patch16_224.dino",
+    "dino_vitb8": "vit_base_patch8_224.dino",
+    "dinov2_vits14": "vit_small_patch14_dinov2.lvd142m",
+    "dinov2_vits14_reg": "vit_small_patch14_reg4_dinov2.lvd142m",
+    "dinov2_vitb14": "vit_base_patch14_dinov2.lvd142m",
+}
+
+
+@pytest.mark.parametrize("name", TIMM_NAMES)
+def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> None:
+    model = pretrained_model(name)
+    state = random_state_dict(model)
+    images = torch.randn(1, 3, 4 * model.patch_size, 6 * model.patch_size, generator=torch.Generator().manual_seed(1))
+
+    ours = VisionTransformer(model, state, "random").last_block_keys(images)
+
+    assert ours.shape == (1, 4, 6, model.embed_dim)
+    torch.testing.assert_close(ours, timm_keys(TIMM_NAMES[name], state, images), atol=1e-4, rtol=0)
+
+
+def test_keys_equal_those_of_timm_with_real_weights(real_weights: Path) -> None:
+    model = pretrained_model("dinov2_vits14_focus")
+    state = load_state_dict(real_weights)
+    images = torch.randn(2, 3, 14 * 20, 14 * 30, generator=torch.Generator().manual_seed(1))
+
+    ours = VisionTransformer(model, state, "real").last_block_keys(images)
+
+    torch.testing.assert_close(ours, timm_keys(TIMM_NAMES["dinov2_vits14"], state, images), atol=1e-4, rtol=0)
+
+
+def timm_keys(name: str, state: dict[str, torch.Tensor], images: torch.Tensor) -> torch.Tensor:
+    """Last-block keys (B, rows, columns, C), tapped from timm's own forward pass."""
+    network = (
+        import_timm().create_model(name, pretrained=False, dynamic_img_size=True, num_classes=0, weight_init="skip").eval()
+    )
+    network.load_state_dict(as_timm_names(state), strict=False)
+    tapped: list[torch.Tensor] = []
+    network.blocks[-1].attn.qkv.register_forward_hook(lambda _, __, output: tapped.append(output))
+    with torch.inference_mode():
+        network.forward_features(images)
+    channels = network.embed_dim
+    keys = tapped[0][:, network.num_prefix_tokens :, channels : 2 * channels]
+    rows, columns = (size // network.patch_embed.patch_size[0] for size in images.shape[-2:])
+    return keys.reshape(len(images), rows, columns, channels)
+
+
+def as_timm_names(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """timm adds the class token's position to the token where there are registers, and calls those differently."""
+    if "register_tokens" not in state:
+        return state
+    converted = {name: tensor for name, tensor in state.items() if name != "register_tokens"}
+    converted["reg_token"] = state["register_tokens"]
+    converted["cls_token"] = state["cls_token"] + state["pos_embed"][:, :1]
+    converted["pos_embed"] = state["pos_embed"][:, 1:]
+    return converted
+
+
+_torchvision_operators: list[torch.library.Library] = []
+"""Kept for the life of the process: an operator's definition goes when its library is collected."""
+
+
+def import_timm() -> Any:
+    """timm, also beside a torchvision whose compiled operators belong to another build of torch; it needs none of them."""
+    try:
+        import timm
+    except RuntimeError as error:
+        if "torchvision::nms" not in str(error):
+            raise
+        library = torch.library.Library("torchvision", "DEF")
+        for operator in ("nms", "qnms"):
+            library.define(f"{operator}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+        _torchvision_operators.append(library)
+        import timm
+    return timm
+
+
+def test_fused_attention_equals_the_definition() -> None:
+    state = random_state_dict(TINY_MODEL)
+    network = VisionTransformer(TINY_MODEL, state, "tiny")
+    tokens = torch.randn(2, 7, TINY_MODEL.embed_dim, generator=torch.Generator().manual_seed(1))
+
+    attended = tokens.flatten(0, 1).clone()
+    network._add_attention(attended, [slice(0, 7), slice(7, 14)], [None, None], "blocks.0", Workspace())
+
+    torch.testing.assert_close(attended.view_as(tokens), tokens + attention_by_definition(state, tokens), atol=1e-5, rtol=0)
+
+
+def attention_by_definition(state: dict[str, torch.Tensor], tokens: torch.Tensor) -> torch.Tensor:
+    """softmax(Q Kᵀ / √d) V, head by head."""
+    channels, heads = TINY_MODEL.embed_dim, TINY_MODEL.num_heads
+    size = channels // heads
+    normed = F.layer_norm(tokens, (channels,), state["blocks.0.norm1.weight"], state["blocks.0.norm1.bias"], 1e-6)
+    qkv = normed @ state["blocks.0.attn.qkv.weight"].T + state["blocks.0.attn.qkv.bias"]
+    outputs = []
+    for head in range(heads):
+        query, key, value = (qkv[..., part * channels + head * size : part * channels + (head + 1) * size] for part in range(3))
+        outputs.append(torch.softmax(query @ key.transpose(1, 2) / size**0.5, dim=-1) @ value)
+    projected = torch.cat(outputs, dim=-1) @ state["blocks.0.attn.proj.weight"].T + state["blocks.0.attn.proj.bias"]
+    return projected * state["blocks.0.ls1.gamma"]
+
+
+def test_position_table_of_the_trained_size_is_untouched() -> None:
+    table = torch.randn(1, 1 + 25, 8)
+    assert interpolate_position_table(table, 5, 5) is table
+
+
+def test_position_table_keeps_the_class_entry_and_a_constant_grid() -> None:
+    table = torch.full((1, 1 + 25, 8), 3.0)
+    table[:, 0] = 7.0
+    resized = interpolate_position_table(table, 4, 9)
+    assert resized.shape == (1, 1 + 36, 8)
+    torch.testing.assert_close(resized[:, 0], torch.full((1, 8), 7.0))
+    torch.testing.assert_close(resized[:, 1:], torch.full((1, 36, 8), 3.0))
+
+
+def test_position_table_runs_along_rows_and_columns_as_the_patches_do() -> None:
+    rows = torch.arange(5.0).repeat_interleave(5).reshape(1, 25, 1)
+    columns = torch.arange(5.0).repeat(5).reshape(1, 25, 1)
+    table = torch.cat([torch.zeros(1, 1, 2), torch.cat([rows, columns], dim=2)], dim=1)
+    resized = interpolate_position_table(table, 10, 20)[0, 1:].reshape(10, 20, 2)
+    assert (resized[1:, :, 0] >= resized[:-1, :, 0] - 1e-4).all()
+    assert (resized[:, 1:, 1] >= resized[:, :-1, 1] - 1e-4).all()
+    torch.testing.assert_close(resized[:, 0, 0], resized[:, -1, 0], atol=1e-5, rtol=0)
+
+
+def test_images_of_a_batch_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
+    images = torch.randn(3, 3, 12, 16, generator=torch.Generator().manual_seed(2))
+    together = tiny_network.last_block_keys(images)
+    apart = torch.cat([tiny_network.last_block_keys(image[None]) for image in images])
+    torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
+
+
+def test_a_patch_that_counts_twice_is_two_equal_patches(tiny_network: VisionTransformer) -> None:
+    patches = torch.randn(12, 48, generator=torch.Generator().manual_seed(3))
+    places, twice = torch.arange(12), torch.tensor([0, 1, 2, 3, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    counts = torch.bincount(twice)
+    counted = tiny_network.keys_of_tokens([PatchTokens(patches, 3, 4, places, counts)])
+    doubled = tiny_network.keys_of_tokens([PatchTokens(patches[twice], 3, 4, places[twice], torch.ones(13))])
+    torch.testing.assert_close(counted[twice], doubled, atol=1e-5, rtol=0)
+
+
+def slices_of(*lengths: int) -> list[PatchTokens]:
+    """Slices of 3 × 4 patches, of which so many are there; each stands for one or two."""
+    generator = torch.Generator().manual_seed(4)
+    return [
+        PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n), 1 + torch.arange(n) % 2) for n in lengths
+    ]
+
+
+def test_slices_of_different_lengths_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
+    slices = slices_of(12, 5, 1)
+    together = tiny_network.keys_of_tokens(slices)
+    apart = torch.cat([tiny_network.keys_of_tokens([of_slice]) for of_slice in slices])
+    torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
+
+
+def test_what_earlier_batches_left_in_a_workspace_does_not_matter(tiny_network: VisionTransformer) -> None:
+    fresh = tiny_network.keys_of_tokens(slices_of(5, 3))
+    workspace = Workspace()
+    # Enough rows to be in the way of all of the next batch's, and values that would be noticed.
+    earlier = slices_of(*[12] * 20)
+    for of_slice in earlier:
+        of_slice.patches.fill_(float("nan"))
+    assert tiny_network.keys_of_tokens(earlier, workspace).isnan().all()
+    torch.testing.assert_close(tiny_network.keys_of_tokens(slices_of(5, 3), workspace), fresh, atol=0, rtol=0)
+
+
+def test_rows_are_run_in_parts_without_a_difference(tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch) -> None:
+    slices = slices_of(12, 12, 5)
+    whole = tiny_network.keys_of_tokens(slices)
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.vision_transformer.ROWS_AT_ONCE", 13)
+    torch.testing.assert_close(tiny_network.keys_of_tokens(slices), whole, atol=1e-5, rtol=0)
+
+
+def test_a_network_in_another_precision_is_close_and_the_same_one_is_itself(tiny_network: VisionTransformer) -> None:
+    assert tiny_network.converted("cpu", torch.float32) is tiny_network
+    images = torch.randn(1, 3, 12, 16, generator=torch.Generator().manual_seed(2))
+    exact = tiny_network.last_block_keys(images)
+    reduced = tiny_network.converted("cpu", torch.bfloat16).last_block_keys(images)
+    assert reduced.dtype == torch.bfloat16
+    torch.testing.assert_close(reduced.float(), exact, atol=0.1, rtol=0.05)
+
+
+@pytest.mark.parametrize("damage", ["missing", "unexpected", "shape"])
+def test_weights_of_another_architecture_are_refused_by_the_name_of_what_differs(damage: str) -> None:
+    state = random_state_dict(TINY_MODEL)
+    if damage == "missing":
+        del state["norm.bias"]
+    elif damage == "unexpected":
+        state["norm.extra"] = torch.zeros(1)
+    else:
+        state["norm.bias"] = torch.zeros(5)
+    with pytest.raises(InputError, match=r"not those of 'tiny'.*norm\."):
+        VisionTransformer(TINY_MODEL, state, "tiny")

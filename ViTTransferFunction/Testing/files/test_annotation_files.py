@@ -1,0 +1,135 @@
+"""Annotations and the files that hold them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.annotations import (
+    AnnotatedClass,
+    check_classes,
+    classes_from_markups,
+    read_annotations,
+    read_markups,
+)
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+
+GEOMETRY = Geometry((20, 30, 40), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
+POINTS_IJK = np.array([[3.0, 4.0, 5.0], [10.5, 20.25, 15.0]])
+POINTS_RAS = GEOMETRY.ijk_to_ras_points(POINTS_IJK)
+
+
+def write(path: Path, content: Any) -> Path:
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+def one_class(**fields: Any) -> dict[str, Any]:
+    return {"coordinate_system": "RAS", "classes": [{"name": "liver", "positive": POINTS_RAS.tolist(), **fields}]}
+
+
+def test_ras_lps_and_ijk_points_agree(tmp_path: Path) -> None:
+    systems = {"RAS": POINTS_RAS, "LPS": POINTS_RAS * [-1, -1, 1], "IJK": POINTS_IJK}
+    for system, points in systems.items():
+        content = {"coordinate_system": system, "classes": [{"name": "a", "positive": points.tolist()}]}
+        (annotated,) = read_annotations(write(tmp_path / f"{system}.json", content), GEOMETRY)
+        np.testing.assert_allclose(annotated.positive, POINTS_RAS)
+
+
+def test_every_field_of_a_class_is_read(tmp_path: Path) -> None:
+    fields = {"color": "#ff8000", "opacity": 0.5, "iso": 0.4, "proximity": 0.2, "refine": False, "negative": [[0, 0, 0]]}
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(**fields)), GEOMETRY)
+    assert annotated.color == pytest.approx((1.0, 128 / 255, 0.0))
+    assert (annotated.opacity, annotated.iso, annotated.proximity, annotated.refine) == (0.5, 0.4, 0.2, False)
+    np.testing.assert_array_equal(annotated.negative, [[0, 0, 0]])
+
+
+def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(iso=None)), GEOMETRY)
+    assert (annotated.opacity, annotated.iso, annotated.proximity, annotated.refine) == (1.0, None, 0.0, True)
+    assert len(annotated.negative) == 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ([], "not an annotation file"),
+        ({"classes": [{"name": "a", "positive": [[0, 0, 0]]}]}, "'coordinate_system' is None"),
+        ({"coordinate_system": "XYZ", "classes": []}, "'coordinate_system' is 'XYZ'"),
+        (one_class(positive=[]), "'liver' has no positive points"),
+        (one_class(positive=[[1, 2]]), "not a list of finite"),
+        (one_class(positive=[[1, 2, float("nan")]]), "not a list of finite"),
+        (one_class(positive="here"), "not a list of finite"),
+        (one_class(positive=3), "not a list of finite"),
+        (one_class(color="red"), "color of class 'liver' is 'red'"),
+        (one_class(color="#gggggg"), "color of class 'liver'"),
+        (one_class(color=[0, 0, 255]), "color of class 'liver'"),
+        (one_class(opacity=1.5), "'opacity' of class 'liver' is 1.5"),
+        (one_class(iso=-0.1), "'iso' of class 'liver'"),
+        (one_class(proximity="near"), "'proximity' of class 'liver'"),
+        (one_class(refine="yes"), "'refine' of class 'liver'"),
+        (one_class(colour="red"), "unknown field 'colour'"),
+        (one_class(name=" "), "empty name"),
+        (one_class(name=7), "class 1 has no name"),
+    ],
+)
+def test_an_unusable_annotation_file_is_refused_by_what_is_wrong(tmp_path: Path, content: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_annotations(write(tmp_path / "a.json", content), GEOMETRY)
+
+
+def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "broken.json").write_text("{")
+    with pytest.raises(InputError, match="not valid JSON"):
+        read_annotations(tmp_path / "broken.json", GEOMETRY)
+    with pytest.raises(InputError, match="Cannot read"):
+        read_annotations(tmp_path / "missing.json", GEOMETRY)
+
+
+def markups(points: list[dict[str, Any]], **fields: Any) -> dict[str, Any]:
+    return {"@schema": "…", "markups": [{"type": "Fiducial", "controlPoints": points, **fields}]}
+
+
+def test_slicer_point_lists_give_their_placed_points_in_ras(tmp_path: Path) -> None:
+    points = [
+        {"position": [-1.0, -2.0, 3.0], "positionStatus": "defined"},
+        {"position": [9.0, 9.0, 9.0], "positionStatus": "undefined"},
+        {"position": [9.0, 9.0, 9.0], "positionStatus": "preview"},
+    ]
+    lps = write(tmp_path / "lps.mrk.json", markups(points, coordinateSystem="LPS"))
+    np.testing.assert_array_equal(read_markups(lps), [[1.0, 2.0, 3.0]])
+    ras = write(tmp_path / "ras.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
+    np.testing.assert_array_equal(read_markups(ras), [[1.0, 2.0, 3.0]])
+
+
+def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
+    first, second = classes_from_markups({"liver": path, "spleen": path}, {"spleen": path})
+    assert (first.name, len(first.negative)) == ("liver", 0)
+    assert (second.name, len(second.negative)) == ("spleen", 1)
+    assert first.color != second.color
+    with pytest.raises(InputError, match="negative points for 'kidney'"):
+        classes_from_markups({"liver": path}, {"kidney": path})
+
+
+@pytest.mark.parametrize("content", [{}, [], {"markups": [{}]}, markups([{}]), markups([{"position": [1]}])])
+def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
+    with pytest.raises(InputError, match="not a Slicer markups file"):
+        read_markups(write(tmp_path / "l.mrk.json", content))
+
+
+def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
+    inside = AnnotatedClass("a", (1, 0, 0), POINTS_RAS)
+    check_classes([inside], GEOMETRY)
+    with pytest.raises(InputError, match="no classes"):
+        check_classes([], GEOMETRY)
+    with pytest.raises(InputError, match="2 classes are named 'a'"):
+        check_classes([inside, inside], GEOMETRY)
+    outside = AnnotatedClass("b", (1, 0, 0), POINTS_RAS, negative=np.array([[1000.0, 0.0, 0.0]]))
+    with pytest.raises(InputError, match=r"1 of 3 points of class 'b' lie outside the volume.*1000\.0"):
+        check_classes([inside, outside], GEOMETRY)

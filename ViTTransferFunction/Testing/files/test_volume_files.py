@@ -1,0 +1,223 @@
+"""Volumes and segmentations from and to files."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+import slicerio
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import LPS_TO_RAS, Geometry
+from ViTTransferFunction.Logic.core.intensity_window import (
+    CT_SOFT_TISSUE,
+    IntensityWindow,
+    display_window,
+    looks_like_hounsfield_units,
+    percentile_window,
+)
+from ViTTransferFunction.Logic.core.label_resampling import resample_labels
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+
+OBLIQUE_LEFT_HANDED = np.array([[-1.6, 0.9, 0.0, 30.0], [1.2, 1.2, 0.0, -20.0], [0.0, 0.0, 5.0, 7.0], [0.0, 0.0, 0.0, 1.0]])
+SEGMENTS = [Segment("left kidney", (0.9, 0.1, 0.2)), Segment("Leber, groß", (0.1, 0.5, 1.0))]
+
+
+def image(array: np.ndarray, **kwargs: bool) -> sitk.Image:
+    return sitk.GetImageFromArray(array, **kwargs)
+
+
+def ramp(shape: tuple[int, ...]) -> np.ndarray:
+    return np.arange(np.prod(shape), dtype=np.int16).reshape(shape)
+
+
+@pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
+def test_array_and_geometry_survive_every_format(tmp_path: Path, ending: str) -> None:
+    source = image(ramp((4, 5, 6)))
+    source.SetSpacing([2.0, 1.5, 5.0])
+    source.SetOrigin([30.0, -20.0, 7.0])
+    source.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
+    sitk.WriteImage(source, str(tmp_path / f"scan{ending}"))
+
+    volume = read_volume(tmp_path / f"scan{ending}")
+
+    np.testing.assert_array_equal(volume.array, ramp((4, 5, 6)))
+    voxel = np.array([[5, 4, 3]])
+    physical_lps = source.TransformIndexToPhysicalPoint([5, 4, 3])
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras_points(voxel)[0], np.array(physical_lps) * [-1, -1, 1], atol=1e-4)
+    assert volume.name == "scan"
+
+
+def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, real_volume: Callable[[str], Path]) -> None:
+    folder = real_volume("torso_dicom")
+    reader = sitk.ImageSeriesReader()
+    reader.SetFileNames(reader.GetGDCMSeriesFileNames(str(folder)))
+    sitk.WriteImage(reader.Execute(), str(tmp_path / "scan.nii.gz"))
+
+    dicom, nifti = read_volume(folder), read_volume(tmp_path / "scan.nii.gz")
+
+    np.testing.assert_array_equal(dicom.array, nifti.array)
+    np.testing.assert_allclose(dicom.geometry.ijk_to_ras, nifti.geometry.ijk_to_ras, atol=1e-3)
+
+
+def test_a_series_with_a_missing_slice_is_read_with_a_warning(
+    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    for index, file in enumerate(sorted(real_volume("torso_dicom").iterdir())):
+        if index != 7:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    with caplog.at_level(logging.WARNING):
+        read_volume(tmp_path)
+    assert "slices may be missing" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (image(ramp((5, 6))), "is a 2D image"),
+        (sitk.JoinSeries([image(ramp((4, 5, 6)))] * 2), "is a 4D image"),
+        (image(np.zeros((4, 5, 6, 3), np.uint8), isVector=True), "3 components"),
+        (image(ramp((1, 5, 6))), "at least 2 along every axis"),
+        (image(np.full((4, 5, 6), np.nan, np.float32)), "no finite voxel"),
+        (image(np.full((4, 5, 6), 7.0, np.float32)), "constant: every finite voxel is 7"),
+    ],
+)
+def test_images_that_are_no_usable_volume_are_refused(tmp_path: Path, content: sitk.Image, message: str) -> None:
+    sitk.WriteImage(content, str(tmp_path / "scan.nrrd"))
+    with pytest.raises(InputError, match=message):
+        read_volume(tmp_path / "scan.nrrd")
+
+
+def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "scan.nrrd").write_text("no image")
+    (tmp_path / "letter.txt").write_text("no image either")
+    (tmp_path / "empty").mkdir()
+    for name, message in (
+        ("scan.nrrd", "cannot be read"),
+        ("letter.txt", "cannot be read"),
+        ("empty", "no DICOM"),
+        ("none", "no file"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_volume(tmp_path / name)
+
+
+def labels_of_two_segments() -> np.ndarray:
+    labels = np.zeros((4, 5, 6), dtype=np.uint16)
+    labels[1:3, 1:3, 1:4] = 1
+    labels[3, 3:, 2:5] = 2
+    return labels
+
+
+@pytest.mark.parametrize("ending", [".seg.nrrd", ".nii.gz", ".nrrd"])
+def test_a_segmentation_comes_back_as_it_was_written(tmp_path: Path, ending: str) -> None:
+    labels, geometry = labels_of_two_segments(), Geometry((4, 5, 6), OBLIQUE_LEFT_HANDED)
+    write_segmentation(tmp_path / f"out{ending}", labels, geometry, SEGMENTS)
+
+    read, read_geometry, segments = read_segmentation(tmp_path / f"out{ending}")
+
+    np.testing.assert_array_equal(read, labels)
+    np.testing.assert_allclose(read_geometry.ijk_to_ras, geometry.ijk_to_ras, atol=1e-4)
+    if ending == ".seg.nrrd":
+        assert [segment.name for segment in segments] == [segment.name for segment in SEGMENTS]
+        np.testing.assert_allclose([segment.color for segment in segments], [segment.color for segment in SEGMENTS])
+
+
+def test_slicerio_reads_names_colours_and_voxels(tmp_path: Path) -> None:
+    labels, geometry = labels_of_two_segments(), Geometry((4, 5, 6), OBLIQUE_LEFT_HANDED)
+    write_segmentation(tmp_path / "out.seg.nrrd", labels, geometry, SEGMENTS)
+    content = slicerio.read_segmentation(str(tmp_path / "out.seg.nrrd"))
+    # slicerio's reader drops what is not ASCII; Slicer's own, below, does not.
+    assert [entry["name"] for entry in content["segments"]] == ["left kidney", "Leber, gro"]
+    np.testing.assert_array_equal(content["voxels"], labels.transpose(2, 1, 0))
+    np.testing.assert_allclose(content["ijkToLPS"], LPS_TO_RAS @ OBLIQUE_LEFT_HANDED, atol=1e-6)
+
+
+def test_slicer_itself_reads_the_segmentation_in_its_place(tmp_path: Path) -> None:
+    trame_slicer = pytest.importorskip("trame_slicer.core", reason="slicer-core has no wheels for this Python")
+    labels, geometry = labels_of_two_segments(), Geometry((4, 5, 6), OBLIQUE_LEFT_HANDED)
+    write_segmentation(tmp_path / "out.seg.nrrd", labels, geometry, SEGMENTS)
+
+    app = trame_slicer.SlicerApp()
+    node = app.io_manager.load_segmentation(str(tmp_path / "out.seg.nrrd"))
+
+    segmentation = node.GetSegmentation()
+    assert [segmentation.GetNthSegment(index).GetName() for index in range(2)] == ["left kidney", "Leber, groß"]
+    np.testing.assert_allclose(segmentation.GetNthSegment(1).GetColor(), SEGMENTS[1].color, atol=1e-6)
+    for index in range(2):
+        centre_ras = geometry.ijk_to_ras_points(np.argwhere(labels == index + 1)[:, ::-1]).mean(axis=0)
+        centre = node.GetSegmentCenterRAS(segmentation.GetNthSegmentID(index))
+        # Slicer's centre is that of the segment's box of voxels.
+        np.testing.assert_allclose(centre, centre_ras, atol=geometry.spacing_mm.max())
+
+
+def test_labels_of_a_cropped_segmentation_find_their_place_in_the_volume() -> None:
+    target = Geometry((6, 8, 10), OBLIQUE_LEFT_HANDED)
+    shift = np.eye(4)
+    shift[:3, 3] = [3, 2, 1]
+    labels = np.random.default_rng(0).integers(0, 3, (4, 5, 6)).astype(np.uint16)
+    resampled = resample_labels(labels, Geometry(labels.shape, OBLIQUE_LEFT_HANDED @ shift), target)
+    np.testing.assert_array_equal(resampled[1:5, 2:7, 3:9], labels)
+    assert (resampled > 0).sum() == (labels > 0).sum()
+
+
+@pytest.mark.parametrize("name", ["out", "out.png", "out.stl"])
+def test_an_unknown_ending_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="no known ending"):
+        write_segmentation(tmp_path / name, labels_of_two_segments(), Geometry((4, 5, 6), np.eye(4)), SEGMENTS)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "out.seg.nrrd").write_text("precious")
+
+    def full_disk(_: sitk.Image, path: str, **__: bool) -> None:
+        Path(path).write_text("half")
+        raise RuntimeError("ITK ERROR: write failed")
+
+    monkeypatch.setattr(sitk, "WriteImage", full_disk)
+    with pytest.raises(InputError, match="Cannot write"):
+        write_segmentation(tmp_path / "out.seg.nrrd", labels_of_two_segments(), Geometry((4, 5, 6), np.eye(4)), SEGMENTS)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.seg.nrrd"]
+    assert (tmp_path / "out.seg.nrrd").read_text() == "precious"
+
+
+def a_volume(array: np.ndarray) -> Volume:
+    return Volume(array, Geometry(array.shape, np.eye(4)))
+
+
+def test_a_ct_is_known_by_its_air_and_an_mr_is_not() -> None:
+    generator = np.random.default_rng(0)
+    ct = generator.normal(40.0, 20.0, (20, 20, 20))
+    ct[:5] = -1000.0
+    mr = generator.uniform(0.0, 900.0, (20, 20, 20))
+    assert looks_like_hounsfield_units(a_volume(ct))
+    assert display_window(a_volume(ct)) == CT_SOFT_TISSUE
+    assert not looks_like_hounsfield_units(a_volume(mr))
+
+
+def test_one_metal_voxel_does_not_move_the_window() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (30, 30, 30))
+    before = percentile_window(a_volume(array))
+    array[3, 3, 3], array[4, 4, 4] = 30_000.0, np.nan
+    after = percentile_window(a_volume(array))
+    assert abs(after.high - before.high) < 1.0
+    assert abs(after.low - before.low) < 1.0
+
+
+def test_a_window_maps_to_zero_and_one_and_survives_what_is_not_finite() -> None:
+    window = IntensityWindow(-100.0, 300.0)
+    mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
+    np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])
+
+
+@pytest.mark.parametrize("bounds", [(1.0, 1.0), (2.0, 1.0), (0.0, float("nan")), (float("-inf"), 0.0)])
+def test_a_window_needs_two_increasing_bounds(bounds: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="lower first"):
+        IntensityWindow(*bounds)

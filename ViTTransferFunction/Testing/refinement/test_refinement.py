@@ -1,0 +1,110 @@
+"""From a coarse map to one that follows the image: what intensities add, and what refinement leaves alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, weighed_by_intensity
+from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, refine
+
+WINDOW = IntensityWindow(0.0, 200.0)
+LARGEST_FACTOR = np.exp(TEMPER * LARGEST_LOG_RATIO)
+
+
+def ball_and_its_map(edge: int = 40, radius: float = 9.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A ball of 120 among 60 with noise, its mask, and a map of it that is several voxels too soft."""
+    axis = np.arange(edge) - (edge - 1) / 2
+    inside = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2) < radius**2
+    intensities = np.where(inside, 120.0, 60.0) + np.random.default_rng(0).normal(0.0, 15.0, inside.shape)
+    return intensities.astype(np.float32), inside, ndimage.gaussian_filter(inside.astype(np.float32), 4.0)
+
+
+def coarse(similarity: np.ndarray, factor: int = 4) -> np.ndarray:
+    edge = similarity.shape[0] // factor
+    return similarity.reshape(edge, factor, edge, factor, edge, factor).mean(axis=(1, 3, 5))
+
+
+def dice(a: np.ndarray, b: np.ndarray) -> float:
+    return 2.0 * (a & b).sum() / (a.sum() + b.sum())
+
+
+def volume_of(array: np.ndarray) -> Volume:
+    return Volume(array, Geometry(array.shape, np.eye(4)))
+
+
+def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod, iso: float = 0.35) -> np.ndarray:
+    centre = np.full((1, 3), (array.shape[0] - 1) / 2)
+    return refine(coarse(similarity), volume_of(array), WINDOW, centre, iso, method)
+
+
+def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
+    intensities, inside, similarity = ball_and_its_map()
+    weighed = weighed_by_intensity(similarity, intensities, WINDOW, 0.35)
+    border = (similarity > 0.25) & (similarity < 0.5)
+    assert (weighed[border & inside] > similarity[border & inside]).mean() > 0.9
+    assert (weighed[border & ~inside] < similarity[border & ~inside]).mean() > 0.9
+    assert dice(weighed > 0.35, inside) > dice(similarity > 0.35, inside) + 0.02
+
+
+def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are() -> None:
+    intensities, _, similarity = ball_and_its_map()
+    weighed = weighed_by_intensity(similarity, intensities, WINDOW, 0.35)
+    factor = weighed[similarity > 0.175] / similarity[similarity > 0.175]
+    assert factor.max() <= LARGEST_FACTOR * 1.0001
+    assert factor.min() >= 1.0 / LARGEST_FACTOR * 0.9999
+    np.testing.assert_array_equal(weighed[similarity <= 0.175], similarity[similarity <= 0.175])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_voxels_without_a_finite_intensity_keep_their_map_and_do_not_teach(value: float) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    damaged = intensities.copy()
+    damaged[18:22] = value
+    weighed = weighed_by_intensity(similarity, damaged, WINDOW, 0.35)
+    np.testing.assert_array_equal(weighed[18:22], similarity[18:22])
+    np.testing.assert_allclose(weighed[10], weighed_by_intensity(similarity, intensities, WINDOW, 0.35)[10], atol=0.05)
+
+
+@pytest.mark.parametrize("similarity", [0.0, 0.35, 1.0])
+def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
+    flat = np.full((6, 6, 6), similarity, dtype=np.float32)
+    weighed = weighed_by_intensity(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
+    # One intensity alone tells nothing apart.
+    np.testing.assert_allclose(weighed, flat, atol=1e-6)
+    assert np.isfinite(weighed_by_intensity(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
+
+
+@pytest.mark.parametrize("method", ["bilateral", "guided"])
+def test_refinement_brings_the_surface_to_the_images_edge(method: RefinementMethod) -> None:
+    intensities, inside, similarity = ball_and_its_map()
+    unrefined = dice(refined(intensities, similarity, "none") > 0.35, inside)
+    assert dice(refined(intensities, similarity, method) > 0.35, inside) > max(unrefined + 0.03, 0.93)
+
+
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
+def test_refined_maps_stay_between_zero_and_one_and_keep_what_is_far_from_the_structure(method: RefinementMethod) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    similarity[:12] = 0.0
+    result = refined(intensities, similarity, method)
+    assert result.dtype == np.float32
+    assert 0.0 <= result.min() <= result.max() <= 1.0
+    np.testing.assert_array_equal(result[:4], refined(intensities, similarity, "none")[:4])
+
+
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
+def test_a_map_below_its_iso_value_everywhere_is_only_interpolated(method: RefinementMethod) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    faint = (0.1 * similarity).astype(np.float32)
+    np.testing.assert_array_equal(refined(intensities, faint, method), refined(intensities, faint, "none"))
+
+
+def test_an_unknown_method_is_refused_by_name() -> None:
+    intensities, _, similarity = ball_and_its_map()
+    with pytest.raises(InputError, match=r"'sharp'.*bilateral, guided, none"):
+        refined(intensities, similarity, "sharp")  # type: ignore[arg-type]

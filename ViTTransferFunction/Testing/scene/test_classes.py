@@ -1,0 +1,147 @@
+"""Classes as point lists in a scene."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import slicer
+import vtk
+
+from ViTTransferFunction.Logic.scene.classes import (
+    ClassState,
+    class_nodes,
+    create_class,
+    negative_node,
+    new_class_state,
+    order_classes,
+    read_class,
+    remove_class,
+    write_class,
+)
+from ViTTransferFunction.Logic.scene.folder import FOLDER_NAME
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node
+
+LIVER = ClassState(
+    "a1",
+    "Leber, groß",
+    (0.25, 0.5, 0.75),
+    opacity=0.5,
+    iso=0.125,
+    proximity=0.25,
+    refine=False,
+    visible=False,
+    positive=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)),
+    negative=((7.0, 8.0, 9.0),),
+)
+
+
+@pytest.fixture
+def scene(slicer_app: Any) -> Any:
+    return slicer_app.scene
+
+
+@pytest.fixture
+def parameter_node(scene: Any) -> Any:
+    return add_parameter_node(scene)
+
+
+def display_of_negative(node: Any) -> Any:
+    negative = negative_node(node)
+    assert negative is not None
+    return negative.GetDisplayNode()
+
+
+def test_what_was_written_is_read(scene: Any, parameter_node: Any) -> None:
+    assert read_class(create_class(scene, parameter_node, LIVER)) == LIVER
+    plain = ClassState("b2", "spleen", (0.0, 0.0, 0.0))
+    assert read_class(create_class(scene, parameter_node, plain)) == plain
+
+
+def test_every_field_can_be_changed(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, ClassState("a1", "spleen", (0.0, 0.0, 0.0)))
+    write_class(scene, node, LIVER)
+    assert read_class(node) == LIVER
+    write_class(scene, node, ClassState("a1", "spleen", (0.0, 0.0, 0.0)))
+    assert read_class(node) == ClassState("a1", "spleen", (0.0, 0.0, 0.0))
+
+
+def test_writing_what_is_there_already_touches_nothing(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    nodes = [node, node.GetDisplayNode(), negative_node(node), display_of_negative(node)]
+    before = [n.GetMTime() for n in nodes]
+    write_class(scene, node, LIVER)
+    assert [n.GetMTime() for n in nodes] == before
+
+
+@pytest.mark.parametrize("garbage", ["", "nan", "7", "-0.1", "much"])
+def test_garbled_settings_count_as_absent(scene: Any, parameter_node: Any, garbage: str) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    for name in ("iso", "opacity", "proximity"):
+        node.SetAttribute(f"ViTTransferFunction.{name}", garbage)
+    state = read_class(node)
+    assert (state.iso, state.opacity, state.proximity) == (None, 1.0, 0.0)
+
+
+def test_polarities_differ_by_shape(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    assert node.GetDisplayNode().GetGlyphType() != display_of_negative(node).GetGlyphType()
+
+
+def test_points_under_a_transform_are_told_in_the_scenes_coordinates(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    shift = vtk.vtkMatrix4x4()
+    shift.SetElement(0, 3, 100.0)
+    transform = scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
+    transform.SetMatrixTransformToParent(shift)
+    node.SetAndObserveTransformNodeID(transform.GetID())
+    assert read_class(node).positive == ((101.0, 2.0, 3.0), (104.0, 5.0, 6.0))
+
+
+def test_removing_a_class_takes_both_lists(scene: Any, parameter_node: Any) -> None:
+    before = scene.GetNumberOfNodes()
+    remove_class(scene, create_class(scene, parameter_node, LIVER))
+    assert class_nodes(parameter_node) == []
+    assert scene.GetNumberOfNodes() == before
+
+
+def test_classes_are_brought_into_order(scene: Any, parameter_node: Any) -> None:
+    for id_ in "abc":
+        create_class(scene, parameter_node, replace(LIVER, id=id_))
+    order_classes(parameter_node, ["c", "a", "b"])
+    assert [read_class(node).id for node in class_nodes(parameter_node)] == ["c", "a", "b"]
+
+
+def test_new_classes_have_names_and_colours_of_their_own() -> None:
+    states: list[ClassState] = []
+    for _ in range(10):
+        states.append(new_class_state(states))
+    assert len({state.name for state in states}) == 10
+    assert len({state.color for state in states}) == 10
+    assert len({state.id for state in states}) == 10
+
+
+def test_a_freed_name_and_colour_are_used_again() -> None:
+    first, second = (new_class_state([]), None)
+    second = new_class_state([first])
+    again = new_class_state([second])
+    assert (again.name, again.color) == (first.name, first.color)
+
+
+def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any, parameter_node: Any) -> None:
+    hierarchy = slicer.vtkMRMLSubjectHierarchyNode.GetSubjectHierarchyNode(scene)
+
+    # Slicer's application does this with every node.
+    @vtk.calldata_type(vtk.VTK_OBJECT)
+    def list_node(caller: Any, event: str, node: Any) -> None:
+        if node.IsA("vtkMRMLMarkupsNode"):
+            hierarchy.CreateItem(hierarchy.GetSceneItemID(), node)
+
+    scene.AddObserver(slicer.vtkMRMLScene.NodeAddedEvent, list_node)
+    parents = set()
+    for id_ in "ab":
+        node = create_class(scene, parameter_node, replace(LIVER, id=id_))
+        parents |= {hierarchy.GetItemParent(hierarchy.GetItemByDataNode(n)) for n in (node, negative_node(node))}
+    (folder,) = parents
+    assert hierarchy.GetItemName(folder) == FOLDER_NAME

@@ -1,0 +1,276 @@
+"""Similarity maps and outlines over the slices, seen in the pixels of slice views."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.scene.contours import Contours, iso_surface
+from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
+from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Testing.support.views import Views, ball, pixels, slice_pixel
+
+RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+SHAPE = (16, 16, 16)
+CENTRE_KJI = (7.5, 7.5, 9.5)
+RADIUS_MM = 10.0
+ANTERIOR = np.array([0.0, 1.0, 0.0])
+# Cells of 2.5 mm that fill the box of 40 voxels of 1 mm.
+FINE = Geometry((40, 40, 40), np.array([[1.0, 0, 0, -20], [0, 1, 0, -25], [0, 0, 1, 5], [0, 0, 0, 1]]))
+CELLS = FINE.resized(SHAPE)
+CENTRE_RAS = CELLS.ijk_to_ras_points(np.array([CENTRE_KJI[::-1]]))[0]
+SIMILARITY = ball(SHAPE, CENTRE_KJI, RADIUS_MM / 2.5, width=4.0)
+
+
+@pytest.fixture
+def views(slicer_app: Any) -> Views:
+    return Views(slicer_app, FINE.shape, FINE.ijk_to_ras)
+
+
+def show(overlay: SimilarityOverlay, views: Views, opacity: float = 0.6, array: np.ndarray = SIMILARITY) -> None:
+    overlay.show(views.volume, array, CELLS.ijk_to_ras, 0.5, RED, opacity)
+
+
+def outline(views: Views, contours: Contours, iso: float = 0.5) -> None:
+    contours.show(views.volume, [("a", SIMILARITY, CELLS.ijk_to_ras, iso, GREEN)])
+
+
+def redness(picture: np.ndarray) -> np.ndarray:
+    return picture[..., 0].astype(int) - picture[..., 1]
+
+
+def is_green(picture: np.ndarray) -> np.ndarray:
+    return (picture[..., 1] > 200) & (picture[..., 0] < 60)
+
+
+def under_transform(views: Views) -> np.ndarray:
+    """Put the volume under a rotation and a shift; returns the matrix."""
+    matrix = np.array([[0.8, -0.6, 0, 12], [0.6, 0.8, 0, -7], [0, 0, 1, 30], [0, 0, 0, 1]])
+    transform = views.scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
+    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    views.volume.SetAndObserveTransformNodeID(transform.GetID())
+    return matrix
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.uint8])
+def test_the_overlay_is_strong_within_the_structure_weaker_at_its_border_and_gone_outside(views: Views, dtype: type) -> None:
+    view = views.slice_view()
+    array = SIMILARITY if dtype is np.float32 else np.rint(255 * SIMILARITY).astype(np.uint8)
+    show(SimilarityOverlay(views.scene), views, array=array)
+    inside = slice_pixel(view, CENTRE_RAS)
+    border = slice_pixel(view, CENTRE_RAS + (RADIUS_MM + 1) * ANTERIOR)
+    outside = slice_pixel(view, CENTRE_RAS + 1.6 * RADIUS_MM * ANTERIOR)
+    shown = redness(pixels(view))
+    assert shown[inside] > 100
+    assert 10 < shown[border] < 60
+    assert shown[outside] == 0
+
+
+def test_the_overlay_follows_its_opacity(views: Views) -> None:
+    view, overlay = views.slice_view(), SimilarityOverlay(views.scene)
+    inside = slice_pixel(view, CENTRE_RAS)
+    shown = []
+    for opacity in (0.0, 0.3, 0.6):
+        show(overlay, views, opacity)
+        shown.append(redness(pixels(view))[inside])
+    assert shown[0] == 0
+    assert shown[2] == pytest.approx(2 * shown[1], abs=6)
+
+
+def test_hiding_brings_back_the_picture_and_the_foreground_that_were_there(views: Views) -> None:
+    view, overlay, contours = views.slice_view(), SimilarityOverlay(views.scene), Contours(views.scene)
+    other = views.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "PET")
+    set_image(other, np.arange(8.0).reshape(2, 2, 2), FINE.resized((2, 2, 2)).ijk_to_ras)
+    other.CreateDefaultDisplayNodes()
+    view.set_foreground_volume_id(other.GetID())
+    view.set_foreground_opacity(0.35)
+    before = pixels(view)
+    show(overlay, views)
+    outline(views, contours)
+    assert (pixels(view) != before).any()
+    overlay.hide()
+    contours.hide()
+    assert np.array_equal(pixels(view), before)
+    assert view.get_foreground_volume_id() == other.GetID()
+    assert view.get_foreground_opacity() == 0.35
+
+
+def test_hiding_leaves_a_foreground_that_the_user_chose_meanwhile(views: Views) -> None:
+    view, overlay = views.slice_view(), SimilarityOverlay(views.scene)
+    show(overlay, views)
+    view.set_foreground_volume_id(views.volume.GetID())
+    view.set_foreground_opacity(0.2)
+    overlay.hide()
+    assert view.get_foreground_volume_id() == views.volume.GetID()
+    assert view.get_foreground_opacity() == 0.2
+
+
+def test_a_foreground_that_was_deleted_meanwhile_does_not_come_back(views: Views) -> None:
+    view, overlay = views.slice_view(), SimilarityOverlay(views.scene)
+    other = views.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "PET")
+    view.set_foreground_volume_id(other.GetID())
+    show(overlay, views)
+    views.scene.RemoveNode(other)
+    overlay.hide()
+    assert not view.get_foreground_volume_id()
+
+
+def test_an_opacity_set_in_the_view_outlasts_updates_until_another_is_asked_for(views: Views) -> None:
+    view, overlay = views.slice_view(), SimilarityOverlay(views.scene)
+    show(overlay, views, 0.6)
+    view.set_foreground_opacity(0.25)
+    show(overlay, views, 0.6)
+    assert view.get_foreground_opacity() == 0.25
+    show(overlay, views, 0.7)
+    assert view.get_foreground_opacity() == 0.7
+
+
+def test_a_view_opened_later_shows_the_overlay_from_the_next_update_on(views: Views) -> None:
+    overlay = SimilarityOverlay(views.scene)
+    show(overlay, views)
+    view = views.slice_view("Coronal")
+    show(overlay, views)
+    assert redness(pixels(view))[slice_pixel(view, CENTRE_RAS)] > 100
+
+
+@pytest.mark.parametrize("iso", [0.3, 0.5, 0.8])
+def test_the_outline_lies_where_the_map_crosses_its_iso_value(views: Views, iso: float) -> None:
+    view = views.slice_view()
+    outline(views, Contours(views.scene), iso)
+    row, column = slice_pixel(view, CENTRE_RAS)
+    outer, _ = slice_pixel(view, CENTRE_RAS + 10 * ANTERIOR)
+    pixels_per_mm = abs(outer - row) / 10
+    found = np.flatnonzero(is_green(pixels(view))[:, column])
+    # The map falls by 0.1 each millimetre.
+    expected = RADIUS_MM + (0.5 - iso) / 0.1
+    assert abs(found - row).max() / pixels_per_mm == pytest.approx(expected, abs=0.6)
+    assert abs(found - row).min() / pixels_per_mm == pytest.approx(expected, abs=0.6)
+
+
+def test_overlay_and_outline_move_with_the_volume(views: Views) -> None:
+    matrix = under_transform(views)
+    view = views.slice_view()
+    show(SimilarityOverlay(views.scene), views)
+    outline(views, Contours(views.scene))
+    moved = transform_points(matrix, CENTRE_RAS[None])[0]
+    inside, above = slice_pixel(view, moved), slice_pixel(view, moved + RADIUS_MM * ANTERIOR)
+    shown = pixels(view)
+    assert redness(shown)[inside] > 100
+    assert is_green(shown)[above[0] - 2 : above[0] + 3, above[1]].any()
+
+
+def test_overlay_and_outline_lie_right_in_an_oblique_anisotropic_volume(slicer_app: Any) -> None:
+    axes = np.array([[1.6, -0.6, 0.3], [1.2, 0.8, -0.4], [0.1, 0.5, 3.0]])
+    ijk_to_ras = np.eye(4)
+    ijk_to_ras[:3, :3], ijk_to_ras[:3, 3] = axes, [10.0, -30.0, 7.0]
+    views = Views(slicer_app, (16, 24, 20), ijk_to_ras)
+    similarity = ball((16, 24, 20), (9.0, 15.0, 6.0), 4.0)
+    centre = transform_points(ijk_to_ras, np.array([[6.0, 15.0, 9.0]]))[0]
+    edge = transform_points(ijk_to_ras, np.array([[6.0, 19.0, 9.0]]))[0]
+    view = views.slice_view("Sagittal")
+    SimilarityOverlay(views.scene).show(views.volume, similarity, ijk_to_ras, 0.5, RED, 0.6)
+    Contours(views.scene).show(views.volume, [("a", similarity, ijk_to_ras, 0.5, GREEN)])
+    row, column = slice_pixel(view, centre)
+    assert redness(pixels(view))[row, column] > 100
+    row, column = slice_pixel(view, edge)
+    assert is_green(pixels(view))[row - 2 : row + 3, column - 2 : column + 3].any()
+
+
+def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views: Views) -> None:
+    view, contours = views.slice_view(), Contours(views.scene)
+    slice_pixel(view, CENTRE_RAS)
+    contours.show(
+        views.volume,
+        [("a", SIMILARITY, CELLS.ijk_to_ras, 0.5, GREEN), ("b", SIMILARITY, CELLS.ijk_to_ras, 0.9, (1.0, 0.0, 1.0))],
+    )
+    shown = pixels(view)
+    assert is_green(shown).any()
+    assert ((shown[..., 0] > 200) & (shown[..., 2] > 200) & (shown[..., 1] < 60)).any()
+    contours.show(views.volume, [("b", SIMILARITY, CELLS.ijk_to_ras, 0.9, RED)])
+    assert not is_green(pixels(view)).any()
+    contours.show(views.volume, [])
+    assert redness(pixels(view)).max() < 60
+
+
+def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
+    similarity = ball(SHAPE, (0.0, 7.5, 7.5), 4.0)
+    for array in (similarity, np.rint(255 * similarity).astype(np.uint8).repeat(8, 0).repeat(8, 1).repeat(8, 2)):
+        surface = iso_surface(array, np.eye(4), 0.5)
+        triangles = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)
+        edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        assert (counts == 2).all()
+        lowest = vtk_to_numpy(surface.GetPoints().GetData())[:, 2].min()
+        assert lowest == pytest.approx(-0.5, abs=2e-3)
+
+
+def test_coarse_maps_are_interpolated_trilinearly_for_the_overlay() -> None:
+    rising = np.broadcast_to(np.linspace(0.0, 1.0, 9, dtype=np.float32), (9, 9, 9))
+    levels, geometry = similarity_levels(rising, np.diag([4.0, 4.0, 4.0, 1.0]), 0.3)
+    centres = geometry.ijk_to_ras_points(np.array([[i, 3, 3] for i in range(levels.shape[2])]))[:, 0]
+    assert levels.shape[2] > 12
+    expected = 255 * np.interp(centres, np.arange(9) * 4.0, rising[0, 0])
+    assert levels[3, 3][expected > 0.3 * 255] == pytest.approx(expected[expected > 0.3 * 255], abs=1.0)
+
+
+def test_showing_and_removing_again_and_again_leaves_nothing_behind(views: Views) -> None:
+    view = views.slice_view()
+    before, picture = views.scene.GetNumberOfNodes(), pixels(view)
+    for _ in range(50):
+        overlay, contours = SimilarityOverlay(views.scene), Contours(views.scene)
+        show(overlay, views)
+        outline(views, contours)
+        overlay.remove()
+        contours.remove()
+    assert views.scene.GetNumberOfNodes() == before
+    assert np.array_equal(pixels(view), picture)
+
+
+def test_an_update_changes_the_nodes_in_place_and_none_is_saved(views: Views) -> None:
+    overlay, contours = SimilarityOverlay(views.scene), Contours(views.scene)
+    before = {views.scene.GetNthNode(n).GetID() for n in range(views.scene.GetNumberOfNodes())}
+    counts = []
+    for opacity in (0.4, 0.5):
+        show(overlay, views, opacity)
+        outline(views, contours, opacity)
+        counts.append(views.scene.GetNumberOfNodes())
+    assert counts[0] == counts[1] > len(before)
+    added = [views.scene.GetNthNode(n) for n in range(counts[1]) if views.scene.GetNthNode(n).GetID() not in before]
+    assert not any(node.GetSaveWithScene() for node in added)
+
+
+@pytest.mark.parametrize("class_name", ["vtkMRMLLabelMapVolumeNode", "vtkMRMLModelNode", "vtkMRMLColorTableNode"])
+def test_what_the_user_deletes_comes_back_with_the_next_update(views: Views, class_name: str) -> None:
+    view, overlay, contours = views.slice_view(), SimilarityOverlay(views.scene), Contours(views.scene)
+    show(overlay, views)
+    outline(views, contours)
+    inside = slice_pixel(view, CENTRE_RAS)
+    shown = pixels(view)
+    doomed = [node for node in nodes_of_class(views.scene, class_name) if "Similarity" in node.GetName()]
+    assert doomed
+    for node in doomed:
+        views.scene.RemoveNode(node)
+    show(overlay, views)
+    outline(views, contours)
+    assert redness(shown)[inside] > 100
+    assert np.array_equal(pixels(view), shown)
+
+
+def test_closing_the_scene_is_survived(views: Views) -> None:
+    overlay, contours = SimilarityOverlay(views.scene), Contours(views.scene)
+    show(overlay, views)
+    outline(views, contours)
+    views.scene.Clear(False)
+    overlay.hide()
+    contours.hide()
+    again = views.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(again, np.zeros(FINE.shape, dtype=np.int16), FINE.ijk_to_ras)
+    overlay.show(again, SIMILARITY, CELLS.ijk_to_ras, 0.5, RED, 0.5)
+    contours.show(again, [("a", SIMILARITY, CELLS.ijk_to_ras, 0.5, GREEN)])
+    overlay.remove()
+    contours.remove()

@@ -1,0 +1,254 @@
+"""Classes in 3D, seen in the pixels of a 3D view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from colorsys import hsv_to_rgb
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.annotations import Color
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.rendering.color_volume import similarity_rgba
+from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
+
+RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+SHAPE = (16, 20, 24)
+GRID = Geometry(SHAPE, np.array([[-2.0, 0, 0, 30], [0, 2.0, 0, -10], [0, 0, 2.5, 5], [0, 0, 0, 1]]))
+LEFT_KJI, RIGHT_KJI = (7.5, 9.5, 6.0), (7.5, 9.5, 17.0)
+LEFT, RIGHT = GRID.ijk_to_ras_points(np.array([LEFT_KJI[::-1], RIGHT_KJI[::-1]]))
+MIDDLE = GRID.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
+DISTANCE_MM = 130.0
+
+
+class Stage:
+    """A rendering in the scene, a view that looks at the middle of the grid, and what it shows."""
+
+    def __init__(self, slicer_app: Any, grid: Geometry = GRID, middle: np.ndarray = MIDDLE) -> None:
+        self.views = Views(slicer_app, grid.shape, grid.ijk_to_ras)
+        self.scene = self.views.scene
+        self.view = self.views.view_3d()
+        self.rendering = ClassRendering(self.scene, slicer_app.app_logic)
+        self.grid = grid
+        look_from(self.view, middle, DISTANCE_MM)
+
+    def show(self, maps: Sequence[np.ndarray], colors: Sequence[Color], opacities: Sequence[float] | None = None) -> None:
+        rgba = similarity_rgba(maps, [0.5] * len(maps), colors, opacities or [1.0] * len(maps))
+        self.rendering.show(self.views.volume, rgba, self.grid.resized(rgba.shape[:3]).ijk_to_ras)
+
+    def picture(self) -> np.ndarray:
+        self.view.renderer().ResetCameraClippingRange()
+        return pixels(self.view).astype(int)
+
+    def at(self, *points_ras: np.ndarray) -> list[tuple[int, int]]:
+        return [pixel_3d(self.view, ras) for ras in points_ras]
+
+
+@pytest.fixture
+def stage(slicer_app: Any) -> Stage:
+    return Stage(slicer_app)
+
+
+def two_balls() -> list[np.ndarray]:
+    return [ball(SHAPE, LEFT_KJI, 4.0), ball(SHAPE, RIGHT_KJI, 4.0)]
+
+
+def hue(pixel: np.ndarray) -> np.ndarray:
+    """Without the highlights, which are white."""
+    return (pixel - pixel.min()) / max(np.ptp(pixel), 1)
+
+
+def test_classes_show_in_their_colours_where_they_are(stage: Stage) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    left, right, middle = stage.at(LEFT, RIGHT, MIDDLE)
+    shown = stage.picture()
+    assert hue(shown[left]) == pytest.approx([1, 0, 0], abs=0.05)
+    assert hue(shown[right]) == pytest.approx([0, 1, 0], abs=0.05)
+    assert shown[left].max() > 120
+    assert (shown[middle] == 0).all()
+
+
+def test_twelve_classes_show_at_once(slicer_app: Any) -> None:
+    grid = Geometry((20, 8, 30), np.diag([2.0, 2.0, 2.0, 1.0]))
+    stage = Stage(slicer_app, grid, grid.ijk_to_ras_points(np.array([[14.5, 3.5, 9.5]]))[0])
+    centres = [(3.0 + 6.5 * (n // 4), 3.5, 4.0 + 7.0 * (n % 4)) for n in range(12)]
+    colors = np.array([hsv_to_rgb(n / 12, 1.0, 0.7) for n in range(12)])
+    stage.show([ball(grid.shape, centre, 2.6) for centre in centres], colors.tolist())
+    shown = stage.picture()
+    for n, centre in enumerate(centres):
+        (pixel,) = stage.at(grid.ijk_to_ras_points(np.array([centre[::-1]]))[0])
+        difference = np.linalg.norm(hue(shown[pixel]) - colors / 0.7, axis=1)
+        assert difference.argmin() == n
+        assert difference[n] < 0.15
+
+
+def test_no_rim_of_a_class_is_of_another_colour(stage: Stage) -> None:
+    stage.show(two_balls()[:1], [(1.0, 0.8, 0.6)])
+    shown = stage.picture()
+    lit = shown[shown.max(axis=2) > 40].astype(float)
+    assert len(lit) > 200
+    # Ambient and diffuse light keep the colour's proportions, highlights make it whiter.
+    assert (lit[:, 1] / lit[:, 0] > 0.75).all()
+    assert (lit[:, 2] / lit[:, 0] > 0.53).all()
+
+
+def test_a_class_of_opacity_zero_is_invisible(stage: Stage) -> None:
+    stage.show(two_balls(), [RED, GREEN], [1.0, 0.0])
+    shown = stage.picture()
+    left, right = stage.at(LEFT, RIGHT)
+    assert shown[left].max() > 120
+    assert (shown[right] == 0).all()
+
+
+def test_where_all_classes_are_invisible_the_view_is_as_without_them(stage: Stage) -> None:
+    stage.view.set_background_color_from_string("#406080")
+    before = stage.picture()
+    stage.show(two_balls(), [RED, GREEN], [0.0, 0.0])
+    assert np.array_equal(stage.picture(), before)
+
+
+def test_a_translucent_class_lets_what_it_encloses_shine_through(stage: Stage) -> None:
+    centre = (7.5, 9.5, 11.5)
+    ((row, column),) = stage.at(MIDDLE)
+    inner, outer = ball(SHAPE, centre, 3.0), 0.8 * ball(SHAPE, centre, 7.0)
+    contrasts = []
+    for opacity in (0.0, 0.3, 0.6, 1.0):
+        stage.show([inner, outer], [GREEN, RED], [1.0, opacity])
+        # Rays start at random depths: no two are alike.
+        red, green, _ = stage.picture()[row - 3 : row + 4, column - 3 : column + 4].mean(axis=(0, 1))
+        # Highlights are white: they cancel.
+        contrasts.append(green - red)
+    # The outer class also shades the inner one.
+    assert np.array(contrasts) / contrasts[0] == pytest.approx([1.0, 0.25, -0.35, -1.0], abs=0.2)
+
+
+def test_a_translucent_class_alone_is_as_strong_as_its_two_walls(stage: Stage) -> None:
+    ((row, column),) = stage.at(LEFT)
+    brightness = []
+    for opacity in (1.0, 0.5, 0.2):
+        stage.show(two_balls()[:1], [RED], [opacity])
+        brightness.append(stage.picture()[row - 3 : row + 4, column - 3 : column + 4, 0].mean())
+    assert np.array(brightness) / brightness[0] == pytest.approx([1.0, 0.75, 0.36], abs=0.15)
+
+
+def test_hiding_brings_back_the_picture_and_the_views_settings(stage: Stage) -> None:
+    node = stage.view.get_view_node()
+    before = stage.picture()
+    stage.show(two_balls(), [RED, GREEN])
+    assert node.GetVolumeRenderingSurfaceSmoothing()
+    assert (stage.picture() != before).any()
+    stage.rendering.hide()
+    assert not node.GetVolumeRenderingSurfaceSmoothing()
+    assert np.array_equal(stage.picture(), before)
+
+
+def test_settings_that_the_user_chose_stay(stage: Stage) -> None:
+    node = stage.view.get_view_node()
+    node.SetVolumeRenderingSurfaceSmoothing(True)
+    stage.show(two_balls(), [RED, GREEN])
+    stage.rendering.hide()
+    assert node.GetVolumeRenderingSurfaceSmoothing()
+    node.SetVolumeRenderingSurfaceSmoothing(False)
+    stage.show(two_balls(), [RED, GREEN])
+    node.SetVolumeRenderingSurfaceSmoothing(False)
+    stage.show(two_balls(), [GREEN, RED])
+    assert not node.GetVolumeRenderingSurfaceSmoothing()
+
+
+def test_classes_move_with_the_volume(stage: Stage) -> None:
+    matrix = np.array([[0.0, -1.0, 0, 12], [1.0, 0.0, 0, -7], [0, 0, 1, 20], [0, 0, 0, 1]])
+    transform = stage.scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
+    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    stage.views.volume.SetAndObserveTransformNodeID(transform.GetID())
+    stage.show(two_balls(), [RED, GREEN])
+    left, right, middle = transform_points(matrix, np.stack([LEFT, RIGHT, MIDDLE]))
+    look_from(stage.view, middle, DISTANCE_MM, direction=(1.0, 0.0, 0.0))
+    shown = stage.picture()
+    left_pixel, right_pixel = stage.at(left, right)
+    assert hue(shown[left_pixel]) == pytest.approx([1, 0, 0], abs=0.05)
+    assert hue(shown[right_pixel]) == pytest.approx([0, 1, 0], abs=0.05)
+
+
+def test_classes_lie_right_in_an_oblique_anisotropic_volume(slicer_app: Any) -> None:
+    ijk_to_ras = np.eye(4)
+    ijk_to_ras[:3, :3] = np.array([[0.8, -0.6, 0.0], [0.48, 0.64, -0.6], [0.36, 0.48, 0.8]]) * [1.5, 2.0, 4.0]
+    grid = Geometry(SHAPE, ijk_to_ras)
+    centres = grid.ijk_to_ras_points(np.array([LEFT_KJI[::-1], RIGHT_KJI[::-1]]))
+    stage = Stage(slicer_app, grid, centres.mean(axis=0))
+    stage.show(two_balls(), [RED, GREEN])
+    look_from(stage.view, centres.mean(axis=0), DISTANCE_MM, direction=(0.0, -1.0, 0.0))
+    shown = stage.picture()
+    for pixel, color in zip(stage.at(*centres), (RED, GREEN), strict=True):
+        assert hue(shown[pixel]) == pytest.approx(color, abs=0.05)
+
+
+def test_showing_and_removing_again_and_again_leaves_nothing_behind(stage: Stage) -> None:
+    before, picture = stage.scene.GetNumberOfNodes(), stage.picture()
+    rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
+    for _ in range(50):
+        stage.rendering.show(stage.views.volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+        stage.rendering.remove()
+    assert stage.scene.GetNumberOfNodes() == before
+    assert np.array_equal(stage.picture(), picture)
+
+
+def test_an_update_changes_the_nodes_in_place_and_none_is_saved(stage: Stage) -> None:
+    before = {stage.scene.GetNthNode(n).GetID() for n in range(stage.scene.GetNumberOfNodes())}
+    stage.show(two_balls(), [RED, GREEN])
+    count = stage.scene.GetNumberOfNodes()
+    stage.show(two_balls()[:1], [BLUE], [0.5])
+    assert stage.scene.GetNumberOfNodes() == count
+    (left,) = stage.at(LEFT)
+    assert hue(stage.picture()[left]) == pytest.approx([0, 0, 1], abs=0.05)
+    added = [stage.scene.GetNthNode(n) for n in range(count) if stage.scene.GetNthNode(n).GetID() not in before]
+    assert added
+    assert not any(node.GetSaveWithScene() for node in added)
+
+
+@pytest.mark.parametrize(
+    "class_name", ["vtkMRMLVectorVolumeNode", "vtkMRMLVolumePropertyNode", "vtkMRMLGPURayCastVolumeRenderingDisplayNode"]
+)
+def test_what_the_user_deletes_comes_back_with_the_next_update(stage: Stage, class_name: str) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    for node in nodes_of_class(stage.scene, class_name):
+        stage.scene.RemoveNode(node)
+    stage.show(two_balls(), [RED, GREEN])
+    (left,) = stage.at(LEFT)
+    assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
+
+
+def test_closing_the_scene_is_survived(stage: Stage) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    stage.scene.Clear(False)
+    stage.rendering.hide()
+    volume = stage.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros(SHAPE, dtype=np.int16), GRID.ijk_to_ras)
+    rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
+    stage.rendering.show(volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+    stage.rendering.remove()
+
+
+def test_the_users_own_volume_rendering_is_left_alone(slicer_app: Any, stage: Stage) -> None:
+    theirs = slicer_app.volume_rendering.create_display_node(stage.views.volume)
+    points = theirs.GetVolumePropertyNode().GetScalarOpacity().GetSize()
+    stage.show(two_balls(), [RED, GREEN])
+    stage.rendering.hide()
+    stage.rendering.remove()
+    assert theirs.GetVisibility()
+    assert theirs.GetVolumePropertyNode().GetScalarOpacity().GetSize() == points
+    assert stage.views.volume.GetNumberOfDisplayNodes() == 2
+
+
+def test_a_slicer_without_volume_rendering_is_told_so(stage: Stage) -> None:
+    class NoModules:
+        def GetModuleLogic(self, name: str) -> None:  # noqa: N802
+            return None
+
+    with pytest.raises(InputError, match="Volume Rendering"):
+        ClassRendering(stage.scene, NoModules()).show(stage.views.volume, np.zeros((4, 4, 4, 4), np.uint8), np.eye(4))

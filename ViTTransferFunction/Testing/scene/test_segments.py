@@ -1,0 +1,460 @@
+"""Masks as segments, in Slicer's real segmentations: ours are right, and nobody else's change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+from vtkmodules.util.numpy_support import vtk_to_numpy
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.scene.volume import local_to_world, numpy_matrix, set_image, vtk_matrix
+
+slicer = pytest.importorskip("slicer")
+scene_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments")
+OutputSegment, write_segments = scene_segments.OutputSegment, scene_segments.write_segments
+
+SHAPE = (6, 7, 8)
+OBLIQUE = np.array([[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]])
+"""Spacing 1.0×1.2×3.0 mm, rotated about two axes."""
+MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
+RED, GREEN = (0.9, 0.1, 0.1), (0.1, 0.9, 0.1)
+LABELMAP, SURFACE = "Binary labelmap", "Closed surface"
+
+
+@pytest.fixture
+def a_volume(slicer_app: Any) -> Any:
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(node, np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE), OBLIQUE)
+    return node
+
+
+@pytest.fixture
+def a_segmentation(slicer_app: Any) -> Any:
+    return slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "Segmentation")
+
+
+@pytest.fixture
+def with_others(a_segmentation: Any, a_volume: Any) -> Callable[[], dict[str, Any]]:
+    """The segmentation with three segments of somebody else; gives all that must not change about them.
+
+    The first two share a labelmap, the third overlaps with both.
+    """
+    a_segmentation.CreateDefaultDisplayNodes()
+    for name, mask in (("bone", block(0, 3)), ("vessel", block(3, 5)), ("tumour", block(2, 4))):
+        add_segment(a_segmentation, name, mask, OBLIQUE)
+    a_segmentation.GetSegmentation().CollapseBinaryLabelmaps(False)
+    a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(a_volume)
+    assert a_segmentation.GetSegmentation().GetNumberOfLayers(LABELMAP) == 2
+    return lambda: {name: everything_about(a_segmentation, name) for name in ("bone", "vessel", "tumour")}
+
+
+def block(start: int, stop: int) -> np.ndarray:
+    """A mask of the slices k from `start` to `stop`, but for their borders."""
+    mask = np.zeros(SHAPE, dtype=bool)
+    mask[start:stop, 1:-1, 2:-1] = True
+    return mask
+
+
+def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", color: tuple = RED) -> Any:
+    return OutputSegment(class_id, name, color, mask)
+
+
+def add_segment(node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray) -> str:
+    """As another module would, by Slicer's own function."""
+    image = slicer.vtkOrientedImageData()
+    image.SetDimensions(*mask.shape[::-1])
+    image.AllocateScalars(vtk.VTK_UNSIGNED_CHAR, 1)
+    vtk_to_numpy(image.GetPointData().GetScalars())[:] = mask.ravel()
+    image.SetImageToWorldMatrix(vtk_matrix(ijk_to_ras))
+    segment_id = node.GetSegmentation().AddEmptySegment(name, name)
+    slicer.vtkSlicerSegmentationsModuleLogic.SetBinaryLabelmapToSegment(image, node, segment_id)
+    return segment_id
+
+
+def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
+    segment = node.GetSegmentation().GetSegment(segment_id)
+    return {
+        "name": segment.GetName(),
+        "color": segment.GetColor(),
+        "terminology": segment.GetTerminology(),
+        "voxels": voxels_of(node, segment_id),
+        "surface": segment.GetRepresentation(SURFACE),
+    }
+
+
+def voxels_of(node: Any, segment_id: str) -> list[tuple[float, ...]]:
+    """Where the segment's voxels are in the scene, in RAS millimetres, sorted; by Slicer's own reading of the labelmap."""
+    image = slicer.vtkOrientedImageData()
+    node.GetBinaryLabelmapRepresentation(segment_id, image)
+    if image.IsEmpty():
+        return []
+    scalars = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
+    kji = np.argwhere(scalars) + np.array(image.GetExtent()[::2])[::-1]
+    matrix = vtk.vtkMatrix4x4()
+    image.GetImageToWorldMatrix(matrix)
+    return rounded(local_to_world(node, transform_points(numpy_matrix(matrix), kji[:, ::-1])))
+
+
+def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
+    """Where a mask's voxels are in the scene, by the volume's own geometry."""
+    matrix = vtk.vtkMatrix4x4()
+    volume.GetIJKToRASMatrix(matrix)
+    return rounded(local_to_world(volume, Geometry(SHAPE, numpy_matrix(matrix)).ijk_to_ras_points(np.argwhere(mask)[:, ::-1])))
+
+
+def rounded(points: np.ndarray) -> list[tuple[float, ...]]:
+    # The sum makes zero of minus zero.
+    return sorted(map(tuple, (np.round(points, 3) + 0.0).tolist()))
+
+
+def put_under(node: Any, matrix: np.ndarray) -> Any:
+    transform = node.GetScene().AddNewNodeByClass("vtkMRMLLinearTransformNode")
+    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    node.SetAndObserveTransformNodeID(transform.GetID())
+    return transform
+
+
+def test_a_mask_becomes_a_segment_with_its_class_name_and_colour(a_segmentation: Any, a_volume: Any) -> None:
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    segment = a_segmentation.GetSegmentation().GetSegment(segment_id)
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
+    assert segment.GetName() == "growth"
+    assert segment.GetColor() == pytest.approx(RED)
+
+
+def test_an_empty_segmentation_is_set_up_for_the_volume(a_segmentation: Any, a_volume: Any) -> None:
+    put_under(a_volume, MOVED)
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert a_segmentation.GetDisplayNode() is not None
+    assert a_segmentation.GetTransformNodeID() == a_volume.GetTransformNodeID()
+    assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is a_volume
+    segmentation = a_segmentation.GetSegmentation()
+    reference = slicer.vtkOrientedImageData()
+    geometry = segmentation.GetConversionParameter("Reference image geometry")
+    slicer.vtkSegmentationConverter.DeserializeImageGeometry(geometry, reference, False)
+    assert reference.GetDimensions() == SHAPE[::-1]
+
+
+@pytest.mark.parametrize("volume_moved", [False, True], ids=["volume in place", "volume moved"])
+@pytest.mark.parametrize("segmentation_moved", [False, True], ids=["segmentation in place", "segmentation moved"])
+def test_voxels_lie_where_the_volume_has_them(
+    a_segmentation: Any, a_volume: Any, volume_moved: bool, segmentation_moved: bool
+) -> None:
+    """Under parent transforms of the volume, of the segmentation, which here shears, or of both."""
+    if volume_moved:
+        put_under(put_under(a_volume, MOVED), np.diag([1.0, 1.0, -1.0, 1.0]))
+    if segmentation_moved:
+        sheared = MOVED.copy()
+        sheared[0, 2] = 0.4
+        put_under(a_segmentation, sheared)
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
+
+
+def test_the_segmentation_moves_with_the_volume_from_then_on(a_segmentation: Any, a_volume: Any) -> None:
+    transform = put_under(a_volume, np.eye(4))
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    transform.SetMatrixTransformToParent(vtk_matrix(MOVED))
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
+
+
+def test_writing_again_replaces_the_voxels_of_the_same_segment(a_segmentation: Any, a_volume: Any) -> None:
+    first = write_segments(a_segmentation, a_volume, [output(block(1, 4)), output(block(4, 5), "b", "b")], respect_others=True)
+    again = write_segments(a_segmentation, a_volume, [output(block(2, 3)), output(block(0, 1), "b", "b")], respect_others=True)
+    assert again == first
+    assert a_segmentation.GetSegmentation().GetNumberOfSegments() == 2
+    assert voxels_of(a_segmentation, first[0]) == positions_of(block(2, 3), a_volume)
+    assert voxels_of(a_segmentation, first[1]) == positions_of(block(0, 1), a_volume)
+
+
+def test_classes_share_one_labelmap_where_they_do_not_overlap(a_segmentation: Any, a_volume: Any) -> None:
+    masks = {"a": block(0, 2), "b": block(2, 4), "c": block(1, 3)}
+    ids = write_segments(a_segmentation, a_volume, [output(m, n, n) for n, m in masks.items()], respect_others=True)
+    assert a_segmentation.GetSegmentation().GetNumberOfLayers(LABELMAP) == 2
+    for segment_id, mask in zip(ids, masks.values(), strict=True):
+        assert voxels_of(a_segmentation, segment_id) == positions_of(mask, a_volume)
+
+
+def test_more_classes_than_a_byte_counts_are_told_apart(a_segmentation: Any, a_volume: Any) -> None:
+    segments = []
+    for number, place in enumerate(np.ndindex(SHAPE)):
+        mask = np.zeros(SHAPE, dtype=bool)
+        mask[place] = True
+        segments.append(output(mask, f"class-{number}", str(number)))
+    ids = write_segments(a_segmentation, a_volume, segments, respect_others=True)
+    assert voxels_of(a_segmentation, ids[0]) == positions_of(segments[0].mask, a_volume)
+    assert voxels_of(a_segmentation, ids[256]) == positions_of(segments[256].mask, a_volume)
+
+
+def test_an_empty_mask_makes_an_empty_segment(a_segmentation: Any, a_volume: Any) -> None:
+    nothing = np.zeros(SHAPE, dtype=bool)
+    ids = write_segments(a_segmentation, a_volume, [output(nothing), output(nothing, "b", "b")], respect_others=True)
+    assert [voxels_of(a_segmentation, segment_id) for segment_id in ids] == [[], []]
+    write_segments(a_segmentation, a_volume, [output(block(1, 4)), output(nothing, "b", "b")], respect_others=True)
+    assert voxels_of(a_segmentation, ids[0]) == positions_of(block(1, 4), a_volume)
+    assert voxels_of(a_segmentation, ids[1]) == []
+
+
+def test_an_empty_segment_can_be_painted_in_afterwards(a_segmentation: Any, a_volume: Any) -> None:
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(np.zeros(SHAPE, dtype=bool))], respect_others=True)
+    logic = slicer.vtkSlicerSegmentationsModuleLogic
+    stroke = logic.CreateOrientedImageDataFromVolumeNode(a_volume)
+    stroke.AllocateScalars(vtk.VTK_UNSIGNED_CHAR, 1)
+    vtk_to_numpy(stroke.GetPointData().GetScalars())[:] = block(2, 3).ravel()
+    assert logic.SetBinaryLabelmapToSegment(stroke, a_segmentation, segment_id, logic.MODE_MERGE_MAX)
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(2, 3), a_volume)
+
+
+@pytest.mark.parametrize("respect_others", [False, True])
+def test_other_segments_stay_as_they_are(
+    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]], respect_others: bool
+) -> None:
+    before = with_others()
+    for mask in (block(1, 5), block(0, 2), np.ones(SHAPE, dtype=bool)):
+        write_segments(a_segmentation, a_volume, [output(mask), output(~mask, "b", "b")], respect_others)
+        assert with_others() == before
+
+
+def test_other_segments_stay_as_they_are_when_ours_shares_their_labelmap(
+    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
+) -> None:
+    """As it does after a segmentation was saved and loaded."""
+    segmentation = a_segmentation.GetSegmentation()
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
+    segmentation.CollapseBinaryLabelmaps(False)
+    assert len(segmentation.GetSegmentIDsForDataObject(segmentation.GetSegmentRepresentation(ours, LABELMAP), LABELMAP)) > 1
+    before = with_others()
+    write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=False)
+    assert with_others() == before
+    assert voxels_of(a_segmentation, ours) == positions_of(block(1, 5), a_volume)
+    write_segments(a_segmentation, a_volume, [output(np.zeros(SHAPE, dtype=bool))], respect_others=False)
+    assert with_others() == before
+
+
+def test_nothing_of_ours_stays_in_a_labelmap_that_it_shared(
+    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
+) -> None:
+    """Slicer gives a free label of that labelmap to the next new segment, to which such voxels would then belong."""
+    segmentation = a_segmentation.GetSegmentation()
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
+    segmentation.CollapseBinaryLabelmaps(False)
+    shared = segmentation.GetSegmentRepresentation(ours, LABELMAP)
+    label = segmentation.GetSegment(ours).GetLabelValue()
+    assert label in vtk_to_numpy(shared.GetPointData().GetScalars())
+    write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=False)
+    assert label not in vtk_to_numpy(shared.GetPointData().GetScalars())
+
+
+def test_voxels_of_other_segments_are_left_out(
+    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
+) -> None:
+    everywhere = np.ones(SHAPE, dtype=bool)
+    (ours,) = write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=True)
+    assert voxels_of(a_segmentation, ours) == positions_of(everywhere & ~block(0, 5), a_volume)
+    write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=False)
+    assert voxels_of(a_segmentation, ours) == positions_of(everywhere, a_volume)
+
+
+def test_the_finished_segment_of_a_class_that_is_gone_counts_as_another(a_segmentation: Any, a_volume: Any) -> None:
+    (finished,) = write_segments(a_segmentation, a_volume, [output(block(1, 4), "old")], respect_others=True)
+    (new,) = write_segments(a_segmentation, a_volume, [output(block(2, 6), "new")], respect_others=True)
+    assert voxels_of(a_segmentation, finished) == positions_of(block(1, 4), a_volume)
+    assert voxels_of(a_segmentation, new) == positions_of(block(4, 6), a_volume)
+
+
+def test_the_users_copy_of_our_segment_is_the_users(a_segmentation: Any, a_volume: Any) -> None:
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    copy = slicer.vtkSegment()
+    copy.DeepCopy(a_segmentation.GetSegmentation().GetSegment(ours))
+    a_segmentation.GetSegmentation().AddSegment(copy, "0-copy")
+    write_segments(a_segmentation, a_volume, [output(block(2, 6))], respect_others=False)
+    assert voxels_of(a_segmentation, "0-copy") == positions_of(block(1, 4), a_volume)
+    assert voxels_of(a_segmentation, ours) == positions_of(block(2, 6), a_volume)
+
+
+@pytest.mark.parametrize("moved", [False, True], ids=["in place", "moved"])
+def test_segments_on_another_grid_keep_it(a_segmentation: Any, a_volume: Any, moved: bool) -> None:
+    """A coarser one with other axes, whose voxels ours have to make room for."""
+    coarse = np.diag([4.0, 4.0, 4.0, 1.0])
+    coarse[:3, 3] = local_to_world(a_volume, np.array([[4.0, -18.0, 38.0]]))[0]
+    a_segmentation.CreateDefaultDisplayNodes()
+    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), coarse)
+    if moved:
+        put_under(a_segmentation, MOVED)
+        put_under(a_volume, MOVED)
+    before = everything_about(a_segmentation, "other")
+    everywhere = np.ones(SHAPE, dtype=bool)
+    (ours,) = write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=True)
+
+    assert everything_about(a_segmentation, "other") == before
+    image = a_segmentation.GetSegmentation().GetSegmentRepresentation("other", LABELMAP)
+    assert image.GetSpacing() == (4.0, 4.0, 4.0)
+    indices = Geometry((3, 3, 3), coarse).ras_to_ijk(Geometry(SHAPE, OBLIQUE).voxel_centres_ras())
+    taken = np.all((indices > -0.5) & (indices < 2.5), axis=1).reshape(SHAPE)
+    assert 0 < taken.sum() < taken.size
+    assert voxels_of(a_segmentation, ours) == positions_of(~taken, a_volume)
+
+
+def test_a_reference_geometry_that_others_rely_on_stays(a_segmentation: Any, a_volume: Any) -> None:
+    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), np.eye(4))
+    other_volume = a_volume.GetScene().AddNewNodeByClass("vtkMRMLScalarVolumeNode", "MR")
+    set_image(other_volume, np.zeros((3, 3, 3), dtype=np.int16), np.eye(4))
+    a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(other_volume)
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is other_volume
+
+
+def test_what_the_user_changed_in_slicer_stays(a_segmentation: Any, a_volume: Any) -> None:
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    segment = a_segmentation.GetSegmentation().GetSegment(segment_id)
+    segment.SetName("Befund 1")
+    segment.SetColor(0.0, 0.0, 1.0)
+    segment.SetTerminology("context~SCT^1^Tissue~SCT^2^Mass~^^~~^^~^^")
+    write_segments(a_segmentation, a_volume, [output(block(2, 4))], respect_others=True)
+    assert segment.GetName() == "Befund 1"
+    assert segment.GetColor() == (0.0, 0.0, 1.0)
+    assert segment.GetTerminology() == "context~SCT^1^Tissue~SCT^2^Mass~^^~~^^~^^"
+
+
+def test_a_class_that_is_renamed_and_recoloured_passes_both_on(a_segmentation: Any, a_volume: Any) -> None:
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    segment = a_segmentation.GetSegmentation().GetSegment(segment_id)
+    segment.SetName("Befund 1")
+    write_segments(a_segmentation, a_volume, [output(block(1, 4), name="nodule", color=GREEN)], respect_others=True)
+    assert segment.GetName() == "nodule"
+    assert segment.GetColor() == pytest.approx(GREEN)
+
+
+def test_identity_survives_saving_and_loading(slicer_app: Any, a_segmentation: Any, a_volume: Any, tmp_path: Path) -> None:
+    """With a name that holds the very characters by which the file separates tags."""
+    name = "Rein|raus: Größe 50%"
+    segments = [output(block(1, 4), name=name), output(block(4, 5), "b", "b")]
+    ids = write_segments(a_segmentation, a_volume, segments, respect_others=True)
+    path = tmp_path / "written.seg.nrrd"
+    storage = slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationStorageNode")
+    storage.SetFileName(str(path))
+    assert storage.WriteData(a_segmentation)
+    loaded = slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode")
+    assert storage.ReadData(loaded)
+
+    loaded.GetSegmentation().GetSegment(ids[0]).SetName("renamed by the user")
+    segments = [output(block(2, 4), name=name), output(block(4, 5), "b", "b")]
+    assert write_segments(loaded, a_volume, segments, respect_others=True) == ids
+    assert voxels_of(loaded, ids[0]) == positions_of(block(2, 4), a_volume)
+    assert loaded.GetSegmentation().GetSegment(ids[0]).GetName() == "renamed by the user"
+
+
+@pytest.mark.parametrize(
+    ("name", "codes"),
+    [
+        ("liver", "SCT^10200004^Liver~^^"),
+        ("Left kidney", "SCT^64033007^Kidney~SCT^7771000^Left"),
+        ("KIDNEY", "SCT^64033007^Kidney~^^"),
+        ("growth", "SCT^85756007^Tissue~SCT^85756007^Tissue~^^"),
+    ],
+)
+def test_a_class_named_like_a_structure_gets_its_codes(
+    slicer_app: Any, a_segmentation: Any, a_volume: Any, name: str, codes: str
+) -> None:
+    segments = [output(block(1, 4), name=name)]
+    (segment_id,) = write_segments(a_segmentation, a_volume, segments, True, slicer_app.app_logic)
+    segment = a_segmentation.GetSegmentation().GetSegment(segment_id)
+    assert codes in segment.GetTerminology()
+    assert segment.GetName() == name
+    assert segment.GetColor() == pytest.approx(RED)
+
+
+def test_codes_follow_the_classes_name_unless_the_user_chose_others(
+    slicer_app: Any, a_segmentation: Any, a_volume: Any
+) -> None:
+    def write(name: str) -> Any:
+        segments = [output(block(1, 4), name=name)]
+        (segment_id,) = write_segments(a_segmentation, a_volume, segments, True, slicer_app.app_logic)
+        return a_segmentation.GetSegmentation().GetSegment(segment_id)
+
+    assert "^Liver~" in write("liver").GetTerminology()
+    assert "^Spleen~" in write("spleen").GetTerminology()
+    assert "^Tissue~^^" in write("growth").GetTerminology()
+    write("liver").SetTerminology("context~SCT^1^Tissue~SCT^2^Mass~^^~~^^~^^")
+    assert "^Mass~" in write("spleen").GetTerminology()
+
+
+def test_surfaces_are_made_anew_where_the_voxels_changed(
+    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
+) -> None:
+    segmentation = a_segmentation.GetSegmentation()
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 3))], respect_others=False)
+    segmentation.CollapseBinaryLabelmaps(False)
+    a_segmentation.CreateClosedSurfaceRepresentation()
+    before = with_others()
+    assert all(other["surface"].GetNumberOfPoints() for other in before.values())
+    old_bounds = segmentation.GetSegmentRepresentation(ours, SURFACE).GetBounds()
+
+    segments = [output(block(1, 6)), output(block(0, 1), "b", "b"), output(np.zeros(SHAPE, dtype=bool), "c", "c")]
+    ids = write_segments(a_segmentation, a_volume, segments, respect_others=False)
+
+    assert with_others() == before
+    surfaces = [segmentation.GetSegmentRepresentation(segment_id, SURFACE) for segment_id in ids]
+    assert surfaces[0].GetBounds()[5] > old_bounds[5] + 3.0
+    assert [bool(surface.GetNumberOfPoints()) for surface in surfaces] == [True, True, False]
+
+
+def test_no_surfaces_are_made_where_there_were_none(a_segmentation: Any, a_volume: Any) -> None:
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    write_segments(a_segmentation, a_volume, [output(block(2, 4))], respect_others=True)
+    assert not a_segmentation.GetSegmentation().ContainsRepresentation(SURFACE)
+
+
+def test_views_hear_of_new_voxels(a_segmentation: Any, a_volume: Any) -> None:
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    heard: list[str] = []
+    for event in ("SourceRepresentationModified", "RepresentationModified"):
+        a_segmentation.AddObserver(getattr(slicer.vtkSegmentation, event), lambda *_, event=event: heard.append(event))
+    write_segments(a_segmentation, a_volume, [output(block(2, 4))], respect_others=True)
+    assert sorted(heard) == ["RepresentationModified", "SourceRepresentationModified"]
+
+
+@pytest.fixture
+def surfaces_only(a_segmentation: Any) -> Iterator[Any]:
+    """A segmentation as an STL file gives it."""
+    source = vtk.vtkSphereSource()
+    source.Update()
+    a_segmentation.GetSegmentation().SetSourceRepresentationName(SURFACE)
+    segment = slicer.vtkSegment()
+    segment.SetName("implant")
+    segment.AddRepresentation(SURFACE, source.GetOutput())
+    a_segmentation.GetSegmentation().AddSegment(segment, "implant")
+    return a_segmentation
+
+
+def test_a_segmentation_of_surfaces_is_refused_with_the_way_out(surfaces_only: Any, a_volume: Any) -> None:
+    with pytest.raises(InputError, match=r"'Segmentation' is stored as 'Closed surface'; expected .* Make source"):
+        write_segments(surfaces_only, a_volume, [output(block(1, 4))], respect_others=True)
+    assert surfaces_only.GetSegmentation().GetNumberOfSegments() == 1
+    assert surfaces_only.GetSegmentation().GetSourceRepresentationName() == SURFACE
+
+
+def test_an_empty_segmentation_for_surfaces_takes_voxels(a_segmentation: Any, a_volume: Any) -> None:
+    a_segmentation.GetSegmentation().SetSourceRepresentationName(SURFACE)
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
+
+
+@pytest.mark.parametrize("warped", ["volume", "segmentation"])
+def test_an_error_leaves_the_segmentation_as_it_was(a_segmentation: Any, a_volume: Any, warped: str) -> None:
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    transform = a_volume.GetScene().AddNewNodeByClass("vtkMRMLGridTransformNode", "Warp")
+    {"volume": a_volume, "segmentation": a_segmentation}[warped].SetAndObserveTransformNodeID(transform.GetID())
+    time = a_segmentation.GetSegmentation().GetMTime()
+    with pytest.raises(InputError, match="Harden"):
+        write_segments(a_segmentation, a_volume, [output(block(2, 3)), output(block(0, 1), "b")], respect_others=True)
+    assert a_segmentation.GetSegmentation().GetMTime() == time
+    assert a_segmentation.GetSegmentation().GetNumberOfSegments() == 1
+    labelmap = a_segmentation.GetSegmentation().GetSegmentRepresentation(segment_id, LABELMAP)
+    assert vtk_to_numpy(labelmap.GetPointData().GetScalars()).sum() == block(1, 4).sum()

@@ -1,0 +1,359 @@
+"""A session on a real scene: what the user does there reaches the compute process, and what comes back reaches the scene."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import transform_points
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.classes import class_nodes
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Testing.session.test_segmentation_session import centre_ras, dice
+from ViTTransferFunction.Testing.support.known_features import GRID
+from ViTTransferFunction.Testing.support.scenes import add_volume, open_spheres, segment_masks
+
+
+@pytest.fixture
+def session(slicer_app: Any, spheres: tuple[Volume, np.ndarray]) -> Iterator[SceneSession]:
+    session = open_spheres(slicer_app, spheres)
+    yield session
+    session.close()
+
+
+def annotate(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> list[str]:
+    """One class with a click for each of the three spheres."""
+    ids = []
+    for label in (1, 2, 3):
+        ids.append(session.annotations.add_class(f"sphere {label}").id)
+        session.annotations.add_points(ids[-1], centre_ras(spheres, label), positive=True)
+    session.wait()
+    return ids
+
+
+def test_points_placed_in_a_view_count_as_those_placed_by_the_session(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    state = session.annotations.add_class("sphere")
+    session.annotations.points_node(state.id, positive=True).AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, 1)[0]))
+    session.wait()
+    assert len(session.classes[0].positive) == 1
+    assert session.chosen_iso(state.id) is not None
+
+
+def test_a_point_that_hangs_on_the_mouse_does_not_count(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    state = session.annotations.add_class("sphere")
+    node = session.annotations.points_node(state.id, positive=True)
+    node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, 1)[0]))
+    node.SetNthControlPointPosition(0, 0.0, 0.0, 0.0, node.PositionPreview)
+    assert session.classes[0].positive == ()
+    session.wait()
+    assert session.chosen_iso(state.id) is None
+
+
+def test_segments_are_written_where_the_spheres_are(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    session.write_segments()
+    session.wait()
+    assert session.take_error() is None
+    masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    assert list(masks) == ["sphere 1", "sphere 2", "sphere 3"]
+    for name, mask in masks.items():
+        assert dice(mask, spheres[1] == int(name[-1])) > 0.9
+
+
+def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    first, second = centre_ras(spheres, 1)[0], centre_ras(spheres, 2)[0]
+    node = session.annotations.points_node(id_, positive=True)
+    for share in (0.3, 0.6, 1.0):
+        node.SetNthControlPointPositionWorld(0, *(first + share * (second - first)))
+    node.InvokeEvent(node.PointEndInteractionEvent)
+    np.testing.assert_allclose(session.classes[0].positive[0], second)
+    session.annotations.undo()
+    np.testing.assert_allclose(session.classes[0].positive[0], first)
+
+
+def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    state = session.annotations.add_class("sphere")
+    node = session.annotations.points_node(state.id, positive=True)
+    for label in (1, 2, 3):
+        node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, label)[0]))
+    for left in (2, 1, 0):
+        session.annotations.undo()
+        assert len(session.classes[0].positive) == left
+    session.annotations.redo()
+    assert len(session.classes[0].positive) == 1
+
+
+def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    state = session.annotations.add_class("sphere")
+    centre = centre_ras(spheres, 1)
+    for step in range(4):
+        session.annotations.add_points(state.id, centre + np.array([step, 0, 0]), positive=True, continued=step > 0)
+    for step in range(4):
+        session.annotations.add_points(state.id, centre + np.array([0, step, 0]), positive=False, continued=step > 0)
+    session.annotations.erase_points(centre + np.array([0, 3, 0]), radius_mm=0.5)
+    session.annotations.erase_points(centre + np.array([0, 2, 0]), radius_mm=0.5, continued=True)
+    counts = []
+    for _ in range(3):
+        counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+        session.annotations.undo()
+    counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+    assert counts == [(4, 2), (4, 4), (4, 0), (0, 0)]
+
+
+def test_the_point_placed_last_is_removed_first_whatever_its_polarity(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    state = session.annotations.add_class("sphere")
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
+    session.annotations.add_points(state.id, centre_ras(spheres, 3), positive=False)
+    session.annotations.remove_last_point(state.id)
+    assert (len(session.classes[0].positive), len(session.classes[0].negative)) == (1, 0)
+    session.annotations.remove_last_point(state.id)
+    assert session.classes[0].positive == ()
+    session.annotations.remove_last_point(state.id)
+
+
+def test_a_removed_class_comes_back_with_its_points_and_settings(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.annotations.set_class(id_, iso=0.25, color=(0.1, 0.2, 0.3), refine=False)
+    before = {state.id: state for state in session.classes}
+    session.annotations.remove_class(id_)
+    assert id_ not in {state.id for state in session.classes}
+    session.annotations.undo()
+    assert {state.id: state for state in session.classes} == before
+    assert [state.id for state in session.classes] == list(before)
+
+
+def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    (id_, *_) = annotate(session, spheres)
+    for iso in (0.2, 0.3, 0.4):
+        session.annotations.set_class(id_, iso=iso)
+    session.wait()
+    assert session.chosen_iso(id_) == pytest.approx(0.4)
+    session.annotations.undo()
+    assert session.classes[0].iso is None
+
+
+def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    (id_, *_) = annotate(session, spheres)
+    with pytest.raises(InputError, match="needs a name"):
+        session.annotations.set_class(id_, name="  ")
+    assert session.classes[0].name == "sphere 1"
+
+
+def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (node, *_) = (annotate(session, spheres), class_nodes(session.parameters.node))[1]
+    node.SetName("Leber, groß")
+    node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.5)
+    assert (session.classes[0].name, session.classes[0].color) == ("Leber, groß", (0.0, 1.0, 0.5))
+
+
+def test_points_outside_the_volume_are_left_out_and_the_others_count(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    state = session.annotations.add_class("sphere")
+    session.annotations.add_points(state.id, np.array([[1000.0, 0.0, 0.0]]), positive=True)
+    session.wait()
+    assert session.chosen_iso(state.id) is None
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
+    session.wait()
+    assert session.chosen_iso(state.id) is not None
+
+
+def test_classes_of_one_name_are_both_segmented(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    for id_ in annotate(session, spheres):
+        session.annotations.set_class(id_, name="sphere")
+    session.write_segments()
+    session.wait()
+    assert session.take_error() is None
+    assert session.parameters.segmentation.GetSegmentation().GetNumberOfSegments() == 3
+
+
+def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    transform = slicer_app.scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    matrix[:3, 3] = [100.0, 20.0, -30.0]
+    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    session.parameters.volume.SetAndObserveTransformNodeID(transform.GetID())
+    assert session.phase == "ready"
+    state = session.annotations.add_class("sphere")
+    session.annotations.add_points(state.id, transform_points(matrix, centre_ras(spheres, 1)), positive=True)
+    session.write_segments()
+    session.wait()
+    (mask,) = segment_masks(session.parameters.segmentation, session.parameters.volume).values()
+    assert dice(mask, spheres[1] == 1) > 0.9
+
+
+def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSession) -> None:
+    bent = slicer_app.scene.AddNewNodeByClass("vtkMRMLBSplineTransformNode")
+    bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
+    session.parameters.volume.SetAndObserveTransformNodeID(bent.GetID())
+    assert session.phase == "no volume"
+    assert "Harden" in (session.take_error() or "")
+    session.parameters.volume.SetAndObserveTransformNodeID(None)
+    session.wait()
+    assert session.phase == "ready"
+
+
+def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    annotate(session, spheres)
+    volume = session.parameters.volume
+    set_image(volume, spheres[0].array + 1.0, spheres[0].geometry.ijk_to_ras)
+    session.wait()
+    assert session.phase == "no features"
+    assert session.estimate is not None
+    assert not session.estimate.cached
+    assert session.chosen_iso(session.classes[0].id) is None
+
+
+@pytest.mark.parametrize("moment", ["at rest", "while maps are computed", "while segments are computed"])
+@pytest.mark.parametrize("victim", ["volume", "positive", "negative", "segmentation", "parameter node"])
+def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], victim: str, moment: str
+) -> None:
+    ids = annotate(session, spheres)
+    session.write_segments()
+    session.wait()
+    if moment == "while maps are computed":
+        session.annotations.set_class(ids[0], iso=0.3)
+        session.poll()
+    elif moment == "while segments are computed":
+        session.annotations.set_class(ids[0], iso=0.3)
+        session.write_segments()
+    nodes = {
+        "volume": session.parameters.volume,
+        "positive": session.annotations.points_node(ids[0], positive=True),
+        "negative": session.annotations.points_node(ids[0], positive=False),
+        "segmentation": session.parameters.segmentation,
+        "parameter node": session.parameters.node,
+    }
+    slicer_app.scene.RemoveNode(nodes[victim])
+    session.wait()
+    assert session.take_error() is None
+    assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(victim, 3)
+    assert session.phase == ("no volume" if victim in ("volume", "parameter node") else "ready")
+    if session.phase == "ready":
+        session.write_segments()
+        session.wait()
+        masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+        assert dice(masks["sphere 3"], spheres[1] == 3) > 0.85
+
+
+def test_a_process_that_dies_costs_nothing_but_time(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    ids = annotate(session, spheres)
+    assert session.compute_pid is not None
+    os.kill(session.compute_pid, signal.SIGTERM)
+    until = time.monotonic() + 10.0
+    while session.phase == "ready" and time.monotonic() < until:
+        session.poll()
+    assert session.phase == "no features"
+    assert "ended unexpectedly" in (session.take_error() or "")
+    session.start_extraction()
+    session.wait()
+    assert session.phase == "ready"
+    assert session.chosen_iso(ids[0]) is not None
+
+
+def test_nothing_to_segment_is_said_and_nothing_written(session: SceneSession) -> None:
+    session.write_segments()
+    session.wait()
+    assert "nothing to segment" in (session.take_error() or "")
+    assert session.parameters.segmentation is None
+
+
+def test_closing_the_scene_leaves_a_session_for_the_next_one(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    slicer_app.scene.Clear(False)
+    session.wait()
+    assert (session.phase, session.classes, session.take_error()) == ("no volume", (), None)
+    assert not session.annotations.can_undo
+    session.parameters.set("grid", GRID)
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    annotate(session, spheres)
+    assert all(session.chosen_iso(state.id) is not None for state in session.classes)
+
+
+def test_closing_the_scene_while_features_are_loaded_stops_that(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    set_image(session.parameters.volume, spheres[0].array, spheres[0].geometry.ijk_to_ras)
+    assert session.busy
+    slicer_app.scene.Clear(False)
+    session.wait()
+    assert (session.phase, session.progress) == ("no volume", None)
+
+
+def test_a_saved_scene_carries_on_where_it_was_left(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], tmp_path: Path
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.annotations.set_class(id_, opacity=0.4, proximity=0.2, color=(0.2, 0.4, 0.6))
+    session.select_class(session.classes[1].id)
+    session.write_segments()
+    session.wait()
+    before = session.classes, session.selected_class
+    masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    assert slicer_app.scene.WriteToMRB(str(tmp_path / "tomorrow.mrb"))
+    slicer_app.scene.Clear(False)
+    session.wait()
+    assert slicer_app.scene.ReadFromMRB(str(tmp_path / "tomorrow.mrb"))
+    session.wait()
+    assert session.take_error() is None
+    assert session.phase == "ready"
+    assert (session.classes, session.selected_class) == before
+    assert session.chosen_iso(id_) is not None
+    again = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    for name, mask in masks.items():
+        np.testing.assert_array_equal(again[name], mask)
+
+
+def test_fifty_scenes_leave_no_node_no_observer_and_no_memory_behind(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    counts = []
+    for _ in range(50):
+        slicer_app.scene.Clear(False)
+        session.parameters.set("grid", GRID)
+        session.parameters.set("refinement", "none")
+        session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+        annotate(session, spheres)
+        gc.collect()
+        counts.append((slicer_app.scene.GetNumberOfNodes(), session.observer_count, resident_bytes()))
+    nodes, observers, memory = zip(*counts, strict=True)
+    assert len(set(nodes[1:])) == 1
+    assert len(set(observers[1:])) == 1
+    assert memory[-1] - memory[9] < 20e6
+
+
+def resident_bytes() -> int:
+    """Memory of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")

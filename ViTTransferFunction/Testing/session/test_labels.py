@@ -1,0 +1,76 @@
+"""From maps to labels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.session.labels import choose_iso, compete, keep_annotated_components
+
+SHAPE = (1, 1, 5)
+
+
+def a_map(*values: float) -> np.ndarray:
+    return np.array(values, dtype=np.float32).reshape(SHAPE)
+
+
+def test_each_voxel_goes_to_the_class_furthest_above_its_own_iso_value() -> None:
+    first, second = a_map(0.9, 0.6, 0.4, 0.1, 0.0), a_map(0.1, 0.6, 0.4, 0.3, 0.1)
+    labels = compete(iter([(first, 0.5), (second, 0.2)]), SHAPE)
+    np.testing.assert_array_equal(labels.ravel(), [1, 2, 2, 2, 0])
+
+
+def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class() -> None:
+    labels = compete(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
+    np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
+
+
+def test_maps_are_consumed_one_at_a_time() -> None:
+    alive = []
+
+    def maps():
+        for _ in range(3):
+            alive.append(1)
+            yield a_map(1, 1, 1, 1, 1), 0.5
+
+    generator = maps()
+    compete(generator, SHAPE)
+    assert len(alive) == 3
+
+
+def test_the_iso_value_lies_between_positives_and_negatives() -> None:
+    iso = choose_iso(np.array([0.8, 0.9]), np.array([0.5, 0.6]))
+    assert 0.6 < iso < 0.8
+
+
+def test_without_negatives_the_iso_value_is_half_of_the_positives() -> None:
+    assert choose_iso(np.array([0.8]), np.array([])) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("values", [0.0, 1.0])
+def test_the_iso_value_never_selects_everything_or_nothing(values: float) -> None:
+    assert 0.0 < choose_iso(np.array([values]), np.array([values])) < 1.0
+
+
+def test_only_components_with_a_point_are_kept() -> None:
+    labels = np.zeros((3, 9, 9), dtype=np.uint16)
+    labels[1, 1:3, 1:3] = 1
+    labels[1, 6:8, 6:8] = 1
+    labels[0, 5, 5] = 1  # Touches the second part by a corner only, and belongs to it.
+    labels[1, 1:3, 6:8] = 2
+    keep_annotated_components(labels, 1, Geometry(labels.shape, np.eye(4)), np.array([[7.0, 7.0, 1.0]]))
+    assert not labels[1, 1:3, 1:3].any()
+    assert (labels[1, 6:8, 6:8] == 1).all()
+    assert labels[0, 5, 5] == 1
+    assert (labels[1, 1:3, 6:8] == 2).all()
+
+
+def test_where_no_point_hits_a_component_nothing_is_removed() -> None:
+    labels = np.zeros((3, 9, 9), dtype=np.uint16)
+    labels[1, 1:3, 1:3] = 1
+    before = labels.copy()
+    geometry = Geometry(labels.shape, np.eye(4))
+    keep_annotated_components(labels, 1, geometry, np.array([[7.0, 7.0, 1.0]]))
+    keep_annotated_components(labels, 2, geometry, np.array([[7.0, 7.0, 1.0]]))
+    np.testing.assert_array_equal(labels, before)

@@ -1,0 +1,116 @@
+"""Intensity ranks, and iso values chosen where the image has edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_cdf import IntensityRank
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.similarity.iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
+
+
+def volume_of(array: np.ndarray) -> Volume:
+    return Volume(array, Geometry(array.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+
+
+def test_the_prior_rises_from_a_fifth_towards_a_half() -> None:
+    isos = [prior_iso(count) for count in (1, 2, 5, 100)]
+    assert isos == sorted(isos)
+    assert isos[0] == pytest.approx(0.2)
+    assert 0.49 < isos[-1] < 0.5
+
+
+@pytest.mark.parametrize("level", [0.2, 0.3, 0.45])
+def test_the_iso_value_is_drawn_to_the_level_where_the_image_has_an_edge(level: float) -> None:
+    similarity = np.linspace(0.0, 1.0, 20_000)
+    edges = np.where(np.abs(np.log(np.maximum(similarity, 1e-6) / level)) < 0.15, 6.0, 0.5)
+    flat = choose_iso_by_edges(similarity, np.ones_like(similarity), np.array([0.95]), prior_iso(3))
+    drawn = choose_iso_by_edges(similarity, edges, np.array([0.95]), prior_iso(3))
+    assert flat == pytest.approx(prior_iso(3), rel=0.1)
+    assert drawn == pytest.approx(level, rel=0.15)
+
+
+def test_the_iso_value_stays_below_the_map_at_the_positive_points() -> None:
+    similarity = np.linspace(0.0, 1.0, 20_000)
+    edges = np.where(similarity > 0.6, 5.0, 0.1)
+    assert choose_iso_by_edges(similarity, edges, np.array([0.4]), 0.5) <= 0.32 + 1e-9
+
+
+def test_an_empty_map_has_a_defined_iso_value() -> None:
+    assert 0.0 < choose_iso_by_edges(np.zeros(10), np.ones(10), np.array([0.0]), 0.3) < 1.0
+
+
+def ball_map(radius: float = 10.0, softness: float = 0.4, inside: float = 0.7, outside: float = 0.15) -> np.ndarray:
+    """A refined map of a ball: a plateau, a steep edge at the radius, and a slope around it that reaches zero; 48³ voxels."""
+    axis = np.arange(48) - 23.5
+    distance = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
+    slope = np.clip(outside * (1.0 - (distance - radius) / 14.0), 0.0, outside)
+    edge = 1.0 / (1.0 + np.exp((distance - radius) / softness))
+    return (slope + edge * (inside - 0.02 * distance - slope)).astype(np.float32)
+
+
+def refined_iso(refined: np.ndarray, at_positive: float, prior: float) -> float:
+    """Where the image has the same edge strength everywhere: stability decides."""
+    sample = refined.ravel()[::7]
+    return choose_refined_iso(refined, sample, np.ones_like(sample), np.array([at_positive]), prior)
+
+
+@pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.15), (0.9, 0.05), (0.6, 0.2), (0.9, 0.25)])
+@pytest.mark.parametrize("prior", [0.2, 0.35])
+def test_the_iso_value_of_a_refined_map_lies_on_its_steep_edge(inside: float, outside: float, prior: float) -> None:
+    iso = refined_iso(ball_map(inside=inside, outside=outside), inside, prior)
+    assert outside < iso < inside - 0.2
+    volume = np.count_nonzero(ball_map(inside=inside, outside=outside) > iso)
+    assert volume == pytest.approx(4 / 3 * np.pi * 10.0**3, rel=0.2)
+
+
+def test_a_refined_map_that_fades_inside_a_structure_is_cut_at_the_structures_edge() -> None:
+    # Similar near the click alone, as in a large phantom without noise: nothing but the image says how far it reaches.
+    axis = np.arange(48) - 23.5
+    distance = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
+    refined = np.where(distance < 15.0, np.exp(-distance / 5.0), 0.0).astype(np.float32)
+    edges = np.where(np.abs(distance - 15.0) < 1.0, 12.0, 0.3)
+    iso = choose_refined_iso(refined, refined.ravel(), edges.ravel(), np.array([1.0]), prior_iso(2))
+    assert np.count_nonzero(refined > iso) > 0.9 * np.count_nonzero(distance < 15.0)
+
+
+def test_the_iso_value_of_a_refined_map_does_not_depend_on_how_finely_it_is_sampled() -> None:
+    fine = np.repeat(np.repeat(np.repeat(ball_map(), 3, 0), 3, 1), 3, 2)
+    assert refined_iso(fine, 0.7, 0.25) == pytest.approx(refined_iso(ball_map(), 0.7, 0.25), rel=0.02)
+
+
+def test_the_iso_value_of_a_refined_map_keeps_positive_points_inside_and_is_defined_for_flat_maps() -> None:
+    assert refined_iso(ball_map(), 0.2, 0.4) <= 0.16 + 1e-9
+    for level in (0.0, 0.005, 0.3, 1.0):
+        assert 0.0 < refined_iso(np.full((8, 8, 8), level), level, 0.3) < 1.0
+
+
+def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:
+    array = np.random.default_rng(0).gamma(2.0, 100.0, (20, 20, 20))
+    points = volume_of(array).geometry.voxel_centres_ras()
+    rank = IntensityRank(volume_of(array)).at(points)
+    expected = array.ravel().argsort().argsort() / array.size
+    np.testing.assert_allclose(rank, expected, atol=0.005)
+    np.testing.assert_allclose(IntensityRank(volume_of(array**3)).at(points), rank, atol=0.005)
+
+
+def test_ranks_of_a_neighbourhood_pass_over_voxels_that_are_not_finite() -> None:
+    array = np.random.default_rng(0).normal(0.0, 1.0, (9, 9, 9))
+    array[4, 4, 4] = np.nan
+    array[:3, :3, :3] = np.nan
+    rank = IntensityRank(volume_of(array))
+    around = rank.around(np.array([[8.0, 8.0, 8.0], [0.0, 0.0, 0.0]]))
+    assert 0.2 < around[0] < 0.8
+    assert around[1] == 0.0
+
+
+def test_edge_strength_is_large_where_intensities_change() -> None:
+    array = np.random.default_rng(0).normal(0.0, 1.0, (20, 20, 20))
+    array[:, :, 10:] += 100.0
+    volume = volume_of(array)
+    points = volume.geometry.voxel_centres_ras()
+    strength = edge_strength_at(IntensityRank(volume), points, 2.0 * np.eye(3)).reshape(20, 20, 20)
+    assert strength[:, :, 9:11].mean() > strength[:, :, :8].mean() * 1.3
+    assert strength.mean() == pytest.approx(1.0, rel=1e-3)

@@ -1,0 +1,57 @@
+"""What the bilateral solver is tested with: small inputs, and a dense float64 solution of its energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ViTTransferFunction.Logic.refinement.bilateral_solver import BilateralSolution, BilateralSolverSettings
+from ViTTransferFunction.Logic.refinement.bilateral_system import (
+    BISTOCHASTISATION_STEPS,
+    CONFIDENCE_FLOOR,
+    MAX_SMOOTHNESS,
+)
+
+UNIT_SPACING = (1.0, 1.0, 1.0)
+
+
+def some_settings(**changes) -> BilateralSolverSettings:
+    exact = {"sigma_spatial_mm": 3.0, "sigma_luma": 0.1, "smoothness": 8.0, "max_iterations": 2000, "tolerance": 1e-6}
+    return BilateralSolverSettings(**{**exact, "slicing": "nearest", **changes})
+
+
+def a_noisy_step(shape=(8, 9, 10), seed=0):
+    """A target that is blurred and noisy, and a luma that steps where the target should."""
+    generator = torch.Generator().manual_seed(seed)
+    along = torch.arange(shape[2]).expand(shape)
+    luma = torch.where(along < shape[2] // 2, 0.3, 0.7) + 0.05 * torch.randn(shape, generator=generator)
+    target = torch.sigmoid(along - shape[2] / 2.0) + 0.1 * torch.randn(shape, generator=generator)
+    return target.clamp(0, 1), luma.clamp(0, 1)
+
+
+def dense_solution(target, luma, confidence, cell_voxels, options):
+    """Minimise the energy in float64 with a dense matrix; return each voxel's cell (as an index) and the cells' values."""
+    target, luma, confidence = (np.asarray(a, np.float64) for a in (target, luma, confidence))
+    cells = [np.indices(target.shape)[axis] // cell_voxels[axis] for axis in range(3)]
+    cells.append(np.floor(np.clip(luma, 0, 1) / options.sigma_luma + 0.5).astype(int))
+    occupied, of_voxel = np.unique(np.stack([c.ravel() for c in cells], 1), axis=0, return_inverse=True)
+    of_voxel = of_voxel.ravel()
+    count = len(occupied)
+    distance = np.abs(occupied[:, None] - occupied[None]).sum(2)
+    blur = 8.0 * (distance == 0) + (distance == 1)
+    mass = np.bincount(of_voxel, minlength=count).astype(float)
+    n = np.sqrt(mass / 16)
+    for _ in range(BISTOCHASTISATION_STEPS):
+        n = np.sqrt(n * mass / (blur @ n))
+    laplacian = np.diag(n * (blur @ n)) - n[:, None] * blur * n
+    c = np.bincount(of_voxel, confidence.ravel(), count)
+    mean = (confidence * target).sum() / confidence.sum()
+    floored = np.maximum(c, CONFIDENCE_FLOOR * (c / mass).max() * mass)
+    ct = np.bincount(of_voxel, (confidence * target).ravel(), count) + (floored - c) * mean
+    smoothness = min(options.smoothness, MAX_SMOOTHNESS * (c / mass).max())
+    return occupied, of_voxel, np.linalg.solve(smoothness * laplacian + np.diag(floored), ct)
+
+
+def dense_map(target, luma, confidence, solution: BilateralSolution, options):
+    _, of_voxel, values = dense_solution(target, luma, confidence, solution.cell_voxels, options)
+    return values[of_voxel].reshape(target.shape)

@@ -1,0 +1,208 @@
+"""Slicer's application, as far as a scripted module's panel needs one: see the README beside this file."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+import shiboken6
+import slicer
+import slicer.util
+from PySide6.QtCore import Property, Qt
+from PySide6.QtWidgets import QApplication, QMainWindow, QScrollArea, QVBoxLayout, QWidget
+
+from ViTTransferFunction.Testing.support.standin import (
+    ctk,
+    i18n,
+    parameter_node_wrapper,
+    qt,
+    sample_data,
+    scripted_loadable_module,
+)
+from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+from ViTTransferFunction.Testing.support.standin.views import LayoutManager
+
+MODULE_FILE = Path(__file__).parents[3] / "ViTTransferFunction.py"
+NAME = MODULE_FILE.stem
+PANEL_WIDTH = 430
+
+_MODULES: dict[str, ModuleType] = {
+    "qt": qt,
+    "ctk": ctk,
+    "SampleData": sample_data,
+    "slicer.i18n": i18n,
+    "slicer.parameterNodeWrapper": parameter_node_wrapper,
+    "slicer.ScriptedLoadableModule": scripted_loadable_module,
+}
+
+
+class Host:
+    """A Slicer with one module, ViTTransferFunction.
+
+    Args:
+        app: trame-slicer's application, with the scene and the logics.
+
+    Attributes:
+        window: the main window, with the module's panel in it.
+        representation: the panel's outermost widget; its `python_widget` is the module's own widget class.
+    """
+
+    def __init__(self, app: Any) -> None:
+        qt_application = QApplication.instance() or QApplication([])
+        self._replaced = {name: sys.modules.get(name) for name in (*_MODULES, NAME)}
+        sys.modules.update(_MODULES)
+        self._attributes = {
+            "app": Application(app, qt_application),
+            "mrmlScene": app.scene,
+            "modules": SimpleNamespace(),
+            "qMRMLNodeComboBox": qMRMLNodeComboBox,
+            "i18n": i18n,
+        }
+        for name, value in self._attributes.items():
+            setattr(slicer, name, value)
+        _read_properties_as_pythonqt_does()
+        self.window = QMainWindow()
+        self.window.setObjectName("qSlicerMainWindow")
+        self.representation = Representation()
+        slicer.modules.vittransferfunction = SimpleNamespace(
+            path=str(MODULE_FILE), widgetRepresentation=lambda: self.representation
+        )
+        _load_module()
+        self.module = sys.modules[NAME].ViTTransferFunction(SimpleNamespace(path=str(MODULE_FILE)))
+        slicer.app.start()
+
+    def open_panel(self) -> Any:
+        """Show the module's panel, as when a user chooses the module; returns its widget class's object."""
+        area = QScrollArea()
+        area.setWidgetResizable(True)
+        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        area.setWidget(self.representation)
+        self.window.setCentralWidget(area)
+        self.window.resize(PANEL_WIDTH, 1200)
+        self.window.show()
+        self.representation.reload()
+        self.representation.enter()
+        slicer.app.processEvents()
+        return self.representation.python_widget
+
+    def close(self) -> None:
+        """End the application, and leave Python as it was."""
+        if self.representation.python_widget is not None:
+            self.representation.exit()
+            self.representation.python_widget.cleanup()
+        shiboken6.delete(self.window)
+        for name in (*self._attributes, "selfTests"):
+            delattr(slicer, name)
+        for name, module in self._replaced.items():
+            if module is None:
+                del sys.modules[name]
+            else:
+                sys.modules[name] = module
+
+
+class Application:
+    """`slicer.app`."""
+
+    applicationName = "Slicer"  # noqa: N815
+
+    def __init__(self, app: Any, qt_application: Any) -> None:
+        self._app = app
+        self._qt_application = qt_application
+        self._layout_manager = LayoutManager(app.scene)
+        self._at_startup: list[Callable[[], None]] = []
+
+    def start(self) -> None:
+        """Tell everybody that the start is over."""
+        for callback in self._at_startup:
+            callback()
+
+    def connect(self, signal: str, callback: Callable[[], None]) -> None:
+        """Call back when the start is over."""
+        assert signal == "startupCompleted()"
+        self._at_startup.append(callback)
+
+    def mrmlScene(self) -> Any:  # noqa: N802
+        """The scene."""
+        return self._app.scene
+
+    def applicationLogic(self) -> Any:  # noqa: N802
+        """The application's logic."""
+        return self._app.app_logic
+
+    def layoutManager(self) -> LayoutManager:  # noqa: N802
+        """The views."""
+        return self._layout_manager
+
+    def moduleManager(self) -> Any:  # noqa: N802
+        """Tells of modules that are unloaded, which none is."""
+        return SimpleNamespace(connect=lambda signal, slot: None, disconnect=lambda signal, slot: None)
+
+    def testingEnabled(self) -> bool:  # noqa: N802
+        """Questions are answered by yes, and messages are not shown."""
+        return True
+
+    def topLevelWidgets(self) -> list[QWidget]:  # noqa: N802
+        """All windows."""
+        return self._qt_application.topLevelWidgets()
+
+    def processEvents(self) -> None:  # noqa: N802
+        """Let Qt do what is due."""
+        self._qt_application.processEvents()
+
+
+class Representation(QWidget):
+    """The widget that the application puts a module's panel in."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        QVBoxLayout(self)
+        self.python_widget: Any = None
+        self._entered = False
+
+    isEntered = Property(bool, lambda self: self._entered)  # noqa: N815
+
+    def self(self) -> Any:
+        """The module's own widget class's object."""
+        return self.python_widget
+
+    def reload(self) -> None:
+        """Make the panel from the module's class, as it is now."""
+        self.python_widget = sys.modules[NAME].ViTTransferFunctionWidget(self)
+        slicer.modules.ViTTransferFunctionWidget = self.python_widget
+        self.python_widget.setup()
+
+    def enter(self) -> None:
+        """The user opens the module."""
+        self._entered = True
+        self.python_widget.enter()
+
+    def exit(self) -> None:
+        """The user goes to another module."""
+        self._entered = False
+        self.python_widget.exit()
+
+
+def _load_module() -> None:
+    spec = importlib.util.spec_from_file_location(NAME, MODULE_FILE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[NAME] = module
+    spec.loader.exec_module(module)
+
+
+def _read_properties_as_pythonqt_does() -> None:
+    """In the module's files and in Slicer's, `button.checked` is a value, and setting it sets it."""
+    # PySide looks through all modules that are loaded, and some of PyTorch's do not bear being looked at.
+    hidden = {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] == "torch"}
+    parts = (f"{NAME}.Widget.{path.stem}" for path in (MODULE_FILE.parent / "Widget").glob("*.py"))
+    for name in ("slicer.util", NAME, *parts):
+        exec("from __feature__ import true_property", {"__name__": name})
+    sys.modules.update(hidden)

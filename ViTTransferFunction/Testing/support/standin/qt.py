@@ -1,0 +1,23 @@
+"""`qt` as Slicer has it: the classes of several Qt modules under one name."""
+
+from __future__ import annotations
+
+from PySide6 import QtCore, QtGui, QtUiTools, QtWidgets
+
+from ViTTransferFunction.Testing.support.standin import ctk
+from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+
+for _module in (QtCore, QtGui, QtWidgets):
+    globals().update({name: getattr(_module, name) for name in dir(_module) if name.startswith("Q")})
+
+# Read by `slicer.util.childWidgetVariables`; PythonQt gives every object this second name for `objectName`.
+setattr(QtCore.QObject, "name", property(lambda self: self.objectName()))  # noqa: B010  (type checkers know no such name)
+
+
+class QUiLoader(QtUiTools.QUiLoader):
+    """Knows the widgets of CTK and Slicer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        for widget in (ctk.ctkCollapsibleButton, ctk.ctkSliderWidget, ctk.ctkPathLineEdit, qMRMLNodeComboBox):
+            self.registerCustomWidget(widget)

@@ -1,0 +1,27 @@
+"""A network small enough for tests that are about something else, and random weights for any network."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ViTTransferFunction.Logic.features.vision_transformer import expected_shapes
+from ViTTransferFunction.Logic.weights.models import PretrainedModel
+
+TINY_MODEL = PretrainedModel(
+    name="tiny", patch_size=4, embed_dim=24, depth=2, num_heads=2, position_grid=5, num_register_tokens=0, layer_scale=True,
+    file_name="tiny.pth", url=None, sha256=None, size_mb=0, licence="none", homepage="none", citation="none",
+)  # fmt: skip
+
+
+def random_state_dict(model: PretrainedModel, seed: int = 0) -> dict[str, torch.Tensor]:
+    """Weights of the model's shapes, of a size at which activations neither vanish nor explode."""
+    generator = torch.Generator().manual_seed(seed)
+    state = {}
+    for name, shape in expected_shapes(model).items():
+        values = torch.randn(shape, generator=generator)
+        if len(shape) > 1 and name.endswith("weight"):
+            state[name] = values / np.sqrt(np.prod(shape[1:]))
+        else:
+            state[name] = 1.0 + 0.1 * values if "norm" in name else 0.5 * values
+    return state

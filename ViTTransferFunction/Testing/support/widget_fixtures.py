@@ -1,0 +1,43 @@
+"""The module's panel, opened on a real scene; a plugin of the test files that ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import Spheres, wait_until
+
+
+@pytest.fixture
+def host(slicer_app: Any) -> Iterator[Host]:
+    """Slicer with our module, which nobody has opened yet."""
+    host = Host(slicer_app)
+    yield host
+    host.close()
+
+
+@pytest.fixture
+def widget(host: Host) -> Any:
+    """The module's widget, opened, on an empty scene."""
+    return host.open_panel()
+
+
+@pytest.fixture
+def volume(slicer_app: Any, spheres: Spheres) -> Any:
+    """A volume node whose features are in the cache, under the grid that tests use."""
+    cache_known_features(*spheres)
+    return add_volume(slicer_app.scene, spheres[0])
+
+
+@pytest.fixture
+def ready(widget: Any, volume: Any) -> Any:
+    """The module's widget with the features of the volume loaded."""
+    widget.panel.session.parameters.set("grid", GRID)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    wait_until(lambda: widget.panel.session.phase == "ready")
+    return widget

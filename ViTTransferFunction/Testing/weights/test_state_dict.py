@@ -1,0 +1,105 @@
+"""Reading weights files, damaged and malicious ones among them."""
+
+from __future__ import annotations
+
+import io
+import pickle
+from pathlib import Path
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+
+
+def _bytes_of(content: object) -> bytes:
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    return buffer.getvalue()
+
+
+TENSORS = {"cls_token": torch.ones(1, 1, 4), "norm.weight": torch.arange(4.0)}
+SAVED = _bytes_of(TENSORS)
+
+
+@pytest.fixture
+def a_file(tmp_path: Path) -> Path:
+    return tmp_path / "weights.pth"
+
+
+def test_tensors_come_back_under_their_names(a_file: Path) -> None:
+    a_file.write_bytes(SAVED)
+
+    state_dict = load_state_dict(a_file)
+
+    assert list(state_dict) == list(TENSORS)
+    assert all(torch.equal(state_dict[name], tensor) for name, tensor in TENSORS.items())
+
+
+def test_the_mask_token_is_left_out_and_nothing_else(a_file: Path) -> None:
+    a_file.write_bytes(_bytes_of(TENSORS | {"mask_token": torch.zeros(1, 4), "head.weight": torch.zeros(2, 4)}))
+
+    assert list(load_state_dict(a_file)) == ["cls_token", "norm.weight", "head.weight"]
+
+
+def test_code_in_a_file_is_refused_and_not_run(a_file: Path, tmp_path: Path) -> None:
+    trace = tmp_path / "code was run"
+
+    class Malicious:
+        def __reduce__(self) -> tuple:
+            return Path.touch, (trace,)
+
+    for content in (_bytes_of(TENSORS | {"x": Malicious()}), pickle.dumps(Malicious(), protocol=2)):
+        a_file.write_bytes(content)
+        with pytest.raises(InputError, match="code, which was not run"):
+            load_state_dict(a_file)
+
+    assert not trace.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"<!DOCTYPE html><title>Log in</title>", SAVED[: len(SAVED) // 2]])
+def test_a_file_that_is_no_checkpoint_is_named(a_file: Path, content: bytes) -> None:
+    a_file.write_bytes(content)
+
+    with pytest.raises(InputError, match=r"weights\.pth is not a weights file"):
+        load_state_dict(a_file)
+
+
+@settings(max_examples=60, deadline=None)
+@given(end=st.integers(0, len(SAVED)), place=st.integers(0, len(SAVED) - 1), value=st.integers(0, 255))
+def test_damage_anywhere_is_an_input_error_if_it_is_noticed(
+    tmp_path_factory: pytest.TempPathFactory, end: int, place: int, value: int
+) -> None:
+    damaged = bytearray(SAVED)
+    damaged[place] = value
+    file = tmp_path_factory.mktemp("damaged") / "weights.pth"
+    file.write_bytes(damaged[:end])
+
+    try:
+        state_dict = load_state_dict(file)
+    except InputError:
+        return
+    assert all(isinstance(tensor, torch.Tensor) for tensor in state_dict.values())
+
+
+@pytest.mark.parametrize("content", [torch.zeros(3), [torch.zeros(3)], {}])
+def test_something_else_than_named_tensors_is_refused(a_file: Path, content: object) -> None:
+    a_file.write_bytes(_bytes_of(content))
+
+    with pytest.raises(InputError, match="expected a dictionary of named tensors"):
+        load_state_dict(a_file)
+
+
+def test_a_training_checkpoint_is_refused_with_its_entries(a_file: Path) -> None:
+    a_file.write_bytes(_bytes_of({"student": TENSORS, "teacher": TENSORS, "epoch": 100}))
+
+    with pytest.raises(InputError, match="student, teacher, epoch"):
+        load_state_dict(a_file)
+
+
+def test_a_missing_file_is_named(a_file: Path) -> None:
+    with pytest.raises(InputError, match=r"Cannot read the weights file .*weights\.pth"):
+        load_state_dict(a_file)

@@ -1,0 +1,190 @@
+"""The panel while the compute process works for it: progress, cancelling, results, and a window that never stands still."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtCore import QObject, QTimerEvent
+from PySide6.QtTest import QTest
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Testing.session.test_segmentation_session import centre_ras
+from ViTTransferFunction.Testing.support.known_features import GRID
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import Spheres, add_class, place, text, wait_until
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+
+def test_buttons_are_enabled_as_they_become_useful(ready: Any, spheres: Spheres) -> None:
+    ui = ready.ui
+    assert not ui.writeSegmentsButton.isEnabled()
+    add_class(ready)
+    assert all(getattr(ui, f"{name}Button").isEnabled() for name in ("pointOn", "pointOff", "brushOn", "brushOff", "eraser"))
+    assert ui.removeClassButton.isEnabled()
+    assert ui.undoButton.isEnabled()
+    assert not ui.redoButton.isEnabled()
+    assert not ui.removeLastButton.isEnabled()
+    assert not ui.writeSegmentsButton.isEnabled()
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    assert ui.removeLastButton.isEnabled()
+    assert ui.writeSegmentsButton.isEnabled()
+
+
+def test_what_features_cost_is_shown_before_they_are_computed(widget: Any, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    wait_until(lambda: widget.panel.session.estimate is not None)
+    assert "of memory" in widget.ui.estimateLabel.text()
+    assert widget.ui.extractButton.isEnabled()
+
+
+def test_a_running_extraction_shows_its_progress_and_can_be_cancelled(widget: Any, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    assert widget.ui.extractionProgressRow.isVisible()
+    assert not widget.ui.extractionStartRow.isVisible()
+    widget.ui.extractionCancelButton.click()
+    wait_until(lambda: widget.panel.session.phase == "no features")
+    assert widget.ui.extractionStartRow.isVisible()
+
+
+def test_an_error_is_shown_once_in_the_panel(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
+    constant = add_volume(slicer_app.scene, spheres[0])
+    slicer.util.arrayFromVolume(constant)[:] = 7
+    widget.ui.volumeSelector.setCurrentNode(constant)
+    wait_until(lambda: widget.ui.messageFrame.isVisible())
+    assert "is constant: every finite voxel is 7" in widget.ui.messageLabel.text()
+    widget.ui.messageCloseButton.click()
+    widget.panel.refresh()
+    assert not widget.ui.messageFrame.isVisible()
+
+
+def test_the_threshold_is_automatic_until_it_is_touched_and_can_become_so_again(ready: Any, spheres: Spheres) -> None:
+    ui, session = ready.ui, ready.panel.session
+    state = add_class(ready)
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: session.chosen_iso(state.id) is not None)
+    chosen = session.chosen_iso(state.id)
+    assert ui.thresholdSlider.value == pytest.approx(chosen, abs=1e-3)
+    assert text(ui.classTable, 0, 5) == f"({chosen:.2f})"
+    ui.thresholdSlider.value = 0.875
+    assert session.classes[0].iso == 0.875
+    assert not ui.thresholdAutomaticCheckBox.isChecked()
+    assert text(ui.classTable, 0, 5) == "0.88"
+    ui.thresholdAutomaticCheckBox.click()
+    assert session.classes[0].iso is None
+
+
+def test_segments_are_written_where_the_user_says_and_updated_there(ready: Any, spheres: Spheres) -> None:
+    ui, session = ready.ui, ready.panel.session
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    segmentation = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLSegmentationNode", "mine")
+    ui.segmentationSelector.setCurrentNode(segmentation)
+    assert ui.writeSegmentsButton.text() == "Create segments"
+    wait_until(lambda: not session.busy)
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: not session.busy)
+    assert segmentation.GetSegmentation().GetNthSegment(0).GetName() == "sphere"
+    assert ui.writeSegmentsButton.text() == "Update segments"
+
+
+def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any) -> None:
+    session = widget.panel.session
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    assert session.phase == "extracting"
+    slicer.mrmlScene.Clear()
+    assert session.compute_pid is None
+    assert widget.panel.session is not session
+    assert widget.ui.volumeSelector.currentNode() is None
+    assert widget.ui.extractionStartRow.isVisible()
+    assert widget.ui.classTable.rowCount() == 0
+    add_class(widget)
+    assert len(widget.panel.session.classes) == 1
+
+
+def test_features_arrive_also_while_the_user_is_in_another_module(widget: Any, host: Host, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    host.representation.exit()
+    widget.panel.session.parameters.set("grid", GRID)
+    wait_until(lambda: widget.panel.session.phase == "ready")
+    host.representation.enter()
+    assert widget.ui.extractionStatusLabel.isVisible()
+    assert not widget.ui.extractionStartRow.isVisible()
+    assert not widget.ui.extractionProgressRow.isVisible()
+
+
+def test_the_application_ends_while_features_are_computed(host: Host, volume: Any) -> None:
+    widget = host.open_panel()
+    session = widget.panel.session
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    widget.cleanup()
+    assert session.compute_pid is None
+    assert widget.panel.shortcuts.installed == []
+    host.representation.python_widget = None
+
+
+class Heart(QObject):
+    """Measures for how long the event loop of the GUI thread stood still, at most."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.longest_s = 0.0
+        self._last_s = time.monotonic()
+        self.startTimer(1)
+
+    def timerEvent(self, event: QTimerEvent) -> None:  # noqa: N802
+        now = time.monotonic()
+        self.longest_s, self._last_s = max(self.longest_s, now - self._last_s), now
+
+
+def test_the_window_never_stands_still_while_features_are_computed(
+    widget: Any, slicer_app: Any, spheres: Spheres, real_weights: Path
+) -> None:
+    array = np.tile(spheres[0].array, (3, 3, 3))
+    volume = add_volume(slicer_app.scene, Volume(array, Geometry(array.shape, spheres[0].geometry.ijk_to_ras), "large"))
+    parameters = widget.panel.session.parameters
+    parameters.set("grid", 48)
+    parameters.set("model", "dinov2_vits14_focus")
+    parameters.set("weightsPath", str(real_weights))
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    # Other programs on the computer stop this one as well, so the best of several stretches counts.
+    longest_s = []
+    wait_until(lambda: widget.panel.session.progress is not None and widget.panel.session.progress.done > 0)
+    for _ in range(4):
+        heart = Heart()
+        QTest.qWait(500)
+        longest_s.append(heart.longest_s)
+    assert widget.panel.session.phase == "extracting"
+    assert min(longest_s) < 0.05
+
+
+def test_the_self_test_passes(
+    widget: Any, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("VITTF_WEIGHTS", str(real_weights))
+    slicer.selfTests["ViTTransferFunction"](msec=0)
+    assert capsys.readouterr().out.splitlines()[-1] == "VITTF SELF-TEST PASSED"
+
+
+def test_a_self_test_that_fails_says_so(
+    widget: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path / "not there"))
+    with pytest.raises(ValueError, match="no weights file"):
+        slicer.selfTests["ViTTransferFunction"](msec=0)
+    assert capsys.readouterr().out.splitlines()[-1] == "VITTF SELF-TEST FAILED"

@@ -1,0 +1,270 @@
+"""The panel as a user has it: its own .ui file and code, on PySide6 in the place of Slicer's PythonQt, with a real scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtCore import QObject, Qt
+from PySide6.QtGui import QKeySequence
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QProgressBar, QWidget
+
+from ViTTransferFunction.Testing.support.standin import ctk
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+# Keys of the main window, of slice and 3D views, of points under the mouse, and of the markups tool bar, from Slicer's files
+# qSlicerMainWindow.{ui,cxx}, qSlicerModuleSelectorToolBar.cxx, vtkMRML{SliceIntersection,Camera,Markups}Widget.cxx,
+# vtkMRMLModelDisplayableManager.cxx and qMRMLMarkupsToolBar.cxx.
+MAIN_WINDOW = "O S W Z Y X C V H F B 0 1 2 3 4 5 6 ` Left Right Shift+A Shift+T Shift+Space"
+VIEWS = "G T F B V Shift+V R S I [ ] { } + - Left Right Up Down Home End PgUp PgDown Ins Del Backspace"
+KEYS_OF_SLICER = {f"Ctrl+{key}" for key in MAIN_WINDOW.split()} | set(VIEWS.split())
+
+
+def is_user_widget(child: QObject) -> bool:
+    kinds = (QAbstractButton, QComboBox, QAbstractSpinBox, QLineEdit, QProgressBar, ctk.ctkSliderWidget, qMRMLNodeComboBox)
+    return isinstance(child, (*kinds, ctk.ctkPathLineEdit)) or child.inherits("QTableWidget") or child.inherits("QLabel")
+
+
+def test_everything_that_the_user_sees_has_a_tool_tip(widget: Any) -> None:
+    named = [child for child in vars(widget.ui).values() if isinstance(child, QWidget) and is_user_widget(child)]
+    named = [child for child in named if not child.objectName().startswith("qt_")]
+    assert len(named) > 60
+    assert [child.objectName() for child in named if not child.toolTip()] == []
+
+
+def test_nothing_can_be_pressed_that_cannot_work_yet(widget: Any) -> None:
+    waiting = (
+        "extract",
+        "writeSegments",
+        "removeClass",
+        "undo",
+        "redo",
+        "removeLast",
+        "pointOn",
+        "pointOff",
+        "brushOn",
+        "eraser",
+    )
+    assert not any(getattr(widget.ui, f"{name}Button").isEnabled() for name in waiting)
+    assert widget.ui.addClassButton.isEnabled()
+    assert widget.ui.extractButton.toolTip() == "Select a volume first."
+
+
+def test_a_chosen_volume_reaches_the_session_and_one_chosen_there_is_shown(widget: Any, volume: Any) -> None:
+    session = widget.panel.session
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    assert session.parameters.volume is volume
+    session.set_volume(None)
+    assert widget.ui.volumeSelector.currentNode() is None
+
+
+def test_the_volume_in_the_views_is_chosen_from_the_start(host: Host, slicer_app: Any, volume: Any) -> None:
+    slicer_app.app_logic.GetSelectionNode().SetActiveVolumeID(volume.GetID())
+    assert host.open_panel().ui.volumeSelector.currentNode() is volume
+
+
+def test_a_name_typed_in_the_table_is_the_class_s(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.classTable.item(0, 1).setText("liver")
+    assert widget.panel.session.classes[0].name == "liver"
+
+
+def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
+    add_class(widget, "liver")
+    widget.ui.classTable.item(0, 1).setText(" ")
+    assert widget.panel.session.classes[0].name == "liver"
+    assert text(widget.ui.classTable, 0, 1) == "liver"
+    assert "needs a name" in widget.ui.messageLabel.text()
+
+
+def test_a_class_is_hidden_by_its_box(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.classTable.item(0, 2).setCheckState(Qt.CheckState.Unchecked)
+    assert not widget.panel.session.classes[0].visible
+
+
+def test_a_double_click_on_the_colour_asks_for_another(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ViTTransferFunction.Widget import class_table
+
+    monkeypatch.setattr(class_table, "ask_color", lambda color, name, parent: (0.0, 0.5, 1.0))
+    add_class(widget)
+    widget.ui.classTable.cellDoubleClicked.emit(0, class_table.COLOR)
+    assert widget.panel.session.classes[0].color == (0.0, 0.5, 1.0)
+    color = widget.ui.classTable.item(0, class_table.COLOR).data(Qt.ItemDataRole.DecorationRole)
+    assert color.blue() == 255
+
+
+def test_the_selected_row_is_the_selected_class(widget: Any) -> None:
+    first, second = add_class(widget, "liver"), add_class(widget, "spleen")
+    assert widget.ui.classTable.currentRow() == 1
+    widget.ui.classTable.selectRow(0)
+    assert widget.panel.session.selected_class.id == first.id
+    widget.panel.session.select_class(second.id)
+    assert widget.ui.classTable.currentRow() == 1
+
+
+def test_removing_a_class_is_undone_with_its_points(widget: Any) -> None:
+    add_class(widget, "liver")
+    place(widget, (1.0, 2.0, 3.0))
+    widget.ui.removeClassButton.click()
+    assert widget.ui.classTable.rowCount() == 0
+    widget.ui.undoButton.click()
+    assert text(widget.ui.classTable, 0, 1) == "liver"
+    assert text(widget.ui.classTable, 0, 3) == "1"
+
+
+def test_points_placed_in_a_view_are_counted_undone_and_redone(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.pointOffButton.click()
+    place(widget, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+    assert text(widget.ui.classTable, 0, 4) == "2"
+    widget.ui.undoButton.click()
+    assert text(widget.ui.classTable, 0, 4) == "1"
+    widget.ui.redoButton.click()
+    assert text(widget.ui.classTable, 0, 4) == "2"
+    widget.ui.removeLastButton.click()
+    assert len(widget.panel.session.classes[0].negative) == 1
+
+
+def test_sliders_set_the_selected_class_and_no_other(widget: Any) -> None:
+    add_class(widget)
+    add_class(widget)
+    widget.ui.opacitySlider.value = 0.25
+    widget.ui.proximitySlider.value = 0.5
+    widget.ui.refineCheckBox.click()
+    first, second = widget.panel.session.classes
+    assert (second.opacity, second.proximity, second.refine) == (0.25, 0.5, False)
+    assert (first.opacity, first.proximity, first.refine) == (1.0, 0.0, True)
+    widget.ui.classTable.selectRow(0)
+    assert (widget.ui.opacitySlider.value, widget.ui.proximitySlider.value, widget.ui.refineCheckBox.isChecked()) == (
+        1,
+        0,
+        True,
+    )
+
+
+def test_a_new_class_has_the_tool_in_hand_and_it_follows_the_selection(widget: Any) -> None:
+    interaction = slicer.app.applicationLogic().GetInteractionNode()
+    selection = slicer.app.applicationLogic().GetSelectionNode()
+    first, second = add_class(widget), add_class(widget)
+    annotations = widget.panel.session.annotations
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert interaction.GetPlaceModePersistence()
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(second.id, positive=True).GetID()
+    widget.ui.classTable.selectRow(0)
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(first.id, positive=True).GetID()
+    widget.ui.pointOffButton.click()
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(first.id, positive=False).GetID()
+    assert not widget.ui.pointOnButton.isChecked()
+    widget.ui.pointOffButton.click()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+
+
+def test_placing_that_ends_in_a_view_ends_in_the_panel(widget: Any) -> None:
+    add_class(widget)
+    assert widget.ui.pointOnButton.isChecked()
+    slicer.app.applicationLogic().GetInteractionNode().SwitchToViewTransformMode()
+    assert not widget.ui.pointOnButton.isChecked()
+    assert widget.panel.tools.tool is None
+
+
+def test_the_tool_is_put_down_with_the_last_class_and_with_the_module(widget: Any, host: Host) -> None:
+    interaction = slicer.app.applicationLogic().GetInteractionNode()
+    add_class(widget)
+    widget.ui.removeClassButton.click()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    add_class(widget)
+    host.representation.exit()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    host.representation.enter()
+
+
+def drag(view: str, *path: tuple[int, int]) -> None:
+    """Draw a line in a slice view with the left button."""
+    interactor = slicer.app.layoutManager().sliceWidget(view).sliceView().interactor()
+    interactor.SetEventInformation(*path[0])
+    interactor.InvokeEvent("LeftButtonPressEvent")
+    for x, y in path[1:]:
+        interactor.SetEventInformation(x, y)
+        interactor.InvokeEvent("MouseMoveEvent")
+    interactor.InvokeEvent("LeftButtonReleaseEvent")
+
+
+def test_strokes_in_any_slice_view_leave_points_and_the_eraser_takes_them(widget: Any) -> None:
+    add_class(widget)
+    widget.ui.brushSizeSlider.value = 10.0
+    widget.ui.brushOnButton.click()
+    drag("Red", (50, 100), (60, 100), (70, 100))
+    widget.ui.brushOffButton.click()
+    drag("Yellow", (50, 100), (60, 100))
+    state = widget.panel.session.classes[0]
+    assert (len(state.positive), len(state.negative)) == (3, 2)
+    steps = np.diff(np.array(state.positive), axis=0)
+    np.testing.assert_allclose(np.abs(steps), [[10.0, 0.0, 0.0]] * 2, atol=1e-6)
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0].negative == ()
+    widget.ui.eraserButton.click()
+    drag("Red", (50, 100), (55, 100))
+    assert len(widget.panel.session.classes[0].positive) == 1
+    widget.ui.eraserButton.click()
+    drag("Red", (70, 100), (70, 100))
+    assert len(widget.panel.session.classes[0].positive) == 1
+
+
+def test_the_keys_listed_are_the_keys_installed_and_none_is_slicer_s(widget: Any) -> None:
+    from ViTTransferFunction.Widget.shortcuts import SHORTCUTS
+
+    installed = [shortcut.key().toString() for shortcut in widget.panel.shortcuts.installed]
+    assert installed == [QKeySequence(shortcut.key).toString() for shortcut in SHORTCUTS]
+    assert all(f"<b>{shortcut.key}</b>" in widget.ui.shortcutsLabel.text() for shortcut in SHORTCUTS)
+    assert KEYS_OF_SLICER.isdisjoint(installed)
+    for shortcut in SHORTCUTS:
+        if shortcut.button:
+            assert getattr(widget.ui, shortcut.button).toolTip().endswith(f"Key: {shortcut.key}")
+
+
+def test_keys_do_what_the_buttons_do_while_the_module_is_open(widget: Any, host: Host) -> None:
+    add_class(widget)
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_N)
+    assert widget.panel.tools.tool == "pointOff"
+    QTest.keyClick(host.window, Qt.Key.Key_E)
+    assert widget.panel.tools.tool == "eraser"
+    QTest.keyClick(host.window, Qt.Key.Key_Escape)
+    assert widget.panel.tools.tool is None
+    QTest.keyClick(host.window, Qt.Key.Key_Z)
+    assert widget.panel.session.classes == ()
+    QTest.keyClick(host.window, Qt.Key.Key_Y)
+    assert len(widget.panel.session.classes) == 1
+    host.representation.exit()
+    QTest.keyClick(host.window, Qt.Key.Key_A)
+    assert widget.panel.tools.tool is None
+    host.representation.enter()
+    QTest.keyClick(host.window, Qt.Key.Key_A)
+    assert widget.panel.tools.tool == "pointOn"
+
+
+def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
+    add_class(widget)
+    widget.ui.pointOnButton.click()
+    host.window.activateWindow()
+    table = widget.ui.classTable
+    table.editItem(table.item(0, 1))
+    editor = table.findChild(QLineEdit)
+    QTest.keyClicks(editor, "aorta")
+    QTest.keyClick(editor, Qt.Key.Key_Return)
+    QTest.qWait(10)
+    assert widget.panel.session.classes[0].name == "aorta"
+    assert widget.panel.tools.tool is None

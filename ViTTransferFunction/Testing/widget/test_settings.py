@@ -1,0 +1,182 @@
+"""What the panel keeps and shows of settings: in the parameter node, in saved scenes, in the cache, in words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+
+def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
+    ui, parameters = widget.ui, widget.panel.session.parameters
+    ui.presetComboBox.setCurrentText("As published (many times slower)")
+    ui.modelComboBox.setCurrentText("dino_vits8")
+    ui.deviceComboBox.setCurrentText("Processor (CPU)")
+    ui.refinementComboBox.setCurrentText("Guided filter (faster)")
+    ui.renderingComboBox.setCurrentText("Transfer function")
+    ui.gridSpinBox.setValue(48)
+    ui.overlayOpacitySlider.value = 0.25
+    for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"):
+        getattr(ui, f"{name}CheckBox").click()
+    names = ("preset", "model", "device", "refinement", "rendering", "grid", "overlayOpacity")
+    written = ("published", "dino_vits8", "cpu", "guided", "transfer function", 48, 0.25)
+    assert tuple(parameters.get(name) for name in names) == written
+    assert not any(parameters.get(name) for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"))
+    for name in names:
+        parameters.set(name, parameters.DEFAULTS[name])
+    shown = (ui.presetComboBox, ui.modelComboBox, ui.deviceComboBox, ui.refinementComboBox, ui.renderingComboBox)
+    assert [box.currentText() for box in shown] == [
+        "Balanced",
+        "as in the preset",
+        "Automatic",
+        "Bilateral solver",
+        "Similarity",
+    ]
+    assert (ui.gridSpinBox.value(), ui.overlayOpacitySlider.value) == (0, 0.5)
+
+
+def test_values_that_a_saved_scene_cannot_mean_become_defaults(host: Host) -> None:
+    node = slicer.vtkMRMLScriptedModuleNode()
+    node.SetSingletonTag("ViTTransferFunction")
+    node = slicer.mrmlScene.AddNode(node)
+    for name, value in {"model": "of tomorrow", "rendering": "", "grid": "many", "overlayOpacity": "nan"}.items():
+        node.SetParameter(name, value)
+    parameters = host.open_panel().panel.session.parameters
+    assert [parameters.get(name) for name in ("model", "rendering", "grid", "overlayOpacity")] == ["", "similarity", 0, 0.5]
+
+
+def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -> None:
+    ui, parameters = widget.ui, widget.panel.session.parameters
+    display = volume.GetScalarVolumeDisplayNode()
+    display.SetAutoWindowLevel(False)
+    display.SetWindowLevelMinMax(-50.0, 150.0)
+    ui.volumeSelector.setCurrentNode(volume)
+    ui.advancedCollapsibleButton.click()
+    assert (ui.windowLowSpinBox.value(), ui.windowHighSpinBox.value()) == (-50.0, 150.0)
+    ui.windowHighSpinBox.setValue(200.0)
+    assert [parameters.get(f"window{name}") for name in ("Automatic", "Low", "High")] == [False, -50.0, 200.0]
+    assert not ui.windowAutomaticCheckBox.isChecked()
+    ui.windowAutomaticCheckBox.click()
+    assert parameters.get("windowAutomatic")
+    assert not ui.messageFrame.isVisible()
+
+
+def test_a_window_that_is_none_is_told_of(widget: Any, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.advancedCollapsibleButton.click()
+    widget.ui.windowLowSpinBox.setValue(5000.0)
+    assert "lower first" in widget.ui.messageLabel.text()
+
+
+def test_own_weights_are_chosen_and_given_up(widget: Any, tmp_path: Path) -> None:
+    parameters = widget.panel.session.parameters
+    widget.ui.advancedCollapsibleButton.click()
+    widget.ui.weightsPathLineEdit.currentPath = str(tmp_path)
+    assert parameters.get("weightsPath") == str(tmp_path)
+    widget.ui.clearWeightsButton.click()
+    assert parameters.get("weightsPath") == ""
+    assert widget.ui.weightsPathLineEdit.currentPath == ""
+    assert not widget.ui.clearWeightsButton.isEnabled()
+
+
+@pytest.fixture
+def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The questions that the user was asked, all of which are answered by OK."""
+    asked: list[str] = []
+
+    def confirm(text: str) -> bool:
+        asked.append(text)
+        return True
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", confirm)
+    return asked
+
+
+def test_the_cache_is_shown_and_emptied_on_confirmation(
+    widget: Any, volume: Any, a_cache_of_its_own: Path, questions: list[str]
+) -> None:
+    widget.ui.advancedCollapsibleButton.click()
+    assert str(a_cache_of_its_own) in widget.ui.cacheFolderLabel.text()
+    assert widget.ui.clearFeaturesButton.isEnabled()
+    assert not widget.ui.removeModelButton.isEnabled()
+    widget.ui.clearFeaturesButton.click()
+    assert list((a_cache_of_its_own / "features").iterdir()) == []
+    assert "Delete the features of all volumes" in questions[0]
+    assert not widget.ui.clearFeaturesButton.isEnabled()
+
+
+def test_a_model_is_removed_from_the_cache_on_confirmation(widget: Any, a_cache_of_its_own: Path, questions: list[str]) -> None:
+    weights = a_cache_of_its_own / "weights" / "dino_deitsmall8_pretrain.pth"
+    weights.parent.mkdir()
+    weights.write_bytes(b"weights")
+    widget.ui.advancedCollapsibleButton.click()
+    widget.panel.session.parameters.set("model", "dino_vits8")
+    assert widget.ui.removeModelButton.isEnabled()
+    widget.ui.removeModelButton.click()
+    assert not weights.exists()
+    assert "dino_vits8" in questions[0]
+
+
+def test_a_scene_closed_in_another_module_is_met_on_coming_back(widget: Any, host: Host) -> None:
+    add_class(widget)
+    host.representation.exit()
+    slicer.mrmlScene.Clear()
+    assert not widget.panel.session
+    host.representation.enter()
+    assert widget.panel.session.classes == ()
+
+
+def test_a_saved_scene_brings_everything_back(widget: Any, volume: Any, tmp_path: Path) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    add_class(widget, "liver")
+    place(widget, (1.0, 2.0, 3.0))
+    widget.ui.opacitySlider.value = 0.5
+    widget.ui.renderingComboBox.setCurrentIndex(0)
+    path = str(tmp_path / "scene.mrml")
+    slicer.mrmlScene.SetURL(path)
+    slicer.mrmlScene.Commit(path)
+    slicer.mrmlScene.Clear()
+    slicer.mrmlScene.Import()
+    (state,) = widget.panel.session.classes
+    assert (state.name, state.opacity) == ("liver", 0.5)
+    assert text(widget.ui.classTable, 0, 1) == "liver"
+    assert widget.ui.renderingComboBox.currentText() == "Off"
+    widget.ui.renderingComboBox.setCurrentIndex(1)
+    assert widget.panel.session.parameters.get("rendering") == "similarity"
+
+
+def test_sample_data_is_offered_with_its_checksum(host: Host) -> None:
+    import SampleData
+
+    (source,) = SampleData.SampleDataLogic.sources
+    assert source["uris"].endswith(source["checksums"].removeprefix("SHA256:"))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0.2, "1 s"), (12, "12 s"), (43, "45 s"), (100, "2 min"), (3500, "58 min"), (4200, "1 h 10 min")]
+)
+def test_durations_are_told_as_people_do(host: Host, seconds: float, words: str) -> None:
+    from ViTTransferFunction.Widget.wording import duration
+
+    assert duration(seconds) == words
+
+
+def test_the_estimate_is_told_in_a_few_words(host: Host) -> None:
+    from ViTTransferFunction.Logic.compute.exchange import Estimate
+    from ViTTransferFunction.Widget.volume_section import estimate_text
+
+    assert estimate_text(None) == "Estimating…"
+    assert estimate_text(Estimate(cached=True, seconds=None, memory_bytes=1, download_mb=0)) == "In the cache: ready at once."
+    costly = Estimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download_mb=88)
+    assert estimate_text(costly) == "About 2 min, 1.2 GB of memory, 88 MB to download."
