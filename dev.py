@@ -53,7 +53,7 @@ def test(arguments: list[str]) -> int:
 
 
 def lint(arguments: list[str]) -> int:
-    """Run every check, also after one failed, so that one run shows all there is to mend."""
+    """Run every check, also after one failed, so that one run shows all that is to be corrected."""
     set_up("lint")
     codes = [run("-m", "ruff", "check"), run("-m", "ruff", "format", "--check"), run("-m", "mypy", *arguments)]
     return max(codes)

@@ -174,7 +174,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         session.parameters.set("grid", self.GRID)
         widget.ui.volumeSelector.setCurrentNode(volume)
         assert session.parameters.volume is volume, "the panel did not tell the session of its volume"
-        self._compute_features(session)
+        self._compute_features(widget)
         names = self._annotate(session, volume)
         self._undo_and_redo(session)
         self._write_segments(session, volume, names)
@@ -193,18 +193,16 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         register_sample_data()
         return SampleData.downloadSample(SAMPLE)
 
-    def _compute_features(self, session: Any) -> None:
-        from ViTTransferFunction.Logic.weights.sources import identify_model
-
+    def _compute_features(self, widget: Any) -> None:
         self.delayDisplay("Computing features")
-        session.parameters.set("model", identify_model() or "")
+        session = widget.panel.session
         session.wait()
         session.start_extraction()
         session.wait()
-        assert session.phase == "ready", session.take_error()
+        assert session.phase == "ready", widget.ui.messageLabel.text
 
     def _annotate(self, session: Any, volume: Any) -> list[str]:
-        from ViTTransferFunction.Logic.core.annotations import read_annotations
+        from ViTTransferFunction.Logic.files.annotation_files import read_annotations
         from ViTTransferFunction.Logic.scene.volume import geometry_from_node
 
         self.delayDisplay("Placing points")
@@ -212,8 +210,8 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         annotated = read_annotations(path, geometry_from_node(volume))
         for given in annotated:
             state = session.annotations.add_class(given.name, given.color)
-            session.annotations.add_points(state.id, given.positive, positive=True)
-            session.annotations.add_points(state.id, given.negative, positive=False)
+            session.annotations.add_points(state.id, given.request.positive, positive=True)
+            session.annotations.add_points(state.id, given.request.negative, positive=False)
         session.wait()
         for state in session.classes:
             assert session.chosen_iso(state.id) is not None, f"{state.name} has no map"

@@ -16,8 +16,8 @@ from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkRenderingCore import vtkTextProperty, vtkTextRenderer
 from vtkmodules.vtkRenderingFreeType import vtkFreeTypeTools  # noqa: F401  (importing it gives vtkTextRenderer its fonts)
 
-from ViTTransferFunction.Logic.core.annotations import Color
 from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.colors import Color
 
 BACKGROUND: Color = (0.055, 0.063, 0.078)
 TEXT: Color = (0.86, 0.88, 0.91)

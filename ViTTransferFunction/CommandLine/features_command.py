@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, open_session
+from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, opened_session
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 
@@ -19,7 +19,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     with ProgressBar() as progress:
-        load_features(open_session(args), args, progress)
+        load_features(opened_session(args), progress)
     cache = FeatureCache()
     print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e6:.0f} MB")
     return 0

@@ -10,10 +10,10 @@ import numpy as np
 from ViTTransferFunction.CommandLine.canvas import PictureSegment, save_png
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 
 
@@ -35,7 +35,7 @@ def draw_pictures(
         segments: names and colours.
         opacities: of the rendered segments, in [0, 1]; opaque where None.
         classes: annotations to mark in the slices; in the order of the segments.
-        progress: told of pictures drawn.
+        progress: called with pictures drawn.
 
     Returns:
         The two paths.
@@ -52,7 +52,7 @@ def draw_pictures(
     points = [
         PicturePoint(position, index, positive)
         for index, annotated in enumerate(classes)
-        for positive, positions in ((True, annotated.positive), (False, annotated.negative))
+        for positive, positions in ((True, annotated.request.positive), (False, annotated.request.negative))
         for position in positions
     ]
     rendering_path = path.with_name(f"{path.stem}_3d{path.suffix}")

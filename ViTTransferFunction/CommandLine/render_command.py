@@ -8,10 +8,10 @@ from pathlib import Path
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.annotations import read_annotations
 from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.label_resampling import resample_labels
+from ViTTransferFunction.Logic.core.resampling import resample_labels
+from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 

@@ -14,23 +14,21 @@ from ViTTransferFunction.CommandLine.options import (
     Subparsers,
     add_feature_options,
     load_features,
-    open_session,
+    opened_session,
     parse_named_paths,
 )
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass, check_classes, classes_from_markups, read_annotations
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, classes_from_markups, read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, check_segmentation_path, write_image, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.session.segmentation_session import (
-    ClassMap,
-    FeatureProvenance,
-    Segmentation,
-    SegmentationSession,
-)
+from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
+from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -58,12 +56,13 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     _check_outputs(args)
     with ProgressBar() as progress:
-        session = open_session(args)
+        session = opened_session(args)
         classes = _read_classes(args, session.volume.geometry)
-        check_classes(classes, session.volume.geometry)
-        provenance = load_features(session, args, progress)
+        requests = [annotated.request for annotated in classes]
+        check_requests(requests, session.volume.geometry)
+        provenance = load_features(session, progress)
         segmentation = session.segment(
-            classes,
+            requests,
             args.refine,
             only_annotated_components=not args.keep_all_components,
             progress=progress,
@@ -97,13 +96,13 @@ def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[Annotate
     return classes_from_markups(parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative"))
 
 
-def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[AnnotatedClass, ClassMap], None] | None:
+def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, ClassMap], None] | None:
     if folder is None:
         return None
 
-    def write(annotated: AnnotatedClass, full: ClassMap) -> None:
-        with replacing(folder / f"{file_stem(annotated.name)}.nii.gz") as temporary:
-            write_image(temporary, full.similarity, geometry)
+    def write(request: ClassRequest, full: ClassMap) -> None:
+        with replacing(folder / f"{file_stem(request.name)}.nii.gz") as temporary:
+            write_image(temporary, full.array, geometry)
 
     return write
 
@@ -132,6 +131,7 @@ def _report(
         "refinement": args.refine,
         "grid": session.features.array.shape[2::-1],
         "device": provenance.device,
+        "precision": provenance.precision,
         "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
         "peak_memory_bytes": peak_memory_bytes(),
         "classes": [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, pretrained_model
@@ -55,7 +56,7 @@ def _get(name: str) -> None:
     model = pretrained_model(name)
     print(f"{model.name}: {model.licence}; {model.citation}; {model.homepage}")
     with ProgressBar() as progress:
-        weights = fetch_weights(name, progress=progress)
+        weights = install_focus_weights(progress) if model is FOCUS_MODEL else fetch_weights(name, progress=progress)
     print(f"{weights.path} ({weights.origin})\nSHA-256 {weights.sha256}")
 
 

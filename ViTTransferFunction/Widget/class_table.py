@@ -8,7 +8,7 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.annotations import Color
+from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.section import Section, signals_blocked

@@ -9,20 +9,21 @@ from slicer.i18n import tr as _
 from slicer.parameterNodeWrapper import Choice, WithinRange, parameterNodeWrapper
 
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
+from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.scene.parameters import RENDERINGS, SceneParameters
 from ViTTransferFunction.Logic.session.presets import PRESETS
-from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Logic.weights.sources import offered_models
 
 _DEFAULTS: dict[str, Any] = dict(SceneParameters.DEFAULTS)
 _CHOICES: dict[str, list[str]] = {
     "preset": list(PRESETS),
-    "model": ["", *PRETRAINED_MODELS],
+    "model": ["", *offered_models()],
     "device": list(DEVICE_NAMES),
     "refinement": list(REFINEMENT_METHODS),
     "rendering": list(RENDERINGS),
 }
-_RANGES: dict[str, tuple[float, float]] = {"grid": (0, 256), "overlayOpacity": (0.0, 1.0)}
+_RANGES: dict[str, tuple[float, float]] = {"grid": (0, LARGEST_GRID), "overlayOpacity": (0.0, 1.0)}
 
 
 @parameterNodeWrapper
@@ -79,7 +80,7 @@ def _word_choices(ui: Any) -> None:
         "preview": _("Preview (seconds)"),
         "fast": _("Fast"),
         "balanced": _("Balanced"),
-        "published": _("As published (many times slower)"),
+        "paper": _("As in the paper (many times slower)"),
         "auto": _("Automatic"),
         "cpu": _("Processor (CPU)"),
         "cuda": _("NVIDIA graphics card (CUDA)"),

@@ -6,7 +6,7 @@ from typing import Any
 
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.compute.exchange import Progressing
+from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Widget.wording import duration
 
 
@@ -24,7 +24,7 @@ class ProgressRow:
         self._bar = getattr(ui, f"{name}ProgressBar")
         self.cancel_button = getattr(ui, f"{name}CancelButton")
 
-    def show(self, progress: Progressing | None) -> None:
+    def show(self, progress: WorkProgress | None) -> None:
         """Show how far the work is; hide the row where None is running."""
         self._row.visible = progress is not None
         if progress is not None:
@@ -34,7 +34,7 @@ class ProgressRow:
             self._bar.value = progress.done
 
 
-def description(progress: Progressing) -> str:
+def description(progress: WorkProgress) -> str:
     """What is being done, and how long it will still take."""
     if progress.seconds_left is None:
         return _("{what}…").format(what=progress.what)

@@ -8,7 +8,8 @@ from typing import Any
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.compute.exchange import Estimate, Progressing
+from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.section import Section, signals_blocked
@@ -57,7 +58,7 @@ class VolumeSection(Section):
             self.session.cancel()
 
 
-def estimate_text(estimate: Estimate | None) -> str:
+def estimate_text(estimate: FeatureEstimate | None) -> str:
     """What the features will cost, in a few words."""
     if estimate is None:
         return _("Estimating…")
@@ -71,8 +72,8 @@ def estimate_text(estimate: Estimate | None) -> str:
     return ", ".join(parts) + "."
 
 
-def _extraction_progress(progress: Progressing | None) -> Progressing:
-    return progress or Progressing(0, 0, _("Starting"), None)
+def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:
+    return progress or WorkProgress(0, 0, _("Starting"), None)
 
 
 def _obstacle(phase: str) -> str:

@@ -14,13 +14,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
+from .codec import from_message, to_message
 from .messages import Message, read_message, write_message
+from .requests import Cancel
 
 # The package is made by hand: its own file imports the host program's modules, which the process does not have.
 _BOOTSTRAP = """
@@ -65,23 +65,23 @@ class ComputeClient:
         for thread in self._threads:
             thread.start()
 
-    def request(self, what: str, arrays: Sequence[np.ndarray] = (), **content: Any) -> int:
-        """Ask for something; returns the request's number at once. `arrays` must not change until the reply has come."""
+    def request(self, request: Any) -> int:
+        """Ask for something (`requests`); returns the request's number at once. Its arrays must not change until the reply."""
         self._last_request += 1
-        self._outgoing.put(Message({"request": self._last_request, "what": what, **content}, tuple(arrays)))
+        self._outgoing.put(to_message(self._last_request, request))
         return self._last_request
 
-    def cancel(self, requests: Iterable[int]) -> None:
-        """Give up these requests. Each is still replied to, by "cancelled" if it was stopped before it was done."""
-        self._outgoing.put(Message({"what": "cancel", "requests": list(requests)}))
+    def cancel(self, numbers: Iterable[int]) -> None:
+        """Give up the requests of these numbers. Each is still replied to: by `GivenUp`, if it was stopped in time."""
+        self._outgoing.put(to_message(0, Cancel(tuple(numbers))))
 
-    def replies(self) -> list[Message]:
-        """What has come since the last call, oldest first. Each says in "request" to what, and in "reply" which kind it is."""
+    def replies(self) -> list[tuple[int, Any]]:
+        """What has come since the last call, oldest first: the number of the request, and the reply (`requests`)."""
         # Where the host's event loop holds Python's lock while it idles, this lets the threads have their turn.
         time.sleep(0)
         received = []
         while not self._incoming.empty():
-            received.append(self._incoming.get())
+            received.append(from_message(self._incoming.get()))
         return received
 
     @property

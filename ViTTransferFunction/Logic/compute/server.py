@@ -1,7 +1,7 @@
 """The process that computes: reads requests from its standard input, and answers on its standard output.
 
-Requests are served one after the other, by `segmentation_service`. While one is being served, only "cancel" is heard, and
-while features are extracted also "maps", which coarser features can answer.
+Requests are served one after the other, by `service`. While one is being served, only `Cancel` is heard, and while features
+are extracted also `ComputeMaps`, which coarser features can answer.
 """
 
 from __future__ import annotations
@@ -10,10 +10,12 @@ import collections
 import os
 import sys
 import threading
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ..core.errors import Cancelled, InputError
+from .codec import from_message, holds, to_message
 from .messages import Message, read_message, write_message
+from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, GivenUp, Progressed
 from .service import SegmentationService
 
 
@@ -22,17 +24,16 @@ def main() -> None:
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # What libraries print must not end up between the replies.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    ComputeProcess(sys.stdin.buffer, replies).serve()
+    Server(sys.stdin.buffer, replies).serve()
 
 
-class ComputeProcess:
+class Server:
     """Requests in, replies out.
 
     Args:
-        requests: stream of messages with "request", their number, and "what", a method of `SegmentationService`.
-        replies: stream that gets, for each request, any number of messages whose "reply" is "progress" and whose "what" is the
-            work in words, or "coarse" where results can be had of what is there so far; then one whose "reply" is "done",
-            "cancelled", or "failed" (with a "message" for the user).
+        requests: stream of messages, each a request of `requests`.
+        replies: stream that gets, for each request, any number of `Progressed` and `CoarseFeatures`, then the request's own
+            reply, `GivenUp` or `Failed`.
     """
 
     def __init__(self, requests: BinaryIO, replies: BinaryIO) -> None:
@@ -42,7 +43,7 @@ class ComputeProcess:
         self._arrived = threading.Semaphore(0)
         self._cancelled: set[int] = set()
         self._serving = 0
-        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply("coarse", "extract", Message({})))
+        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(CoarseFeatures()))
 
     def serve(self) -> None:
         """Answer requests until they end."""
@@ -54,22 +55,23 @@ class ComputeProcess:
                 self._serve(self._waiting.popleft())
 
     def _serve(self, message: Message) -> None:
-        content = dict(message.content)
-        outer, self._serving, what = self._serving, content.pop("request"), content.pop("what")
+        outer, self._serving = self._serving, message.content["number"]
         try:
             if self._serving in self._cancelled:
                 raise Cancelled
-            self._reply("done", what, getattr(self._service, what)(*message.arrays, **content))
+            _, request = from_message(message)
+            self._reply(self._service.serve(request))
         except Cancelled:
-            self._reply("cancelled", what, Message({}))
+            self._reply(GivenUp())
         except InputError as error:
-            self._reply("failed", what, Message({"message": str(error)}))
+            self._reply(Failed(str(error)))
         self._serving = outer
 
     def _listen(self) -> None:
         while (message := read_message(self._requests)) is not None:
-            if message.content["what"] == "cancel":
-                self._cancelled |= set(message.content["requests"])
+            if holds(message, Cancel):
+                _, cancel = from_message(message)
+                self._cancelled |= set(cancel.numbers)
             else:
                 self._waiting.append(message)
                 self._arrived.release()
@@ -79,11 +81,10 @@ class ComputeProcess:
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:
             raise Cancelled
-        self._reply("progress", what, Message({"done": done, "total": total}))
+        self._reply(Progressed(done, total, what))
         # Clicks are answered from coarse features while the fine ones are computed.
-        while self._service.answers_meanwhile and self._waiting and self._waiting[0].content["what"] == "maps":
+        while self._service.answers_meanwhile and self._waiting and holds(self._waiting[0], ComputeMaps):
             self._serve(self._waiting.popleft())
 
-    def _reply(self, kind: str, what: str, message: Message) -> None:
-        content = {"request": self._serving, "reply": kind, "what": what, **message.content}
-        write_message(self._replies, Message(content, message.arrays))
+    def _reply(self, reply: Any) -> None:
+        write_message(self._replies, to_message(self._serving, reply))

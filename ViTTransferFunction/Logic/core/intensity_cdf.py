@@ -1,6 +1,6 @@
-"""Intensities as ranks: what share of the volume's voxels is darker.
+"""The empirical cumulative distribution function (CDF) of a volume's intensities: what share of its voxels is darker.
 
-Ranks are indifferent to units and outliers, and tell apart best what is most frequent, in CT as in MR.
+Values of the CDF do not depend on units and outliers, and tell apart best what is most frequent, in CT as in MR.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ _LEVELS = 512
 _NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
 
 
-class IntensityRank:
-    """Ranks of one volume.
+class IntensityCdf:
+    """The empirical CDF of one volume.
 
     Args:
         volume: the intensities; voxels that are not finite are passed over.
@@ -27,8 +27,8 @@ class IntensityRank:
         self._levels = np.unique(np.quantile(finite_sample(volume.array), np.linspace(0.0, 1.0, _LEVELS + 1)))
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
-        """Ranks in [0, 1] of interpolated intensities at world points (N, 3), (N,) float32; 0 where nothing is finite."""
-        return self._ranks(np.nan_to_num(self._sample(self._volume.geometry.ras_to_ijk(points_ras)), nan=-np.inf))
+        """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where nothing is finite."""
+        return self._cdf(np.nan_to_num(self._sample(self._volume.geometry.ras_to_ijk(points_ras)), nan=-np.inf))
 
     def around(self, points_ras: np.ndarray) -> np.ndarray:
         """As `at`, of the mean over 3 × 3 × 3 voxels, which keeps noise out."""
@@ -39,12 +39,12 @@ class IntensityRank:
             finite = np.isfinite(samples)
             total[finite] += samples[finite]
             count += finite
-        return self._ranks(np.where(count > 0.0, total / np.maximum(count, 1.0), -np.inf))
+        return self._cdf(np.where(count > 0.0, total / np.maximum(count, 1.0), -np.inf))
 
     def _sample(self, ijk: np.ndarray) -> np.ndarray:
         return ndimage.map_coordinates(
             self._volume.array, ijk[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
         )
 
-    def _ranks(self, intensities: np.ndarray) -> np.ndarray:
+    def _cdf(self, intensities: np.ndarray) -> np.ndarray:
         return np.interp(intensities, self._levels, np.linspace(0.0, 1.0, len(self._levels))).astype(np.float32)

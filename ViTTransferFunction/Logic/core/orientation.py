@@ -1,4 +1,4 @@
-"""Slices shown upright, as a person would look at them, in whatever order and direction a file stores its voxels.
+"""The canonical orientation: slices as a person looks at them, in whatever order and direction a file stores its voxels.
 
 The network was trained on upright pictures, and sees a mirrored or turned slice as something else: without this, the same
 scan stored in another order would give other features.
@@ -13,8 +13,8 @@ import numpy as np
 
 from .geometry import Geometry
 
-UPRIGHT_DIRECTIONS_RAS = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""Where the upright array's axes point: first to inferior, second to posterior, third to the patient's left. So axial slices
+CANONICAL_DIRECTIONS_RAS = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Where the canonical array's axes point: first to inferior, second to posterior, third to the patient's left. So axial slices
 have anterior on top, coronal and sagittal ones superior, and the patient's right, or anterior, is on the left."""
 
 
@@ -23,23 +23,23 @@ class Orientation:
     """A permutation and mirroring of array axes.
 
     Attributes:
-        order: the stored array's axis that becomes upright axis 0, 1 and 2.
-        mirrored: for each upright axis, whether it runs against the stored one.
+        order: the stored array's axis that becomes canonical axis 0, 1 and 2.
+        mirrored: for each canonical axis, whether it runs against the stored one.
     """
 
     order: tuple[int, int, int]
     mirrored: tuple[bool, bool, bool]
 
-    def upright(self, array: np.ndarray) -> np.ndarray:
-        """A view of (K, J, I), or (K, J, I, C), with upright axes."""
+    def to_canonical(self, array: np.ndarray) -> np.ndarray:
+        """A view of (K, J, I), or (K, J, I, C), with canonical axes."""
         return np.flip(array.transpose(*self.order, *range(3, array.ndim)), self._mirrored_axes)
 
     @property
     def _mirrored_axes(self) -> tuple[int, ...]:
         return tuple(axis for axis in range(3) if self.mirrored[axis])
 
-    def upright_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
-        """The shape of `upright`, of an array of `shape`."""
+    def canonical_shape(self, shape: tuple[int, int, int]) -> tuple[int, int, int]:
+        """The shape of `to_canonical`, of an array of `shape`."""
         return shape[self.order[0]], shape[self.order[1]], shape[self.order[2]]
 
     def restored(self, array: np.ndarray) -> np.ndarray:
@@ -51,10 +51,10 @@ class Orientation:
 AS_STORED = Orientation((0, 1, 2), (False, False, False))
 
 
-def upright_orientation(geometry: Geometry) -> Orientation:
-    """The orientation whose axes lie closest to the upright ones; oblique volumes are not resampled."""
+def canonical_orientation(geometry: Geometry) -> Orientation:
+    """The orientation whose axes lie closest to the canonical ones; oblique volumes are not resampled."""
     directions = (geometry.ijk_to_ras[:3, :3] / geometry.spacing_mm).T[::-1]  # Of array axes K, J, I.
-    alignment = UPRIGHT_DIRECTIONS_RAS @ directions.T
+    alignment = CANONICAL_DIRECTIONS_RAS @ directions.T
     order = max(permutations(range(3)), key=lambda axes: sum(abs(alignment[row, axis]) for row, axis in enumerate(axes)))
     first, second, third = (bool(alignment[row, axis] < 0.0) for row, axis in enumerate(order))
     return Orientation((order[0], order[1], order[2]), (first, second, third))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 
@@ -10,6 +11,16 @@ class Progress(Protocol):
 
     def __call__(self, done: int, total: int, what: str) -> None:
         """Report `done` of `total` steps of the work named `what` (such as "Extracting features")."""
+
+
+@dataclass(frozen=True)
+class WorkProgress:
+    """How far running work is: `done` of `total` steps of `what`; `seconds_left` is None until it can be told."""
+
+    done: int
+    total: int
+    what: str
+    seconds_left: float | None
 
 
 def no_progress(done: int, total: int, what: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,6 +38,16 @@ class Volume:
     def shape(self) -> tuple[int, int, int]:
         """Number of voxels along (K, J, I)."""
         return self.geometry.shape
+
+    @cached_property
+    def digest(self) -> bytes:
+        """SHA-256 of the voxels and of where they lie, found once: the array must not be changed from then on."""
+        digest = hashlib.sha256()
+        digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
+        # A file format may keep fewer digits, and turn 0 into -0.
+        digest.update((np.round(self.geometry.ijk_to_ras, 4) + 0.0).astype("<f8").tobytes())
+        digest.update(np.ascontiguousarray(self.array).data)
+        return digest.digest()
 
     def _check_shape(self) -> None:
         if self.array.ndim != 3:

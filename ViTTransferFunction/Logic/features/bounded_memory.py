@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
-from .buffer_pool import Workspace
+from .buffer_pool import BufferPool
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -33,7 +33,7 @@ class BoundedMemory:
 
     def __init__(self, network: VisionTransformer) -> None:
         self._network = network
-        self._workspace = Workspace()
+        self._buffers = BufferPool()
         self._at_once: int | None = None
         self.trouble = ""
 
@@ -50,7 +50,7 @@ class BoundedMemory:
         while done < len(slices):
             at_once = min(self._at_once or len(slices), len(slices) - done)
             try:
-                keys.append(self._network.keys_of_tokens(slices[done : done + at_once], self._workspace))
+                keys.append(self._network.keys_of_tokens(slices[done : done + at_once], self._buffers))
                 done += at_once
             except (RuntimeError, MemoryError) as error:
                 if not is_out_of_memory(error):
@@ -60,7 +60,7 @@ class BoundedMemory:
 
     def _give_up_something(self, at_once: int, error: Exception) -> None:
         device = self._network.device
-        self._workspace = Workspace()
+        self._buffers = BufferPool()
         if at_once > 1:
             self._at_once = at_once // 2
             self.trouble = f" (little memory: {self._at_once} slices at once)"

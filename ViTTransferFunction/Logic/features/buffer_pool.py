@@ -1,4 +1,4 @@
-"""Memory that is used again for every batch, so that batches of different sizes do not tear it to pieces."""
+"""Memory that is used again for every batch, so that batches of different sizes do not fragment it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ROWS_STEP = 1024
 """Buffers get rows in multiples of it: a slightly larger batch finds its place in them."""
 
 
-class Workspace:
+class BufferPool:
     """Named buffers, each as large as the largest use of it so far."""
 
     def __init__(self) -> None:

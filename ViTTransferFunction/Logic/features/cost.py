@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import interpolated
-from .buffer_pool import Workspace
+from .buffer_pool import BufferPool
 from .extraction import features_size_bytes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
@@ -67,23 +67,23 @@ class NetworkSpeed:
 
 def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
     """Measure the network on its device, in the precision of the settings."""
-    converted = network.converted(network.device, settings.precision_on(network.device))
+    converted = network.converted(network.device, settings.dtype_on(network.device))
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    seconds = np.array([_seconds_for_one(converted, rows, settings.thin_air) for rows in CALIBRATION_ROWS])
+    seconds = np.array([_seconds_for_one(converted, rows, settings.merge_background) for rows in CALIBRATION_ROWS])
     # Relative errors count: the shortest slice is as good a witness as the longest.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
     return NetworkSpeed(coefficients)
 
 
 def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
-    """Estimate what `extract_features` will take; a fraction of a second, of which most is finding the air."""
+    """Estimate what `extract_features` will take; a fraction of a second, of which most is finding the background."""
     start = time.perf_counter()
     plan = ExtractionPlan(volume, settings)
     seconds = time.perf_counter() - start
     seconds += _preparation_seconds(plan, network) + _finishing_seconds(plan, volume, settings, network.model)
     tokens = plan.tokens_of_slices()
     result = features_size_bytes(volume.geometry, settings, network.model)
-    precision = settings.precision_on(network.device)
+    precision = settings.dtype_on(network.device)
     peak = result + _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
     return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
 
@@ -106,7 +106,7 @@ def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSe
     import torch
 
     layer = torch.zeros(*plan.shape[1:], model.embed_dim, dtype=torch.float16)
-    shape = plan.orientation.upright_shape(grid_shape(volume.geometry, settings))
+    shape = plan.orientation.canonical_shape(grid_shape(volume.geometry, settings))
     start = time.perf_counter()
     np.empty((*shape[1:], model.embed_dim), dtype=np.float16)[...] = next(
         interpolated(itertools.repeat(layer), plan.shape, shape)
@@ -126,19 +126,19 @@ def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, n
 
 
 def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> float:
-    """Seconds for one slice of rows × rows patches, in a batch; where patches stand for others, with their counts."""
+    """Seconds for one slice of rows × rows patches, in a batch; where patches stand for others, with their multiplicity."""
     import torch
 
     tokens = rows * rows
     patches = torch.ones(tokens, 3 * network.model.patch_size**2)
     chosen = (torch.arange(tokens), torch.ones(tokens)) if counted else (None, None)
     slices = [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
-    workspace, least = Workspace(), float("inf")
+    buffers, least = BufferPool(), float("inf")
     # The first time, kernels are compiled.
     for _ in range(3):
         start = time.perf_counter()
         # Copying the keys waits for a device that works on while the program goes on.
-        network.keys_of_tokens(slices, workspace).cpu()
+        network.keys_of_tokens(slices, buffers).cpu()
         least = min(least, time.perf_counter() - start)
     return least / len(slices)
 

@@ -4,7 +4,7 @@
 
 The keys of each slice are added to the layers of F that they belong to as soon as they are computed, so that memory is
 the result plus one batch of slices. Three things keep the cost at what the scene needs: slices of fewer patches than F has
-cells along an edge, air that a few patches stand for (`token_selection`), and the device's fastest precision.
+cells along an edge, background that a few patches represent (`background_tokens`), and the precision that suits the device.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def extract_features(
         volume: intensities and geometry.
         network: loaded weights on the device to compute on.
         settings: grid and sampling.
-        progress: told of slices done, and of memory that was too small; may raise `Cancelled`.
+        progress: called with slices done, and where memory was too small; may raise `Cancelled`.
 
     Returns:
         Features in float16, whose rounding (2⁻¹¹ relative) is far below the differences between neighbouring cells.
@@ -74,12 +74,12 @@ class FeatureRun:
     """
 
     def __init__(self, volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> None:
-        self._key = feature_key(volume, network.model.name, network.weights_digest, settings)
+        self._key = feature_key(volume, network.model.name, network.weights_digest, settings, network.device)
         self._geometry = volume.geometry.resized(grid_shape(volume.geometry, settings))
         self._plan = ExtractionPlan(volume, settings)
         self.batches = self._plan.batches
         self._patches = self._plan.patches(network.model.patch_size, network.device)
-        self._memory = BoundedMemory(network.converted(network.device, settings.precision_on(network.device)))
+        self._memory = BoundedMemory(network.converted(network.device, settings.dtype_on(network.device)))
         self._channels = network.model.embed_dim
         self._sums = FeatureSums(self._plan.shape, self._channels, network.device)
         self._total, self._done = sum(len(batch.samples) for batch in self.batches), 0
@@ -111,9 +111,9 @@ class FeatureRun:
         return self._feature_volume(self._sums.means_with(others), f"{self._key}-{self._done}-of-{self._total}")
 
     def _feature_volume(self, layers: Iterator[Tensor], key: str) -> FeatureVolume:
-        """Features of upright `layers`, each written where it belongs: there is never a second volume of them."""
+        """Features of canonical `layers`, each written where it belongs: there is never a second volume of them."""
         array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
-        upright = self._plan.orientation.upright(array)
-        for place, layer in zip(upright, interpolated(layers, self._plan.shape, upright.shape[:3]), strict=True):
+        canonical = self._plan.orientation.to_canonical(array)
+        for place, layer in zip(canonical, interpolated(layers, self._plan.shape, canonical.shape[:3]), strict=True):
             place[...] = layer.numpy()
         return FeatureVolume(array, self._geometry, key)

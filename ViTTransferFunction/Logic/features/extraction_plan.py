@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.orientation import AS_STORED, upright_orientation
+from ..core.orientation import AS_STORED, canonical_orientation
 from ..core.volume import Volume
-from .background_tokens import TokenSelection, air_cells, select_tokens
+from .background_tokens import TokenSelection, background_cells, select_tokens
 from .settings import FeatureSettings, patch_grid_shape
 from .slice_patches import SlicePatches
 from .slice_sampling import SliceSample, slice_samples
@@ -38,7 +38,7 @@ class SliceBatch:
 
 
 class ExtractionPlan:
-    """The slices and patches that settings ask for on a volume; nothing is computed yet but where air is.
+    """The slices and patches that settings ask for on a volume; nothing is computed yet but where background is.
 
     Args:
         volume: intensities and geometry.
@@ -46,24 +46,24 @@ class ExtractionPlan:
 
     Attributes:
         orientation: in which the network sees the volume.
-        shape: patches along the upright axes.
+        shape: patches along the canonical axes.
         batches: everything to run, axis after axis.
     """
 
     def __init__(self, volume: Volume, settings: FeatureSettings) -> None:
-        self.orientation = upright_orientation(volume.geometry) if settings.upright else AS_STORED
-        self.shape = self.orientation.upright_shape(patch_grid_shape(volume.geometry, settings))
-        self._array = self.orientation.upright(volume.array)
+        self.orientation = canonical_orientation(volume.geometry) if settings.canonical else AS_STORED
+        self.shape = self.orientation.canonical_shape(patch_grid_shape(volume.geometry, settings))
+        self._array = self.orientation.to_canonical(volume.array)
         self._geometry = volume.geometry
         self._windows = settings.windows_for(volume)
-        air = air_cells(self._array, self._windows, self.shape) if settings.thin_air else np.zeros(self.shape, dtype=bool)
-        self.batches = tuple(
-            batch
-            for axis in range(3)
-            for batch in _batches(
-                axis, slice_samples(self._array.shape[axis], self.shape[axis], settings.every_slice, settings.layer_step), air
-            )
+        background = np.zeros(self.shape, dtype=bool)
+        if settings.merge_background:
+            background = background_cells(self._array, self._windows, self.shape)
+        samples = (
+            slice_samples(slices, layers, settings.every_slice, settings.layer_step)
+            for slices, layers in zip(self._array.shape, self.shape, strict=True)
         )
+        self.batches = tuple(batch for axis, of_axis in enumerate(samples) for batch in _batches(axis, of_axis, background))
 
     def patches(self, patch_size: int, device: torch.device) -> list[SlicePatches]:
         """The patches of the slices across each axis."""
@@ -83,13 +83,13 @@ class ExtractionPlan:
         return [len(chosen.places) for batch in self.batches for chosen in batch.chosen]
 
 
-def _batches(axis: int, samples: Sequence[SliceSample], air: np.ndarray) -> Iterator[SliceBatch]:
+def _batches(axis: int, samples: Sequence[SliceSample], background: np.ndarray) -> Iterator[SliceBatch]:
     batch: list[tuple[SliceSample, TokenSelection]] = []
     tokens = 0
     for sample in samples:
-        # A patch is air where it is so in every layer that the slice stands for.
+        # A patch is background where it is so in every layer that the slice represents.
         layers = [layer for layer, _ in sample.layers]
-        chosen = select_tokens(np.logical_and.reduce(air.take(layers, axis=axis), axis=axis))
+        chosen = select_tokens(np.logical_and.reduce(background.take(layers, axis=axis), axis=axis))
         if batch and tokens + len(chosen.places) > TOKENS_PER_BATCH:
             yield _batch(axis, batch)
             batch, tokens = [], 0

@@ -31,27 +31,3 @@ class FeatureVolume:
     def channels(self) -> int:
         """Feature dimension C."""
         return int(self.array.shape[3])
-
-
-def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
-    """Trilinear samples of a grid of vectors at world points, constant beyond the outermost cell centres.
-
-    Args:
-        values: (K', J', I', C).
-        geometry: of the cells.
-        points_ras: (N, 3) RAS millimetres.
-
-    Returns:
-        (N, C) float32.
-    """
-    kji = geometry.ras_to_ijk(points_ras)[:, ::-1]
-    last = np.array(geometry.shape) - 1
-    kji = np.clip(kji, 0, last)
-    base = np.minimum(np.floor(kji).astype(int), np.maximum(last - 1, 0))
-    fraction = kji - base
-    samples = np.zeros((len(kji), values.shape[3]), dtype=np.float64)
-    for corner in np.ndindex(2, 2, 2):
-        index = np.minimum(base + corner, last)
-        weight = np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
-        samples += weight[:, None] * values[tuple(index.T)]
-    return samples.astype(np.float32)

@@ -2,7 +2,7 @@
 
 Every layer of a network but attention works on rows alone, so no slice is padded to the longest. But processors' libraries
 compile kernels for every new number of rows, and keep them: some milliseconds and a third of a megabyte each time, between
-which the memory of batches that come and go is torn to pieces. So there are few different numbers of rows.
+which batches that come and go fragment the memory. So there are few different numbers of rows.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ class PatchTokens:
         patches: (T, 3·p²) pixels, channel by channel, normalised as the model expects.
         rows, columns: the slice's grid of patches.
         places: (T,) int64, row · columns + column of each patch; None where all are there, row by row.
-        counts: (T,) how many alike patches each stands for, itself included; None where each stands for itself.
+        multiplicity: (T,) how many alike patches each stands for, itself included; None where each stands for itself.
     """
 
     patches: Tensor
     rows: int
     columns: int
     places: Tensor | None = None
-    counts: Tensor | None = None
+    multiplicity: Tensor | None = None
 
 
 class PackedSlices:
-    """Which rows belong to which slice: each slice's own tokens, its patches, and perhaps padding.
+    """Which rows belong to which slice: each slice's prefix tokens, its patches, and perhaps padding.
 
     Args:
         slices: what is packed.
-        own_tokens: number of tokens of a slice that are no patches (class and registers); they come first.
+        prefix_tokens: number of tokens of a slice that are no patches (class and registers); they come first.
 
     Attributes:
         rows: of the array; the last ones belong to no slice.
@@ -51,16 +51,16 @@ class PackedSlices:
         patches: rows of each slice's patches.
     """
 
-    def __init__(self, slices: Sequence[PatchTokens], own_tokens: int) -> None:
+    def __init__(self, slices: Sequence[PatchTokens], prefix_tokens: int) -> None:
         self.spans: list[slice] = []
         self.patches: list[slice] = []
         end = 0
         for of_slice in slices:
-            start, length = end, own_tokens + len(of_slice.patches)
+            start, length = end, prefix_tokens + len(of_slice.patches)
             # Where all patches are there, slices are alike as it is, and attention does without a mask.
-            end = start + (length if of_slice.counts is None else _up_to_multiple(length, SLICE_STEP))
+            end = start + (length if of_slice.multiplicity is None else _up_to_multiple(length, SLICE_STEP))
             self.spans.append(slice(start, end))
-            self.patches.append(slice(start + own_tokens, start + length))
+            self.patches.append(slice(start + prefix_tokens, start + length))
         self.rows = _up_to_multiple(end, BATCH_STEP)
 
 

@@ -1,51 +1,41 @@
-"""In what precision a device is fastest: found by trying, because processors claim bfloat16 that is slower than float32."""
+"""In what precision a device computes: decided by what the device is, never by a race, so that the same command gives the
+same bits."""
 
 from __future__ import annotations
 
-import time
-from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     import torch
 
-WORTHWHILE_SPEEDUP = 1.3
-"""A reduced precision that gains less is not worth its error."""
-TRIAL_TOKENS, TRIAL_CHANNELS, TRIAL_HEADS = 1024, 384, 6
-"""About a slice through a small network."""
-TRIALS = 3
+Precision = Literal["float16", "bfloat16", "float32"]
 
 
-@cache
-def fastest_precision(device: torch.device) -> torch.dtype:
+def device_precision(device: torch.device) -> torch.dtype:
     """The precision to run a network in on `device`.
 
-    float16 on graphics processors; on others bfloat16 where it is clearly faster (matrix units, as Intel's AMX), else
-    float32. Takes some hundredths of a second, once for each device. The features' cosine error is below 1e-3 after
-    whitening, a hundredth of what one layer of distance changes.
+    float16 on graphics processors; on others bfloat16 where there are instructions for it (AVX-512 BF16, AMX), else float32,
+    since processors without them emulate it. The features' cosine error is below 1e-3 after whitening, a hundredth of what
+    one layer of distance changes.
     """
     import torch
 
     if device.type != "cpu":
         return torch.float16
-    seconds = {dtype: _seconds(dtype) for dtype in (torch.float32, torch.bfloat16)}
-    faster = seconds[torch.float32] > WORTHWHILE_SPEEDUP * seconds[torch.bfloat16]
-    return torch.bfloat16 if faster else torch.float32
+    return torch.bfloat16 if _has_bfloat16_instructions() else torch.float32
 
 
-def _seconds(dtype: torch.dtype) -> float:
-    """Least seconds for one projection to a block's hidden layer and one attention."""
+def precision_name(device: torch.device) -> Precision:
+    """`device_precision`, by its name."""
+    name: Precision = str(device_precision(device)).removeprefix("torch.")  # type: ignore[assignment]
+    return name
+
+
+def _has_bfloat16_instructions() -> bool:
     import torch
-    import torch.nn.functional as F
 
-    tokens = torch.ones(TRIAL_TOKENS, TRIAL_CHANNELS, dtype=dtype)
-    weight = torch.ones(4 * TRIAL_CHANNELS, TRIAL_CHANNELS, dtype=dtype)
-    heads = tokens.reshape(1, TRIAL_TOKENS, TRIAL_HEADS, -1).transpose(1, 2)
-    least = float("inf")
-    with torch.inference_mode():
-        for _ in range(TRIALS):
-            start = time.perf_counter()
-            F.linear(tokens, weight)
-            F.scaled_dot_product_attention(heads, heads, heads)
-            least = min(least, time.perf_counter() - start)
-    return least
+    # Says what PyTorch uses, which the user may have limited to less than the processor has.
+    if torch.backends.cpu.get_cpu_capability() != "AVX512":
+        return False
+    capabilities: dict[str, bool] = getattr(torch.cpu, "get_capabilities", dict)()
+    return bool(capabilities.get("avx512_bf16") or capabilities.get("amx_bf16"))

@@ -1,7 +1,7 @@
 """Features that can be used within seconds, and sharpen while the user works (coarse to fine).
 
 A coarse extraction comes first, on few patches, interpolated to the cells of the final features: maps of both have the same
-grid. Then slices of the final extraction take its place, nearest to where the user looks first, and the last features are
+grid. Then slices of the final extraction take its place, those through the volume's middle first, and the last features are
 those that `extract_features` gives.
 """
 
@@ -32,7 +32,6 @@ def progressive_features(
     volume: Volume,
     network: VisionTransformer,
     settings: FeatureSettings,
-    focus_ras: np.ndarray | None = None,
     progress: Progress = no_progress,
 ) -> Iterator[FeatureVolume]:
     """Compute features coarse to fine.
@@ -43,8 +42,7 @@ def progressive_features(
         volume: intensities and geometry.
         network: loaded weights on the device to compute on.
         settings: of the final features.
-        focus_ras: (3,) RAS millimetres; slices near it come first. The volume's centre unless given.
-        progress: told of slices done.
+        progress: called with slices done.
 
     Yields:
         Features of ever finer detail, all on the same cells; the last are those of `extract_features`, bit for bit. Only
@@ -59,8 +57,8 @@ def progressive_features(
         coarse.run(batch)
     fine = FeatureRun(volume, network, settings)
     yield fine.features_so_far(coarse)
-    focus = _centre_ras(volume) if focus_ras is None else focus_ras
-    batches = sorted(fine.batches, key=lambda batch: fine.distance_mm(batch, focus))
+    centre_ras = _centre_ras(volume)
+    batches = sorted(fine.batches, key=lambda batch: fine.distance_mm(batch, centre_ras))
     for number, batch in enumerate(batches, start=1):
         fine.report(progress)
         fine.run(batch)
@@ -76,8 +74,8 @@ def _coarse(settings: FeatureSettings) -> FeatureSettings:
         patches_per_cell=COARSE_PATCHES / settings.grid,
         layer_step=1,
         every_slice=False,
-        precision="fastest",
-        thin_air=True,
+        precision="device",
+        merge_background=True,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -12,13 +12,13 @@ from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.intensity_window import ChannelWindows, full_range_window, network_windows
 from ..core.volume import Volume
-from .precision import fastest_precision
+from .precision import Precision, precision_name
 
 if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 """Part of every key: to be raised when the same settings come to give other features."""
 
 
@@ -31,14 +31,14 @@ class FeatureSettings:
         patches_per_cell: edge of a cell in patches, 1 or less: where the network sees fewer patches than there are cells,
             features are interpolated.
         layer_step: run the slices of every n-th layer of patches and interpolate between; 1 runs all.
-        isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as published.
-        upright: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as
-            published.
-        every_slice: run every slice and average-pool, as published; otherwise one slice through a layer's centre.
-        thin_air: let a few patches stand for the air around the body (`token_selection`).
+        isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as in the paper.
+        canonical: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as
+            in the paper.
+        every_slice: run every slice and average-pool, as in the paper; otherwise one slice through a layer's centre.
+        merge_background: let a few tokens stand for the air around the body (`background_tokens`).
         windows: intensity windows of the three colour channels: chosen from the volume ("robust", `network_windows`), from
-            its smallest to its largest value ("full range", as published), or as given.
-        precision: "fastest" on the device at hand (`fastest_precision`), or "float32".
+            its smallest to its largest value ("full range", as in the paper), or as given.
+        precision: of the network; "device": the one that suits the device (`device_precision`).
 
     Raises:
         InputError: `grid`, `patches_per_cell` or `layer_step` is out of range, or layers are to be skipped and pooled at once.
@@ -48,11 +48,11 @@ class FeatureSettings:
     patches_per_cell: float = 1.0
     layer_step: int = 1
     isotropic: bool = True
-    upright: bool = True
+    canonical: bool = True
     every_slice: bool = False
-    thin_air: bool = True
+    merge_background: bool = True
     windows: ChannelWindows | Literal["robust", "full range"] = "robust"
-    precision: Literal["fastest", "float32"] = "fastest"
+    precision: Precision | Literal["device"] = "device"
 
     def __post_init__(self) -> None:
         if not SMALLEST_GRID <= self.grid <= LARGEST_GRID:
@@ -70,11 +70,15 @@ class FeatureSettings:
             return (full_range_window(volume),) * 3
         return self.windows
 
-    def precision_on(self, device: torch.device) -> torch.dtype:
+    def on(self, device: torch.device) -> FeatureSettings:
+        """The same settings with the precision that they come to on `device`."""
+        return replace(self, precision=precision_name(device)) if self.precision == "device" else self
+
+    def dtype_on(self, device: torch.device) -> torch.dtype:
         """The precision to use on `device`."""
         import torch
 
-        return fastest_precision(device) if self.precision == "fastest" else torch.float32
+        return getattr(torch, self.on(device).precision)
 
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
@@ -92,21 +96,19 @@ def patches_along(settings: FeatureSettings) -> int:
     return max(SMALLEST_GRID, round(settings.grid * settings.patches_per_cell))
 
 
+def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings, device: torch.device) -> str:
+    """A name for the features of this content, model and settings on this device: hexadecimal SHA-256.
+
+    Features of another precision have another key, so that no computer takes another one's for its own. The volume's place in
+    the patient is part of the key (feature cells lie in the patient), its name is not.
+    """
+    digest = hashlib.sha256()
+    digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings.on(device)).items())}".encode())
+    digest.update(volume.digest)
+    return digest.hexdigest()
+
+
 def _proportional_shape(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:
     edges = geometry.extent_mm[::-1] if isotropic else np.array(geometry.shape, dtype=float)
     cells = np.maximum(1, np.round(edges * longest / edges.max())).astype(int)
     return int(cells[0]), int(cells[1]), int(cells[2])
-
-
-def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings) -> str:
-    """A name for the features of this content, model and settings: hexadecimal SHA-256.
-
-    The volume's place in the patient is part of it (feature cells lie in the patient), its name is not.
-    """
-    digest = hashlib.sha256()
-    digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings).items())}".encode())
-    digest.update(f"{volume.array.shape} {volume.array.dtype.str}".encode())
-    # A file format may keep fewer digits, and turn 0 into -0.
-    digest.update((np.round(volume.geometry.ijk_to_ras, 4) + 0.0).astype("<f8").tobytes())
-    digest.update(np.ascontiguousarray(volume.array).data)
-    return digest.hexdigest()

@@ -62,9 +62,9 @@ class SlicePatches:
         patches = image.reshape(3, self.rows, size, self.columns, size).permute(1, 3, 0, 2, 4)
         if len(chosen.places) == self.rows * self.columns:
             return PatchTokens(patches.reshape(self.rows * self.columns, -1), self.rows, self.columns)
-        places, counts = torch.from_numpy(chosen.places), torch.from_numpy(chosen.counts)
+        places, multiplicity = torch.from_numpy(chosen.places), torch.from_numpy(chosen.multiplicity)
         of_places = patches[places // self.columns, places % self.columns].flatten(1)
-        return PatchTokens(of_places, self.rows, self.columns, places, counts)
+        return PatchTokens(of_places, self.rows, self.columns, places, multiplicity)
 
     def _channels(self, intensities: np.ndarray) -> np.ndarray:
         """A slice in the three windows, (3, rows, columns) float32, normalised; resizing it keeps it so."""
@@ -73,7 +73,7 @@ class SlicePatches:
         return np.stack([(shown[window] - np.float32(mean)) / np.float32(std) for window, mean, std in channels])
 
     def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
-        """Keys (T, C) of the chosen patches, in the places of all that they stand for: (rows, columns, C)."""
+        """Keys (T, C) of the chosen patches, in the places of all that they represent: (rows, columns, C)."""
         import torch
 
-        return keys[torch.from_numpy(chosen.standing_for).to(keys.device)].reshape(self.rows, self.columns, -1)
+        return keys[torch.from_numpy(chosen.representative).to(keys.device)].reshape(self.rows, self.columns, -1)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
 from ..weights.models import PretrainedModel
-from .buffer_pool import Workspace
+from .buffer_pool import BufferPool
 from .packed_slices import PackedSlices, PatchTokens
 
 if TYPE_CHECKING:
@@ -67,28 +67,14 @@ class VisionTransformer:
             return self
         return VisionTransformer(self.model, self._weights, self.weights_digest, device, dtype)
 
-    def last_block_keys(self, images: Tensor) -> Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None) -> Tensor:
         """Keys `K` of the last block's self-attention, heads side by side, without class and register tokens.
 
-        Args:
-            images: (B, 3, H, W), normalised as the model expects; H and W are multiples of the patch size.
-
-        Returns:
-            (B, H / patch_size, W / patch_size, C) on the same device, in the network's precision.
-        """
-        size = self.model.patch_size
-        rows, columns = (edge // size for edge in images.shape[-2:])
-        patches = images.reshape(-1, 3, rows, size, columns, size).permute(0, 2, 4, 1, 3, 5).flatten(0, 2).flatten(1)
-        return self.keys_of_tokens([PatchTokens(group, rows, columns) for group in patches.split(rows * columns)]).reshape(
-            len(images), rows, columns, self.model.embed_dim
-        )
-
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> Tensor:
-        """Last-block keys of slices of which not every patch is there; the slices do not see each other.
+        Not every patch of a slice need be there; the slices do not see each other.
 
         Args:
             slices: to run at once.
-            workspace: for whoever runs many batches one after the other.
+            buffers: for whoever runs many batches one after the other.
 
         Returns:
             (T, C), the keys of the slices' patches one after the other, on the network's device, in its precision.
@@ -97,7 +83,7 @@ class VisionTransformer:
 
         with torch.inference_mode():
             packed = PackedSlices(slices, 1 + self.model.num_register_tokens)
-            work = workspace or Workspace()
+            work = buffers or BufferPool()
             tokens = self._embed(slices, packed, work)
             biases = [self._attention_bias(group, span) for group, span in zip(slices, packed.spans, strict=True)]
             for block in range(self.model.depth - 1):
@@ -106,7 +92,7 @@ class VisionTransformer:
             keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")
             return torch.cat([keys[patches] for patches in packed.patches])
 
-    def _embed(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: Workspace) -> Tensor:
+    def _embed(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: BufferPool) -> Tensor:
         """Tokens (R, C): of each slice the class token, the registers, then the patches; zeros where there are none."""
         w = self._weights
         weight = w["patch_embed.proj.weight"].flatten(1)
@@ -131,13 +117,13 @@ class VisionTransformer:
         """
         import torch
 
-        if group.counts is None:
+        if group.multiplicity is None:
             return None
-        own = 1 + self.model.num_register_tokens
-        counts = torch.zeros(span.stop - span.start)
-        counts[:own] = 1.0
-        counts[own : own + len(group.counts)] = group.counts
-        return counts.log()[None].to(self.device, self.dtype)
+        prefix = 1 + self.model.num_register_tokens
+        multiplicity = torch.zeros(span.stop - span.start)
+        multiplicity[:prefix] = 1.0
+        multiplicity[prefix : prefix + len(group.multiplicity)] = group.multiplicity
+        return multiplicity.log()[None].to(self.device, self.dtype)
 
     def _position_table(self, rows: int, columns: int) -> Tensor:
         """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
@@ -147,7 +133,7 @@ class VisionTransformer:
         return self._position_tables[rows, columns]
 
     def _add_attention(
-        self, tokens: Tensor, spans: Sequence[slice], biases: Sequence[Tensor | None], block: str, work: Workspace
+        self, tokens: Tensor, spans: Sequence[slice], biases: Sequence[Tensor | None], block: str, work: BufferPool
     ) -> None:
         """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`."""
         import torch.nn.functional as F
@@ -166,7 +152,7 @@ class VisionTransformer:
         for part, values in self._parts(tokens, attended):
             self._add_scaled(part, self._linear(values, f"{block}.attn.proj"), f"{block}.ls1")
 
-    def _add_mlp(self, tokens: Tensor, block: str, work: Workspace) -> None:
+    def _add_mlp(self, tokens: Tensor, block: str, work: BufferPool) -> None:
         import torch
 
         for (part,) in self._parts(tokens):
@@ -206,7 +192,7 @@ class VisionTransformer:
         else:
             tokens.add_(residual)
 
-    def _rows(self, work: Workspace, name: str, rows: int, columns: int) -> Tensor:
+    def _rows(self, work: BufferPool, name: str, rows: int, columns: int) -> Tensor:
         return work.rows(name, rows, columns, self.dtype, self.device)
 
 

@@ -1,4 +1,4 @@
-"""Features made comparable by the volume's own statistics.
+"""Features normalised by the volume's own statistics: centred, whitened, scaled to unit length.
 
 Un-centred keys of the DINOv2 family have cosine above 0.9 between any two cells: no threshold separates anything. What
 tells cells apart is how they differ from the volume's mean, measured against how much each direction varies anyway.
@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 
 from ..core.geometry import Geometry
-from .feature_volume import FeatureVolume, sample_at
+from ..core.resampling import sample_at
+from .feature_volume import FeatureVolume
 
 Statistics = Literal["none", "centred", "whitened"]
 
@@ -45,7 +46,7 @@ class FeatureTransform:
 
 
 @dataclass(frozen=True, eq=False)
-class ComparableFeatures:
+class NormalisedFeatures:
     """Unit vectors whose dot products are the cosine similarities of Eq. 1.
 
     Attributes:
@@ -64,12 +65,12 @@ class ComparableFeatures:
         return unit_vectors(self.transform.apply(sample_at(self.source.array, self.geometry, points_ras)))
 
 
-def comparable_features(features: FeatureVolume, statistics: Statistics) -> ComparableFeatures:
+def normalised_features(features: FeatureVolume, statistics: Statistics) -> NormalisedFeatures:
     """Prepare a feature volume for cosine similarity.
 
     Args:
         features: as extracted.
-        statistics: "none": as they are, the published way; "centred": minus the volume's mean; "whitened": centred, then
+        statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
             the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
     """
     transform = _fit_transform(features.array, statistics)
@@ -77,7 +78,7 @@ def comparable_features(features: FeatureVolume, statistics: Statistics) -> Comp
     # Block by block, so that no full-size float32 copy of the raw features is ever made.
     blocks = (cells[start : start + BLOCK_CELLS] for start in range(0, len(cells), BLOCK_CELLS))
     array = np.concatenate([unit_vectors(transform.apply(block)) for block in blocks])
-    return ComparableFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
+    return NormalisedFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.annotations import Color, default_color
 from ..core.atomic_file import replacing
+from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
 from .volume_files import image_geometry, last_line, read_image

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.intensity_window import IntensityWindow
+from ..core.resampling import sample_at
 from ..core.volume import Volume
-from ..features.feature_volume import sample_at
 from .intensity_likelihood import weighed_by_intensity
 
 RefinementMethod = Literal["bilateral", "guided", "none"]

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.class_map import box_above
 from ..core.geometry import Box
-from ..core.map_interpolation import box_above, cell_positions, interpolated
+from ..core.resampling import cell_positions, interpolated
 
 Shape = tuple[int, int, int]
 

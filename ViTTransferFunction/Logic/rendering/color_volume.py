@@ -18,11 +18,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
 
-from ..core.annotations import Color
+from ..core.colors import Color
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
-from ..core.map_interpolation import interpolated
 from ..core.progress import Progress, no_progress
+from ..core.resampling import interpolated
 from .class_membership import Shape, finest_shape, memberships, nearest_voxels
 
 SURFACE = 127

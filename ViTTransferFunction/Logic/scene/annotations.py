@@ -15,7 +15,7 @@ import numpy as np
 import slicer
 import vtk
 
-from ..core.annotations import Color
+from ..core.colors import Color
 from ..core.errors import InputError
 from .classes import (
     ClassState,

@@ -15,7 +15,7 @@ import numpy as np
 import slicer
 import vtk
 
-from ..core.annotations import Color, default_color
+from ..core.colors import Color, default_color
 from .folder import put_into_folder
 
 CLASS_ROLE = "class"

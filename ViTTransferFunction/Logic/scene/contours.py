@@ -6,6 +6,7 @@ The iso-surfaces of all classes are one model, coloured by class, which the slic
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,17 +15,13 @@ from vtkmodules.vtkCommonCore import vtkPoints
 from vtkmodules.vtkCommonDataModel import vtkDataObject, vtkImageData, vtkPolyData
 from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkFlyingEdges3D
 
-from ..core.annotations import Color
-from ..core.geometry import transform_points
-from ..core.map_interpolation import box_above, in_units_of, interpolated
+from ..core.class_map import ClassMap, box_above, in_units_of
+from ..core.colors import Color
+from ..core.resampling import interpolated
 from .derived_nodes import DerivedNodes
 
 if TYPE_CHECKING:
     import slicer
-
-Outline = tuple[str, np.ndarray, np.ndarray, float, Color]
-"""A class's id; its map (K, J, I), float32 in [0, 1] or uint8 with 255 for 1; the map's (4, 4) IJK-to-RAS matrix in the local
-frame of the volume; its iso value; its colour."""
 
 MODEL_NAME = "Similarity contours"
 COLORS_NAME = "Similarity contour colors"
@@ -40,16 +37,30 @@ EDGE_VOXELS = 1e-3
 """How far beyond the map's border a surface that the border cuts is closed."""
 
 
+@dataclass(frozen=True, eq=False)
+class ShownMap:
+    """A class's map as the views show it.
+
+    Attributes:
+        class_id: of the class.
+        map: in the volume's local frame. Its array must not be changed later.
+        color: of the class.
+    """
+
+    class_id: str
+    map: ClassMap
+    color: Color
+
+    def is_like(self, other: ShownMap | None) -> bool:
+        """Whether both look the same; maps are the same where they are one object."""
+        return other is not None and self.map is other.map and self.color == other.color
+
+
 class _Surface(NamedTuple):
-    """A class's iso-surface, and what it was made from."""
+    """A class's iso-surface, and the map that it was made from."""
 
-    array: np.ndarray
-    ijk_to_ras: np.ndarray
-    iso: float
+    map: ClassMap
     mesh: vtkPolyData
-
-    def is_of(self, array: np.ndarray, ijk_to_ras: np.ndarray, iso: float) -> bool:
-        return self.array is array and self.iso == iso and np.array_equal(self.ijk_to_ras, ijk_to_ras)
 
 
 class Contours:
@@ -63,24 +74,22 @@ class Contours:
         self._nodes = DerivedNodes(scene)
         self._surfaces: dict[str, _Surface] = {}
 
-    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, outlines: Sequence[Outline]) -> None:
-        """Show these outlines and no others. Only those whose map or iso value is another one than before are computed.
+    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, shown: Sequence[ShownMap]) -> None:
+        """Show the outlines of these classes and no others. Only those whose map is another one than before are computed.
 
         Args:
             volume_node: the volume that the maps are of; the outlines move with it.
-            outlines: of the visible classes. Their arrays must not be changed later.
+            shown: the visible classes.
         """
-        self._surfaces = {
-            class_id: self._surface(class_id, array, ijk_to_ras, iso) for class_id, array, ijk_to_ras, iso, _ in outlines
-        }
+        self._surfaces = {of_class.class_id: self._surface(of_class) for of_class in shown}
         append = vtkAppendPolyData()
-        for index, (class_id, *_) in enumerate(outlines):
-            append.AddInputData(_marked(self._surfaces[class_id].mesh, index))
-        if outlines:
+        for index, of_class in enumerate(shown):
+            append.AddInputData(_marked(self._surfaces[of_class.class_id].mesh, index))
+        if shown:
             append.Update()
 
         colors = self._nodes.find(COLORS_NAME) or self._add_colors()
-        _set_colors(colors, [color for *_, color in outlines])
+        _set_colors(colors, [of_class.color for of_class in shown])
         model = self._nodes.find(MODEL_NAME) or self._add_model()
         if model.GetDisplayNode() is None:
             _add_display(model, colors)
@@ -102,11 +111,9 @@ class Contours:
         self._nodes.remove()
         self._surfaces.clear()
 
-    def _surface(self, class_id: str, array: np.ndarray, ijk_to_ras: np.ndarray, iso: float) -> _Surface:
-        known = self._surfaces.get(class_id)
-        if known and known.is_of(array, ijk_to_ras, iso):
-            return known
-        return _Surface(array, ijk_to_ras, iso, iso_surface(array, ijk_to_ras, iso))
+    def _surface(self, shown: ShownMap) -> _Surface:
+        known = self._surfaces.get(shown.class_id)
+        return known if known and known.map is shown.map else _Surface(shown.map, iso_surface(shown.map))
 
     def _add_colors(self) -> Any:
         colors = self._nodes.add("vtkMRMLColorTableNode", COLORS_NAME)
@@ -145,18 +152,14 @@ def _add_display(model: Any, colors: Any) -> None:
     display.SetScalarVisibility(True)
 
 
-def iso_surface(array: np.ndarray, ijk_to_ras: np.ndarray, iso: float) -> vtkPolyData:
-    """The surface where a map, interpolated trilinearly, is `iso`; closed at the map's border.
-
-    Args:
-        array: (K, J, I) float32 in [0, 1], or uint8 with 255 for 1.
-        ijk_to_ras: (4, 4), of the map's voxels.
-        iso: in (0, 1).
+def iso_surface(class_map: ClassMap) -> vtkPolyData:
+    """The surface where a map, interpolated trilinearly, has its iso value; closed at the map's border.
 
     Returns:
-        Triangles with points in RAS millimetres; none where the map is nowhere above `iso`.
+        Triangles with points in RAS millimetres; none where the map is nowhere above its iso value.
     """
-    box = box_above(array, iso, margin=1)
+    array = class_map.array
+    box = box_above(array, class_map.iso, margin=1)
     if box is None:
         return vtkPolyData()
     # Only of coarse maps; the voxels of the others are small enough for straight edges across them.
@@ -169,7 +172,7 @@ def iso_surface(array: np.ndarray, ijk_to_ras: np.ndarray, iso: float) -> vtkPol
     image.GetPointData().SetScalars(numpy_to_vtk(scalars))
     edges = vtkFlyingEdges3D()
     edges.SetInputData(image)
-    edges.SetValue(0, in_units_of(array, iso))
+    edges.SetValue(0, in_units_of(array, class_map.iso))
     edges.ComputeNormalsOff()
     edges.ComputeGradientsOff()
     edges.ComputeScalarsOff()
@@ -181,7 +184,8 @@ def iso_surface(array: np.ndarray, ijk_to_ras: np.ndarray, iso: float) -> vtkPol
         for axis, (extent, position) in enumerate(zip(box, positions, strict=True))
     ]
     points = vtkPoints()
-    points.SetData(numpy_to_vtk(transform_points(ijk_to_ras, np.stack(kji[::-1], axis=1)).astype(np.float32), deep=True))
+    points_ras = class_map.geometry.ijk_to_ras_points(np.stack(kji[::-1], axis=1))
+    points.SetData(numpy_to_vtk(points_ras.astype(np.float32), deep=True))
     surface.SetPoints(points)
     return surface
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
-import numpy as np
 import slicer
 
-from ..compute.exchange import ShownMap
-from .classes import ClassState
-from .contours import Contours, Outline
+from ..compute.requests import ColorVolume
+from .contours import Contours, ShownMap
 from .overlay import SimilarityOverlay
 from .rendering import ClassRendering
 
@@ -28,73 +25,78 @@ class SceneDisplay:
         self._contours = Contours(scene)
         self._rendering = ClassRendering(scene, app_logic)
         self._volume: slicer.vtkMRMLScalarVolumeNode | None = None
-        self._overlaid: tuple[Any, ...] = ()
-        self._outlines: dict[str, Outline] = {}
-        self._outlined: dict[str, Outline] = {}
+        self._overlaid: tuple[ShownMap, float, str] | None = None
+        self._shown: dict[str, ShownMap] = {}
+        self._outlined: dict[str, ShownMap] = {}
         self._transform = ""
-        self._rendered: tuple[Any, ...] = ()
+        self._rendered: tuple[ColorVolume, str] | None = None
 
     def show_maps(
         self,
         volume: slicer.vtkMRMLScalarVolumeNode,
-        maps: Sequence[tuple[ClassState, ShownMap]],
+        shown: Sequence[ShownMap],
         overlaid: str | None,
         overlay_opacity: float,
     ) -> None:
-        """Show the contours of all `maps`, and the one of the class whose id is `overlaid` as a coloured overlay.
+        """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
         The overlay is there at once, and its class's contour; the other contours follow one by one, by `advance`.
         """
         self._volume = volume
-        self._outlines = {s.id: (s.id, m.array, m.ijk_to_ras, m.iso, s.color) for s, m in maps}
-        self._show_overlay(self._outlines.get(overlaid or ""), overlay_opacity)
+        self._shown = {of_class.class_id: of_class for of_class in shown}
+        self._show_overlay(self._shown.get(overlaid or ""), overlay_opacity)
         transform = volume.GetTransformNodeID() or ""
-        if transform != self._transform or self._outlined.keys() - self._outlines.keys():
+        if transform != self._transform or self._outlined.keys() - self._shown.keys():
             self._transform = transform
-            self._outlined = {id_: self._outlined[id_] for id_ in self._outlines if id_ in self._outlined}
+            self._outlined = {id_: self._outlined[id_] for id_ in self._shown if id_ in self._outlined}
             self._contours.show(volume, list(self._outlined.values()))
-        if overlaid in self._outlines:
+        if overlaid in self._shown:
             self._outline(overlaid)
 
     @property
     def pending(self) -> bool:
         """Whether there are contours still to be shown."""
-        return any(not _same(outline, self._outlined.get(id_)) for id_, outline in self._outlines.items())
+        return any(not of_class.is_like(self._outlined.get(id_)) for id_, of_class in self._shown.items())
 
     def advance(self) -> None:
         """Bring the next contour up to date: some hundredths of a second of work."""
-        for id_, outline in self._outlines.items():
-            if not _same(outline, self._outlined.get(id_)):
+        for id_, of_class in self._shown.items():
+            if not of_class.is_like(self._outlined.get(id_)):
                 self._outline(id_)
                 return
 
-    def _show_overlay(self, outline: Outline | None, opacity: float) -> None:
-        wanted = (*outline, opacity, self._volume.GetTransformNodeID()) if outline and self._volume else ()
-        if _same(wanted, self._overlaid):
+    def _show_overlay(self, of_class: ShownMap | None, opacity: float) -> None:
+        if of_class is None or self._volume is None:
+            if self._overlaid is not None:
+                self._overlaid = None
+                self._overlay.hide()
             return
-        self._overlaid = wanted
-        if outline:
-            _, array, ijk_to_ras, iso, color = outline
-            self._overlay.show(self._volume, array, ijk_to_ras, iso, color, opacity)
-        else:
-            self._overlay.hide()
+        transform = self._volume.GetTransformNodeID() or ""
+        if self._overlaid is not None:
+            before, *look = self._overlaid
+            if of_class.is_like(before) and look == [opacity, transform]:
+                return
+        self._overlaid = of_class, opacity, transform
+        self._overlay.show(self._volume, of_class.map, of_class.color, opacity)
 
     def _outline(self, id_: str) -> None:
         """Bring the contour of one class up to date; the others stay as they are."""
-        if not _same(self._outlines[id_], self._outlined.get(id_)):
-            self._outlined[id_] = self._outlines[id_]
+        if not self._shown[id_].is_like(self._outlined.get(id_)):
+            self._outlined[id_] = self._shown[id_]
             self._contours.show(self._volume, list(self._outlined.values()))
 
-    def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: tuple[np.ndarray, np.ndarray] | None) -> None:
-        """Show a volume of colours (K, J, I, 4) with its IJK-to-RAS matrix in the 3D views; None: nothing."""
-        wanted = (*rendering, volume.GetTransformNodeID()) if rendering else ()
-        if _same(wanted, self._rendered):
-            return
-        self._rendered = wanted
+    def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
+        """Show a volume of colours in the 3D views; None: nothing."""
+        transform = volume.GetTransformNodeID() or ""
         if rendering is None:
-            self._rendering.hide()
-        else:
-            self._rendering.show(volume, *rendering)
+            if self._rendered is not None:
+                self._rendered = None
+                self._rendering.hide()
+            return
+        if self._rendered is not None and self._rendered[0] is rendering and self._rendered[1] == transform:
+            return
+        self._rendered = rendering, transform
+        self._rendering.show(volume, rendering.rgba, rendering.geometry.ijk_to_ras)
 
     def hide(self) -> None:
         """Show nothing."""
@@ -111,12 +113,5 @@ class SceneDisplay:
         self._forget()
 
     def _forget(self) -> None:
-        self._volume = None
-        self._overlaid, self._rendered, self._outlines, self._outlined = (), (), {}, {}
-
-
-def _same(one: tuple[Any, ...], other: tuple[Any, ...] | None) -> bool:
-    """Whether two descriptions of what is shown are equal, arrays being equal where they are the same object."""
-    if other is None or len(one) != len(other):
-        return False
-    return all(a is b if isinstance(a, np.ndarray) else a == b for a, b in zip(one, other, strict=True))
+        self._volume = self._overlaid = self._rendered = None
+        self._shown, self._outlined = {}, {}

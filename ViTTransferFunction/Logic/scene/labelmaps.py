@@ -11,20 +11,10 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ..core.geometry import Box, Geometry
-from ..core.label_resampling import resample_labels
+from ..core.resampling import resample_labels
 from .volume import numpy_matrix, vtk_matrix
 
 LABELMAP = slicer.vtkSegmentationConverter.GetSegmentationBinaryLabelmapRepresentationName()
-
-
-def bounding_box(masks: Sequence[np.ndarray]) -> Box:
-    """The smallest box around all true voxels of masks (K, J, I); of no voxels where there are none."""
-    ranges = []
-    for axis in range(3):
-        rest = tuple(other for other in range(3) if other != axis)
-        indices = np.flatnonzero(np.logical_or.reduce([mask.any(axis=rest) for mask in masks]))
-        ranges.append(slice(int(indices[0]), int(indices[-1]) + 1) if len(indices) else slice(0, 0))
-    return ranges[0], ranges[1], ranges[2]
 
 
 def labelmaps_from_masks(masks: Sequence[np.ndarray], grid: Geometry, box: Box) -> list[tuple[Any, int]]:

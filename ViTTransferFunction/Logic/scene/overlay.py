@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.annotations import Color
+from ..core.class_map import ClassMap, box_above, in_units_of
+from ..core.colors import Color
 from ..core.geometry import Geometry
-from ..core.map_interpolation import box_above, cell_positions, in_units_of, interpolated
+from ..core.resampling import cell_positions, interpolated
 from .derived_nodes import DerivedNodes, nodes_of_class
 from .volume import set_image
 
@@ -58,28 +59,18 @@ class SimilarityOverlay:
         self._opacity = 0.0
         self._before: dict[str, _Foreground] = {}
 
-    def show(
-        self,
-        volume_node: slicer.vtkMRMLScalarVolumeNode,
-        array: np.ndarray,
-        ijk_to_ras: np.ndarray,
-        iso: float,
-        color: Color,
-        opacity: float,
-    ) -> None:
+    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, class_map: ClassMap, color: Color, opacity: float) -> None:
         """Show a map, or another one instead, in all slice views that there are.
 
         Args:
             volume_node: the volume that the map is of; the overlay moves with it.
-            array: (K', J', I') float32 in [0, 1], or uint8 with 255 for 1.
-            ijk_to_ras: (4, 4), of the map's voxels in the volume's local frame, RAS millimetres.
-            iso: what counts as similar, in (0, 1).
+            class_map: in the volume's local frame.
             color: of the class.
             opacity: in [0, 1].
         """
-        levels, geometry = similarity_levels(array, ijk_to_ras, FADE_IN[0] * iso)
+        levels, geometry = similarity_levels(class_map, FADE_IN[0] * class_map.iso)
         colors = self._nodes.find(COLORS_NAME) or self._add_colors()
-        _set_colors(colors, iso, color)
+        _set_colors(colors, class_map.iso, color)
         volume = self._nodes.find(VOLUME_NAME) or self._nodes.add("vtkMRMLLabelMapVolumeNode", VOLUME_NAME)
         if volume.GetDisplayNode() is None:
             volume.CreateDefaultDisplayNodes()
@@ -141,21 +132,17 @@ def _set_colors(colors: Any, iso: float, color: Color) -> None:
     colors.EndModify(was_modifying)
 
 
-def similarity_levels(array: np.ndarray, ijk_to_ras: np.ndarray, threshold: float) -> tuple[np.ndarray, Geometry]:
-    """A map in 256 levels, where it is above `threshold` and right around, finer if it is coarse.
-
-    Args:
-        array: (K', J', I') float32 in [0, 1], or uint8 with 255 for 1.
-        ijk_to_ras: (4, 4), of its voxels.
-        threshold: in [0, 1].
+def similarity_levels(class_map: ClassMap, threshold: float) -> tuple[np.ndarray, Geometry]:
+    """A map in 256 levels, where it is above `threshold`, in [0, 1], and right around; finer if it is coarse.
 
     Returns:
         (K, J, I) uint8, trilinearly interpolated, with 255 for 1; and where it lies.
     """
+    array = class_map.array
     box = box_above(array, threshold, margin=1)
     if box is None:
-        return np.zeros((1, 1, 1), dtype=np.uint8), Geometry((1, 1, 1), ijk_to_ras)
-    values, geometry = array[box], Geometry(array.shape, ijk_to_ras).part(box)
+        return np.zeros((1, 1, 1), dtype=np.uint8), Geometry((1, 1, 1), class_map.geometry.ijk_to_ras)
+    values, geometry = array[box], class_map.geometry.part(box)
     per_cell = min(int(np.cbrt(FINE_VOXELS / values.size)), MOST_VOXELS_PER_CELL)
     if per_cell > 1:
         values = interpolated(values, [cell_positions(count, per_cell * count) for count in values.shape])

@@ -6,15 +6,17 @@ values.
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import slicer
 
+from ..compute.requests import Refinement, RenderingMode
 from ..core.intensity_window import IntensityWindow
+from ..refinement.refinement import REFINEMENT_METHODS
+from ..session.opening import SessionSettings
 from ..session.presets import DEFAULT_PRESET, PRESETS
 
-Rendering = Literal["off", "similarity", "transfer function"]
-RENDERINGS: tuple[str, ...] = get_args(Rendering)
+RENDERINGS: tuple[str, ...] = ("off", *get_args(RenderingMode))
 
 
 class SceneParameters:
@@ -94,21 +96,33 @@ class SceneParameters:
         """Refer to a node as "volume" or "segmentation"."""
         self.node.SetNodeReferenceID(name, node.GetID() if node else None)
 
-    def feature_settings(self) -> dict[str, Any]:
-        """What decides the features: the arguments of `SegmentationService.prepare`."""
+    def session_settings(self) -> SessionSettings:
+        """What decides the features.
+
+        Raises:
+            InputError: the window is none.
+        """
         low, high = self.get("windowLow"), self.get("windowHigh")
         automatic = self.get("windowAutomatic")
         if not automatic:
             IntensityWindow(low, high)  # Refuses what is no window.
-        return {
-            "preset_name": self.get("preset") if self.get("preset") in PRESETS else DEFAULT_PRESET,
-            "grid": self.get("grid") or None,
-            "window": None if automatic else (low, high),
-            "model": self.get("model") or None,
-            "weights_path": self.get("weightsPath") or None,
-            "device": self.get("device"),
-        }
+        return SessionSettings(
+            preset=self.get("preset") if self.get("preset") in PRESETS else DEFAULT_PRESET,
+            grid=self.get("grid") or None,
+            window=None if automatic else (low, high),
+            model=self.get("model") or None,
+            weights_path=self.get("weightsPath") or None,
+            device=self.get("device"),
+        )
 
-    def refinement_settings(self) -> dict[str, Any]:
-        """The further arguments of `SegmentationService.refine`."""
-        return {"method": self.get("refinement"), "only_annotated": self.get("onlyAnnotatedParts")}
+    def refinement(self) -> Refinement:
+        """How maps are refined."""
+        method = self.get("refinement")
+        if method not in REFINEMENT_METHODS:
+            method = self.DEFAULTS["refinement"]
+        return Refinement(method, self.get("onlyAnnotatedParts"))
+
+    def rendering_mode(self) -> RenderingMode | None:
+        """What the 3D views show; None: nothing."""
+        mode = self.get("rendering")
+        return mode if mode in get_args(RenderingMode) else None

@@ -17,12 +17,17 @@ import slicer
 import vtk
 
 from ..compute.client import ComputeClient
-from ..compute.exchange import Estimate, Progressing, RemoteVolume
-from ..compute.proxy import Phase, RemoteSegmentation
+from ..compute.proxy import Phase, SegmentationProxy
+from ..compute.requests import TakeVolume
+from ..core.class_request import ClassRequest
 from ..core.errors import InputError
 from ..core.geometry import Geometry
+from ..core.progress import WorkProgress
+from ..session.feature_source import FeatureEstimate
+from ..session.opening import SessionSettings
 from .annotations import SceneAnnotations
 from .classes import ClassState
+from .contours import ShownMap
 from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
@@ -59,7 +64,7 @@ class SceneSession:
         self._opened: tuple[Any, ...] | None = None
         self._asked: tuple[Any, ...] | None = None
         self.parameters = SceneParameters(parameter_node)
-        self._remote = RemoteSegmentation(lambda: ComputeClient(python_executable))
+        self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._display = SceneDisplay(scene, app_logic)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
@@ -85,32 +90,32 @@ class SceneSession:
     @property
     def phase(self) -> Phase:
         """How far the volume is."""
-        return self._remote.phase
+        return self._proxy.phase
 
     @property
-    def progress(self) -> Progressing | None:
+    def progress(self) -> WorkProgress | None:
         """Of the running extraction or segmentation."""
-        return self._remote.progress
+        return self._proxy.progress
 
     @property
-    def estimate(self) -> Estimate | None:
+    def estimate(self) -> FeatureEstimate | None:
         """What the features will cost; None until known."""
-        return self._remote.estimate
+        return self._proxy.estimate
 
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._remote.busy or self._display.pending
+        return self._proxy.busy or self._display.pending
 
     @property
     def up_to_date(self) -> bool:
         """Whether what is shown follows from the annotations as they are now."""
-        return self._remote.up_to_date
+        return self._proxy.up_to_date
 
     @property
     def compute_pid(self) -> int | None:
         """The number of the compute process; None where none runs."""
-        return self._remote.pid
+        return self._proxy.pid
 
     @property
     def observer_count(self) -> int:
@@ -119,7 +124,7 @@ class SceneSession:
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
-        error, self._error = self._error or self._remote.take_error(), None
+        error, self._error = self._error or self._proxy.take_error(), None
         return error
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
@@ -147,29 +152,29 @@ class SceneSession:
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
-        shown = self._remote.maps.get(id_)
-        return shown.iso if shown else None
+        class_map = self._proxy.maps.get(id_)
+        return class_map.iso if class_map else None
 
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
-        self._remote.extract()
+        self._proxy.extract()
         self._notify()
 
     def cancel(self) -> None:
         """Stop the extraction or segmentation that runs; what was there before stays."""
-        self._remote.cancel()
+        self._proxy.cancel()
 
     def write_segments(self) -> None:
         """Have all classes segmented and written as segments; into a new segmentation where none is chosen."""
-        if self.phase != "ready" or not self._questions():
+        if self.phase != "ready" or not self._requests():
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
             return
-        self._remote.segment(self.parameters.refinement_settings())
+        self._proxy.segment(self.parameters.refinement())
         self._notify()
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
-        events = self._remote.poll()
+        events = self._proxy.poll()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
@@ -194,7 +199,7 @@ class SceneSession:
         self._listeners.clear()
         self._observers.remove_all()
         self.annotations.close()
-        self._remote.close()
+        self._proxy.close()
         self._display.remove()
 
     def _on_annotations(self) -> None:
@@ -238,9 +243,9 @@ class SceneSession:
     def _open_volume(self) -> None:
         """Hand the volume to the compute process, if it or what decides its features has changed."""
         node = self.parameters.volume
-        geometry, settings = None, {}
+        geometry, settings = None, SessionSettings()
         try:
-            settings = self.parameters.feature_settings()
+            settings = self.parameters.session_settings()
             geometry = geometry_from_node(node) if node else None
         except InputError as error:
             self._error = str(error)
@@ -249,65 +254,69 @@ class SceneSession:
             self._opened = (place, settings)
             self._geometry = geometry
             self._asked = None
-            volume = RemoteVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
-            self._remote.open(volume, settings)
+            volume = TakeVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
+            self._proxy.open(volume, settings)
 
     def _ask_for_maps(self) -> None:
         """Ask for maps, unless what they depend on is as it was when they were asked for last."""
-        asked = (self._questions(), self.parameters.refinement_settings())
+        asked = (self._requests(), self.parameters.refinement())
         if asked != self._asked:
             self._asked = asked
-            self._remote.update(*asked)
+            self._proxy.update(*asked)
 
-    def _questions(self) -> list[dict[str, Any]]:
+    def _requests(self) -> list[ClassRequest]:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
         if node is None or self._geometry is None:
             return []
-        questions = [self._question(state, node, self._geometry) for state in self.classes]
-        return [question for question in questions if question["positive"]]
+        requests = (self._request(state, node, self._geometry) for state in self.classes)
+        return [request for request in requests if request is not None]
 
-    def _question(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> dict[str, Any]:
-        points = {}
-        for polarity in ("positive", "negative"):
-            local = world_to_local(node, np.array(getattr(state, polarity)).reshape(-1, 3))
-            points[polarity] = local[geometry.contains(local)].tolist()
-        return {
-            "id": state.id,
-            "name": f"{state.name} ({state.id})",  # Two classes may bear the same name for a while.
-            "iso": state.iso,
-            "proximity": state.proximity,
-            "refine": state.refine,
-            **points,
-        }
+    def _request(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> ClassRequest | None:
+        """In the volume's local frame, without the points beyond it; None where no positive one is left."""
+        positive, negative = (
+            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, state.negative)
+        )
+        inside = positive[geometry.contains(positive)]
+        if not len(inside):
+            return None
+        return ClassRequest(
+            state.id,
+            inside,
+            negative[geometry.contains(negative)],
+            iso=state.iso,
+            proximity=state.proximity,
+            refine=state.refine,
+            name=state.name.strip(),
+        )
 
     def _show(self) -> None:
         """Bring the views up to date with maps, classes and parameters."""
         volume, selected = self.parameters.volume, self.selected_class
         visible = {state.id: state for state in self.classes if state.visible}
         styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
-        self._remote.look(self.parameters.get("rendering"), styles)
-        maps = self._remote.maps
+        self._proxy.look(self.parameters.rendering_mode(), styles)
+        maps = self._proxy.maps
         if volume is None or not maps:
             self._display.hide()
             return
         overlaid = selected.id if selected and selected.id in visible and self.parameters.get("overlayVisible") else None
         self._display.show_maps(
             volume,
-            [(visible[id_], shown) for id_, shown in maps.items() if id_ in visible],
+            [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
             overlaid,
             self.parameters.get("overlayOpacity"),
         )
-        self._display.show_rendering(volume, self._remote.rendering)
+        self._display.show_rendering(volume, self._proxy.rendering)
 
     def _write_labels(self) -> None:
         """Turn the labels that arrived into segments of the classes that are still there."""
-        assert self._remote.labels is not None
-        (labels, ids), self._remote.labels = self._remote.labels, None
+        assert self._proxy.labels is not None
+        (labels, ids), self._proxy.labels = self._proxy.labels, None
         volume = self.parameters.volume
         states = {state.id: state for state in self.classes}
         segments = [
-            OutputSegment(id_, states[id_].name, states[id_].color, labels == label)
+            OutputSegment(id_, states[id_].name, states[id_].color, labels.array == label)
             for label, id_ in enumerate(ids, start=1)
             if id_ in states
         ]

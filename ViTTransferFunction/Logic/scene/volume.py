@@ -15,24 +15,6 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
-from ..core.volume import Volume
-
-
-def volume_from_node(node: Any) -> Volume:
-    """The voxels of a volume node and where they lie in its local frame.
-
-    Args:
-        node: a scalar volume node.
-
-    Returns:
-        A volume named as the node. Its array (K, J, I) is a view on the node's voxels, not a copy.
-
-    Raises:
-        InputError: the node has no voxels, more than one number in each, a degenerate geometry or a non-linear parent
-            transform; or `Volume` refuses its voxels.
-    """
-    geometry = geometry_from_node(node)
-    return Volume(array_from_node(node), geometry, node.GetName())
 
 
 def array_from_node(node: Any) -> np.ndarray:
@@ -45,7 +27,8 @@ def geometry_from_node(node: Any) -> Geometry:
     """The voxel grid of a scalar volume node in its local frame, whatever its voxels hold.
 
     Raises:
-        InputError: as for `volume_from_node`, but for the voxels' values.
+        InputError: the node has no voxels, more than one number in each, a degenerate geometry or a non-linear parent
+            transform.
     """
     name, image = node.GetName(), node.GetImageData()
     scalars = image.GetPointData().GetScalars() if image else None
@@ -75,15 +58,6 @@ def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
         InputError: the node is under a non-linear transform.
     """
     return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
-
-
-def local_to_world(node: Any, points_ras: np.ndarray) -> np.ndarray:
-    """Points in the local frame of `node`, (N, 3) RAS millimetres, in the scene, (N, 3) RAS millimetres.
-
-    Raises:
-        InputError: the node is under a non-linear transform.
-    """
-    return transform_points(matrix_to_world(node), points_ras)
 
 
 def matrix_to_world(node: Any) -> np.ndarray:

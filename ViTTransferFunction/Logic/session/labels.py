@@ -1,4 +1,4 @@
-"""From similarity maps to labels: iso values, competition between classes, and the parts that the user meant."""
+"""From similarity maps to labels: which class gets each voxel, and the parts that the user meant."""
 
 from __future__ import annotations
 
@@ -8,31 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.geometry import Geometry
-
-SMALLEST_ISO, LARGEST_ISO = 0.02, 0.98
-ISO_WITHOUT_NEGATIVES = 0.5
-"""Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
+from ..similarity.iso_value import SMALLEST_ISO
 
 
-def choose_iso(at_positives: np.ndarray, at_negatives: np.ndarray) -> float:
-    """The iso value that lies in the middle between the points to include and those to exclude.
-
-    Args:
-        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
-        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
-
-    Returns:
-        The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
-        low or high that everything or nothing would be selected.
-    """
-    typical = float(np.mean(at_positives))
-    iso = ISO_WITHOUT_NEGATIVES * typical
-    if len(at_negatives):
-        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
-    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
-
-
-def compete(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:
+def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:
     """Label each voxel with the class whose map exceeds its own iso value by the largest factor.
 
     Args:

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.bounding_box import bounding_box
+from ..core.class_map import FULL_SCALE
 from ..core.geometry import Box
 
 SHARE_OF_ISO = 0.5
 """Voxels whose map stays below this share of the iso value may be cut off: nothing of them is shown."""
-FULL_SCALE = 255
-"""The byte that stands for a similarity of 1."""
+MARGIN_VOXELS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +37,10 @@ class MapCrop:
 
 def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
     """Cut the map (K, J, I) in [0, 1] down to the box of its iso-surface and two voxels around it."""
-    above = similarity >= SHARE_OF_ISO * iso
-    k, j, i = (_extent(np.asarray(above.any(axis=rest))) for rest in ((1, 2), (0, 2), (0, 1)))
-    array = np.rint(similarity[k, j, i] * np.float32(FULL_SCALE)).astype(np.uint8)
-    return MapCrop(array, (k, j, i), iso)
+    # Where nothing is above, a box all the same: two voxels, so that it has an extent.
+    box = bounding_box(similarity >= SHARE_OF_ISO * iso, MARGIN_VOXELS) or (slice(0, 2),) * 3
+    array = np.rint(similarity[box] * np.float32(FULL_SCALE)).astype(np.uint8)
+    return MapCrop(array, box, iso)
 
 
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
@@ -64,11 +65,3 @@ def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:
     inside = labels[crop.box] == label
     array = np.where(inside, np.maximum(crop.array, threshold), np.minimum(crop.array, max(threshold - 1, 0)))
     return MapCrop(array.astype(np.uint8), crop.box, crop.iso)
-
-
-def _extent(occupied: np.ndarray) -> slice:
-    """The range of what is occupied along an axis, with a margin; at least two voxels, so that it has an extent."""
-    indices = np.flatnonzero(occupied)
-    low, high = (indices[0] - 2, indices[-1] + 3) if len(indices) else (0, 2)
-    low = int(np.clip(low, 0, max(len(occupied) - 2, 0)))
-    return slice(low, int(np.clip(high, low + 2, max(len(occupied), 2))))

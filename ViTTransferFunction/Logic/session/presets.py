@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..core.errors import InputError
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
-from ..similarity.cosine import SimilarityMethod
+from ..similarity.similarity_rule import SimilarityMethod
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Preset:
         meaning: one sentence for users.
         model: the pretrained model, where the user names none.
         features: how features are extracted.
-        statistics: how they are made comparable.
+        statistics: how they are normalised.
         similarity: how annotations become maps.
     """
 
@@ -30,7 +30,7 @@ class Preset:
 
 
 def _whitened(meaning: str, features: FeatureSettings) -> Preset:
-    return Preset(meaning, model="dinov2_vits14", features=features, statistics="whitened", similarity="kernel")
+    return Preset(meaning, model="dinov2_vits14", features=features, statistics="whitened", similarity="kernel ridge")
 
 
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
@@ -45,14 +45,19 @@ PRESETS = {
     "balanced": _whitened(
         "a patch for each cell of a slice, through every second layer of cells", FeatureSettings(layer_step=2)
     ),
-    "published": Preset(
+    "paper": Preset(
         meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
         model="dino_vits8",
         features=FeatureSettings(
-            isotropic=False, upright=False, every_slice=True, thin_air=False, windows="full range", precision="float32"
+            isotropic=False,
+            canonical=False,
+            every_slice=True,
+            merge_background=False,
+            windows="full range",
+            precision="float32",
         ),
         statistics="none",
-        similarity="published",
+        similarity="clamped cosine",
     ),
 }
 

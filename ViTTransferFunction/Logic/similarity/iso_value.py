@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from ..core.intensity_cdf import IntensityRank
+from ..core.intensity_cdf import IntensityCdf
 
 POINTS_TO_HALF = 1.5
 """κ."""
@@ -32,6 +32,9 @@ STABILITY_FLOOR = 0.02
 STABILITY_SAMPLES = 2_000_000
 """A refined map is looked at in so many voxels at most, spread evenly."""
 LOWEST_LEVEL = 0.01
+SMALLEST_ISO, LARGEST_ISO = 0.02, 0.98
+ISO_WITHOUT_NEGATIVES = 0.5
+"""Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
 LARGEST_SHARE_OF_POSITIVES = 0.8
 CANDIDATES = np.exp(np.linspace(np.log(0.02), np.log(0.7), 40))
 _BINS = 200
@@ -118,17 +121,35 @@ def _near(width: float) -> np.ndarray:
     return np.exp(-0.5 * ((np.log(_LEVELS) - np.log(CANDIDATES)[:, None]) / width) ** 2)
 
 
-def edge_strength_at(rank: IntensityRank, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
-    """Gradient magnitude of the intensity ranks, over its mean, (N,) float32.
+def edge_strength_at(cdf: IntensityCdf, points_ras: np.ndarray, steps_ras: np.ndarray) -> np.ndarray:
+    """Gradient magnitude of the intensities' CDF, over its mean, (N,) float32.
 
     Args:
-        rank: of the volume.
+        cdf: of the volume.
         points_ras: (N, 3) RAS millimetres.
         steps_ras: (3, 3), one in each row: steps along the volume's own axes over which differences are taken, to either side.
-            Along the patient's, a volume that lies askew would have other edges than its upright twin.
+            Along the patient's, an oblique volume would have other edges than the same volume stored along the patient's axes.
     """
     squared = np.zeros(len(points_ras), dtype=np.float32)
     for step in steps_ras:
-        squared += (rank.at(points_ras + step) - rank.at(points_ras - step)) ** 2
+        squared += (cdf.at(points_ras + step) - cdf.at(points_ras - step)) ** 2
     strength = np.sqrt(squared)
     return strength / max(float(strength.mean()), 1e-12)
+
+
+def iso_between_points(at_positives: np.ndarray, at_negatives: np.ndarray) -> float:
+    """The iso value that lies in the middle between the points to include and those to exclude.
+
+    Args:
+        at_positives: (N, …) the class's map at its own positive points, N ≥ 1.
+        at_negatives: (M,) the same map at its negative points and at all other classes' positive points, M ≥ 0.
+
+    Returns:
+        The middle between the means of the two groups, or half of the positives' mean where there are no negatives; never so
+        low or high that everything or nothing would be selected.
+    """
+    typical = float(np.mean(at_positives))
+    iso = ISO_WITHOUT_NEGATIVES * typical
+    if len(at_negatives):
+        iso = max(iso, 0.5 * (typical + float(np.mean(at_negatives))))
+    return float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))

@@ -17,25 +17,23 @@ Two places are alike when their features, their intensities and their positions 
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.annotations import AnnotatedClass
-from ..core.geometry import Geometry
-from ..core.intensity_cdf import IntensityRank
-from ..core.orientation import upright_orientation
+from ..core.class_request import ClassRequest
+from ..core.intensity_cdf import IntensityCdf
+from ..core.orientation import canonical_orientation
+from ..core.resampling import sample_at
 from ..core.volume import Volume
-from ..features.feature_volume import sample_at
-from ..features.precision import fastest_precision
-from ..features.whitening import ComparableFeatures
+from ..features.whitening import NormalisedFeatures
 from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
+from .kernel_rows import KernelRows
 
 FEATURE_SHARPNESS = 2.5
 """γ: how fast similarity falls with the angle between whitened features."""
 INTENSITY_SIGMA = 0.12
-"""σ_u, in ranks: intensities are compared by the share of the volume's voxels that lie between them."""
+"""σ_u, in units of the CDF: intensities are compared by the share of the volume's voxels that lie between them."""
 POSITION_SIGMA = 0.15
 """σ_x, as a share of the volume's longest edge."""
 POSITION_WEIGHT = 0.5
@@ -47,76 +45,80 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 2
 BACKGROUND_LIMIT = 0.5
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
-ROWS_AT_ONCE = 32
-"""Rows of kernels are made room for, and multiplied, in blocks of so many."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
 ISO_CELLS = 100_000
 """The iso value is chosen from so many cells at most, spread evenly: more would change nothing but the time."""
 
 
-class KernelSimilarity:
-    """Maps of classes on one volume; what does not change between clicks is computed once.
+class KernelRidge:
+    """Kernel ridge regression of all classes together. A `SimilarityRule`.
 
     Args:
         features: unit feature vectors of the volume's cells.
         volume: the intensities.
     """
 
-    def __init__(self, features: ComparableFeatures, volume: Volume) -> None:
+    def __init__(self, features: NormalisedFeatures, volume: Volume) -> None:
         self._features = features
-        self._rank = IntensityRank(volume)
+        self._volume_geometry = volume.geometry
+        self._cdf = IntensityCdf(volume)
         centres = features.geometry.voxel_centres_ras()
         self._centre_ras = centres.mean(axis=0)
         self._cells = self._places(features.array.reshape(-1, features.array.shape[-1]), centres)
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
-        indices = upright_orientation(features.geometry).upright(np.arange(len(centres)).reshape(features.geometry.shape))
+        indices = np.arange(len(centres)).reshape(features.geometry.shape)
+        indices = canonical_orientation(features.geometry).to_canonical(indices)
         drawn = np.random.default_rng(0).permutation(indices.ravel())
         background = drawn[:BACKGROUND_CELLS]
         self._background = self._cells.subset(background)
         rows = self._kernel(self._background, self._cells)
         self._background_kernel = rows[:, background].astype(np.float64)
-        self._rows = _KernelRows(rows)
+        self._rows = KernelRows(rows)
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
         self._iso_cells_ras = centres[self._iso_cells]
-        self._edge_strength = edge_strength_at(self._rank, self._iso_cells_ras, steps_ras)
+        self._edge_strength = edge_strength_at(self._cdf, self._iso_cells_ras, steps_ras)
 
-    def maps(self, classes: Sequence[AnnotatedClass]) -> np.ndarray:
-        """S_L of all classes, (classes, K', J', I') float32 in [0, 1]."""
-        points_ras, targets = _targets(classes)
+    def maps(self, requests: Sequence[ClassRequest]) -> list[np.ndarray]:
+        """See `SimilarityRule`."""
+        points_ras, targets = _targets(requests)
         points = self._places(self._features.at(points_ras), points_ras)
         point_weights, background_weights = self._weights(points, targets)
         indices = self._rows.indices([position.tobytes() for position in points_ras], lambda fresh: self._row(points, fresh))
-        weights = np.zeros((len(classes), self._rows.count), dtype=np.float32)
-        weights[:, : len(self._background.ranks)] = background_weights.T
+        weights = np.zeros((len(requests), self._rows.count), dtype=np.float32)
+        weights[:, : len(self._background.cdf)] = background_weights.T
         # Added, not set: the same place may have been annotated twice.
         np.add.at(weights.T, np.array(indices), point_weights)
         scores = self._rows.weighted(weights)
-        return np.clip(scores, 0.0, 1.0, out=scores).reshape(len(classes), *self._features.geometry.shape)
+        np.clip(scores, 0.0, 1.0, out=scores)
+        return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
         # Around the volume's centre, so that float32 holds the differences of positions far from the origin.
         positions = (positions_ras - self._centre_ras).astype(np.float32)
-        return _Places(features, positions, self._rank.around(positions_ras))
+        return _Places(features, positions, self._cdf.around(positions_ras))
 
     def _row(self, points: _Places, index: int) -> np.ndarray:
         """Kernel of the index-th point with all cells, (cells,) float32."""
         return self._kernel(points.subset(np.array([index])), self._cells)[0]
 
-    def iso(self, annotated: AnnotatedClass, similarity: np.ndarray) -> float:
-        """The iso value of a class's map S_L (K', J', I')."""
-        at_positives = sample_at(similarity[..., None], self._features.geometry, annotated.positive)
-        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, _prior(annotated))
+    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+        """See `SimilarityRule`."""
+        request = requests[index]
+        at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
+        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, _prior(request))
 
-    def refined_iso(self, annotated: AnnotatedClass, similarity: np.ndarray, geometry: Geometry) -> float:
-        """The iso value of a class's refined map S_H (K, J, I) on `geometry`."""
+    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+        """See `SimilarityRule`."""
+        request = requests[index]
         at_positives, at_cells = (
-            sample_at(similarity[..., None], geometry, points)[:, 0] for points in (annotated.positive, self._iso_cells_ras)
+            sample_at(similarity[..., None], self._volume_geometry, points)[:, 0]
+            for points in (request.positive, self._iso_cells_ras)
         )
-        return choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(annotated))
+        return choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(request))
 
     def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
@@ -139,7 +141,7 @@ class KernelSimilarity:
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
         """k of every place of `a` with every place of `b`, (len a, len b) float32."""
         exponent = np.float32(FEATURE_SHARPNESS) * (_product(a.features, b.features) - np.float32(1.0))
-        exponent -= (a.ranks[:, None] - b.ranks[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
+        exponent -= (a.cdf[:, None] - b.cdf[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
         sigma_mm = POSITION_SIGMA * self._longest_edge_mm
         near = _squared_distances(a.positions, b.positions)
         near /= np.float32(-2.0 * sigma_mm**2)
@@ -150,83 +152,30 @@ class KernelSimilarity:
         return near
 
 
-class _KernelRows:
-    """Kernels with all cells, one row for each place: first the background's, then those of points, which come and go.
-
-    Rows are kept from click to click, so that a click costs one new row and one product with all of them. That product waits
-    for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
-    """
-
-    def __init__(self, of_background: np.ndarray) -> None:
-        import torch
-
-        precision = fastest_precision(torch.device("cpu"))
-        self._background = len(of_background)
-        self._rows = torch.zeros((0, of_background.shape[1]), dtype=precision)
-        self._make_room(self._background - 1)
-        self._rows[: self._background] = torch.from_numpy(of_background)
-        self._row_of_key: dict[bytes, int] = {}
-        self.count = len(self._rows)
-
-    def weighted(self, weights: np.ndarray) -> np.ndarray:
-        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
-        import torch
-
-        return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
-
-    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> list[int]:
-        """The rows of points; `compute` makes the row of the point with that index in `keys`, where there is none yet."""
-        import torch
-
-        for gone in self._row_of_key.keys() - set(keys):
-            del self._row_of_key[gone]
-        taken = set(self._row_of_key.values())
-        for index, key in enumerate(keys):
-            if key not in self._row_of_key:
-                row = next(row for row in itertools.count(self._background) if row not in taken)
-                taken.add(row)
-                self._make_room(row)
-                self._rows[row] = torch.from_numpy(compute(index))
-                self._row_of_key[key] = row
-        self.count = _whole_blocks(max(taken, default=self._background - 1) + 1)
-        return [self._row_of_key[key] for key in keys]
-
-    def _make_room(self, row: int) -> None:
-        if row >= len(self._rows):
-            grown = self._rows.new_zeros((_whole_blocks(row + 1), self._rows.shape[1]))
-            grown[: len(self._rows)] = self._rows
-            self._rows = grown
-
-
-def _whole_blocks(rows: int) -> int:
-    """So many rows, in whole blocks: for every new number of them the processor's matrix kernels would be compiled anew."""
-    return -(-rows // ROWS_AT_ONCE) * ROWS_AT_ONCE
-
-
 class _Places:
-    """Where and what: features (N, C) unit vectors, positions (N, 3) float32 millimetres, intensity ranks (N,)."""
+    """Where and what: features (N, C) unit vectors, positions (N, 3) float32 millimetres, the intensities' CDF (N,)."""
 
-    def __init__(self, features: np.ndarray, positions: np.ndarray, ranks: np.ndarray) -> None:
-        self.features, self.positions, self.ranks = features, positions, ranks
+    def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
+        self.features, self.positions, self.cdf = features, positions, cdf
 
     def subset(self, index: np.ndarray) -> _Places:
-        return _Places(self.features[index], self.positions[index], self.ranks[index])
+        return _Places(self.features[index], self.positions[index], self.cdf[index])
 
 
-def _prior(annotated: AnnotatedClass) -> float:
+def _prior(request: ClassRequest) -> float:
     """The iso value of a class by the number of its different positive points."""
-    return prior_iso(len(np.unique(annotated.positive, axis=0)))
+    return prior_iso(len(np.unique(request.positive, axis=0)))
 
 
-def _targets(classes: Sequence[AnnotatedClass]) -> tuple[np.ndarray, np.ndarray]:
+def _targets(requests: Sequence[ClassRequest]) -> tuple[np.ndarray, np.ndarray]:
     """All points (P, 3) and what each class should be there (P, classes): 1, 0, or NaN where a point says nothing of a class.
 
     A negative point says that its own class is not there, and leaves open what is.
     """
     points, targets = [], []
-    for index, annotated in enumerate(classes):
-        for positions, own, of_others in ((annotated.positive, 1.0, 0.0), (annotated.negative, 0.0, np.nan)):
-            rows = np.full((len(positions), len(classes)), of_others)
+    for index, request in enumerate(requests):
+        for positions, own, of_others in ((request.positive, 1.0, 0.0), (request.negative, 0.0, np.nan)):
+            rows = np.full((len(positions), len(requests)), of_others)
             rows[:, index] = own
             points.append(positions)
             targets.append(rows)

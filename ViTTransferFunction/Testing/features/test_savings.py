@@ -12,21 +12,22 @@ import numpy as np
 import pytest
 import torch
 
+from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
 from ViTTransferFunction.Logic.features.extraction import extract_features
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.progressive import progressive_features
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.slice_patches import SlicePatches
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
-from ViTTransferFunction.Logic.features.whitening import comparable_features, unit_vectors
+from ViTTransferFunction.Logic.features.whitening import normalised_features, unit_vectors
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
 
-FULL = FeatureSettings(grid=20, thin_air=False, precision="float32")
+FULL = FeatureSettings(grid=20, merge_background=False, precision="float32")
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +55,9 @@ def full(torso: Volume, network: VisionTransformer, kept: dict[str, np.ndarray])
 
 def whitened_error(features: FeatureVolume, full: FeatureVolume, inside: np.ndarray) -> float:
     """Mean 1 − cosine over the cells `inside`, after whitening by the full features' statistics."""
-    comparable = comparable_features(full, "whitened")
-    vectors = unit_vectors(comparable.transform.apply(features.array[inside]))
-    return float((1.0 - (vectors * comparable.array[inside]).sum(axis=1)).mean())
+    normalised = normalised_features(full, "whitened")
+    vectors = unit_vectors(normalised.transform.apply(features.array[inside]))
+    return float((1.0 - (vectors * normalised.array[inside]).sum(axis=1)).mean())
 
 
 def body(torso: Volume, full: FeatureVolume) -> np.ndarray:
@@ -68,12 +69,12 @@ def body(torso: Volume, full: FeatureVolume) -> np.ndarray:
 @pytest.mark.parametrize(
     ("change", "bound"),
     [
-        ({"thin_air": True}, 0.01),
-        ({"precision": "fastest"}, 0.003),
+        ({"merge_background": True}, 0.01),
+        ({"precision": "bfloat16"}, 0.003),
         ({"layer_step": 2}, 0.35),
         ({"patches_per_cell": 0.75}, 0.5),
     ],
-    ids=["thin air", "fastest precision", "every 2nd layer", "fewer patches"],
+    ids=["background merged", "bfloat16", "every 2nd layer", "fewer patches"],
 )
 def test_a_saving_changes_the_bodys_features_by_no_more_than_its_bound(
     torso: Volume, network: VisionTransformer, full: FeatureVolume, change: dict[str, object], bound: float
@@ -85,18 +86,18 @@ def test_a_saving_changes_the_bodys_features_by_no_more_than_its_bound(
 def tokens_that_count_once(
     patches: SlicePatches, position: float, chosen: TokenSelection, tokens: Any = SlicePatches.tokens
 ) -> PatchTokens:
-    """In the place of `SlicePatches.tokens`: patches that stand for air count for themselves alone."""
+    """In the place of `SlicePatches.tokens`: patches that represent background count for themselves alone."""
     of_slice = tokens(patches, position, chosen)
-    return of_slice if of_slice.counts is None else replace(of_slice, counts=torch.ones_like(of_slice.counts))
+    return of_slice if of_slice.multiplicity is None else replace(of_slice, multiplicity=torch.ones_like(of_slice.multiplicity))
 
 
-def test_leaving_air_out_without_a_count_changes_far_more(
+def test_leaving_background_out_without_a_count_changes_far_more(
     torso: Volume, network: VisionTransformer, full: FeatureVolume, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the weights of the patches that stand for air are for."""
-    counted = extract_features(torso, network, replace(FULL, thin_air=True))
+    """What the weights of the patches that represent background are for."""
+    counted = extract_features(torso, network, replace(FULL, merge_background=True))
     monkeypatch.setattr(SlicePatches, "tokens", tokens_that_count_once)
-    uncounted = extract_features(torso, network, replace(FULL, thin_air=True))
+    uncounted = extract_features(torso, network, replace(FULL, merge_background=True))
     inside = body(torso, full)
     assert whitened_error(uncounted, full, inside) > 3.0 * whitened_error(counted, full, inside)
 

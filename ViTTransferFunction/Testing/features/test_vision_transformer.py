@@ -10,11 +10,12 @@ import torch
 import torch.nn.functional as F
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.features.buffer_pool import Workspace
+from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer, interpolate_position_table
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Testing.support.images import last_block_keys
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 TIMM_NAMES = {
@@ -33,7 +34,7 @@ def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> Non
     state = random_state_dict(model)
     images = torch.randn(1, 3, 4 * model.patch_size, 6 * model.patch_size, generator=torch.Generator().manual_seed(1))
 
-    ours = VisionTransformer(model, state, "random").last_block_keys(images)
+    ours = last_block_keys(VisionTransformer(model, state, "random"), images)
 
     assert ours.shape == (1, 4, 6, model.embed_dim)
     torch.testing.assert_close(ours, timm_keys(TIMM_NAMES[name], state, images), atol=1e-4, rtol=0)
@@ -44,7 +45,7 @@ def test_keys_equal_those_of_timm_with_real_weights(real_weights: Path) -> None:
     state = load_state_dict(real_weights)
     images = torch.randn(2, 3, 14 * 20, 14 * 30, generator=torch.Generator().manual_seed(1))
 
-    ours = VisionTransformer(model, state, "real").last_block_keys(images)
+    ours = last_block_keys(VisionTransformer(model, state, "real"), images)
 
     torch.testing.assert_close(ours, timm_keys(TIMM_NAMES["dinov2_vits14"], state, images), atol=1e-4, rtol=0)
 
@@ -101,7 +102,7 @@ def test_fused_attention_equals_the_definition() -> None:
     tokens = torch.randn(2, 7, TINY_MODEL.embed_dim, generator=torch.Generator().manual_seed(1))
 
     attended = tokens.flatten(0, 1).clone()
-    network._add_attention(attended, [slice(0, 7), slice(7, 14)], [None, None], "blocks.0", Workspace())
+    network._add_attention(attended, [slice(0, 7), slice(7, 14)], [None, None], "blocks.0", BufferPool())
 
     torch.testing.assert_close(attended.view_as(tokens), tokens + attention_by_definition(state, tokens), atol=1e-5, rtol=0)
 
@@ -146,8 +147,8 @@ def test_position_table_runs_along_rows_and_columns_as_the_patches_do() -> None:
 
 def test_images_of_a_batch_do_not_see_each_other(tiny_network: VisionTransformer) -> None:
     images = torch.randn(3, 3, 12, 16, generator=torch.Generator().manual_seed(2))
-    together = tiny_network.last_block_keys(images)
-    apart = torch.cat([tiny_network.last_block_keys(image[None]) for image in images])
+    together = last_block_keys(tiny_network, images)
+    apart = torch.cat([last_block_keys(tiny_network, image[None]) for image in images])
     torch.testing.assert_close(together, apart, atol=1e-5, rtol=0)
 
 
@@ -177,7 +178,7 @@ def test_slices_of_different_lengths_do_not_see_each_other(tiny_network: VisionT
 
 def test_what_earlier_batches_left_in_a_workspace_does_not_matter(tiny_network: VisionTransformer) -> None:
     fresh = tiny_network.keys_of_tokens(slices_of(5, 3))
-    workspace = Workspace()
+    workspace = BufferPool()
     # Enough rows to be in the way of all of the next batch's, and values that would be noticed.
     earlier = slices_of(*[12] * 20)
     for of_slice in earlier:
@@ -196,8 +197,8 @@ def test_rows_are_run_in_parts_without_a_difference(tiny_network: VisionTransfor
 def test_a_network_in_another_precision_is_close_and_the_same_one_is_itself(tiny_network: VisionTransformer) -> None:
     assert tiny_network.converted("cpu", torch.float32) is tiny_network
     images = torch.randn(1, 3, 12, 16, generator=torch.Generator().manual_seed(2))
-    exact = tiny_network.last_block_keys(images)
-    reduced = tiny_network.converted("cpu", torch.bfloat16).last_block_keys(images)
+    exact = last_block_keys(tiny_network, images)
+    reduced = last_block_keys(tiny_network.converted("cpu", torch.bfloat16), images)
     assert reduced.dtype == torch.bfloat16
     torch.testing.assert_close(reduced.float(), exact, atol=0.1, rtol=0.05)
 

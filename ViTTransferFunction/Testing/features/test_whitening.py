@@ -7,8 +7,9 @@ import pytest
 from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
-from ViTTransferFunction.Logic.features.whitening import comparable_features, unit_vectors
+from ViTTransferFunction.Logic.core.resampling import sample_at
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.features.whitening import normalised_features, unit_vectors
 
 OBLIQUE = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -41,7 +42,7 @@ def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> N
     generator = np.random.default_rng(0)
     mixing = generator.normal(size=(8, 8))
     array = (generator.normal(size=(9, 10, 11, 8)) @ mixing + 5.0).astype(np.float32)
-    features = comparable_features(feature_volume(array), "whitened")
+    features = normalised_features(feature_volume(array), "whitened")
     whitened = features.transform.apply(array).reshape(-1, 8)
     np.testing.assert_allclose(whitened.mean(axis=0), 0.0, atol=1e-3)
     np.testing.assert_allclose(np.cov(whitened.T), np.eye(8), atol=0.01)
@@ -50,7 +51,7 @@ def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> N
 def test_directions_that_do_not_vary_are_dropped() -> None:
     array = np.random.default_rng(0).normal(size=(6, 6, 6, 4)).astype(np.float32)
     array[..., 2] = 7.0
-    features = comparable_features(feature_volume(array), "whitened")
+    features = normalised_features(feature_volume(array), "whitened")
     assert features.array.shape[-1] == 3
     assert np.isfinite(features.array).all()
 
@@ -58,7 +59,7 @@ def test_directions_that_do_not_vary_are_dropped() -> None:
 @pytest.mark.parametrize("statistics", ["none", "centred", "whitened"])
 def test_comparable_features_are_unit_vectors_also_at_points(statistics: str) -> None:
     array = np.random.default_rng(0).normal(2.0, 1.0, (4, 5, 6, 8)).astype(np.float16)
-    features = comparable_features(feature_volume(array), statistics)  # type: ignore[arg-type]
+    features = normalised_features(feature_volume(array), statistics)  # type: ignore[arg-type]
     np.testing.assert_allclose(np.linalg.norm(features.array, axis=-1), 1.0, rtol=1e-4)
     centre_of_a_cell = features.geometry.ijk_to_ras_points(np.array([[3, 2, 1]]))
     np.testing.assert_allclose(features.at(centre_of_a_cell)[0], features.array[1, 2, 3], atol=1e-3)
@@ -66,7 +67,7 @@ def test_comparable_features_are_unit_vectors_also_at_points(statistics: str) ->
 
 def test_features_without_statistics_keep_their_direction() -> None:
     array = np.random.default_rng(0).normal(2.0, 1.0, (3, 3, 3, 8)).astype(np.float32)
-    np.testing.assert_allclose(comparable_features(feature_volume(array), "none").array, unit_vectors(array), atol=1e-6)
+    np.testing.assert_allclose(normalised_features(feature_volume(array), "none").array, unit_vectors(array), atol=1e-6)
 
 
 def test_zero_vectors_stay_zero() -> None:

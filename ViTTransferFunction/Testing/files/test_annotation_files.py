@@ -9,15 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.annotations import (
-    AnnotatedClass,
-    check_classes,
-    classes_from_markups,
-    read_annotations,
-    read_markups,
-)
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.files.annotation_files import classes_from_markups, read_annotations, read_markups
 
 GEOMETRY = Geometry((20, 30, 40), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 POINTS_IJK = np.array([[3.0, 4.0, 5.0], [10.5, 20.25, 15.0]])
@@ -38,21 +32,23 @@ def test_ras_lps_and_ijk_points_agree(tmp_path: Path) -> None:
     for system, points in systems.items():
         content = {"coordinate_system": system, "classes": [{"name": "a", "positive": points.tolist()}]}
         (annotated,) = read_annotations(write(tmp_path / f"{system}.json", content), GEOMETRY)
-        np.testing.assert_allclose(annotated.positive, POINTS_RAS)
+        np.testing.assert_allclose(annotated.request.positive, POINTS_RAS)
 
 
 def test_every_field_of_a_class_is_read(tmp_path: Path) -> None:
     fields = {"color": "#ff8000", "opacity": 0.5, "iso": 0.4, "proximity": 0.2, "refine": False, "negative": [[0, 0, 0]]}
     (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(**fields)), GEOMETRY)
     assert annotated.color == pytest.approx((1.0, 128 / 255, 0.0))
-    assert (annotated.opacity, annotated.iso, annotated.proximity, annotated.refine) == (0.5, 0.4, 0.2, False)
-    np.testing.assert_array_equal(annotated.negative, [[0, 0, 0]])
+    request = annotated.request
+    assert (annotated.opacity, request.iso, request.proximity, request.refine) == (0.5, 0.4, 0.2, False)
+    np.testing.assert_array_equal(request.negative, [[0, 0, 0]])
 
 
 def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
     (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(iso=None)), GEOMETRY)
-    assert (annotated.opacity, annotated.iso, annotated.proximity, annotated.refine) == (1.0, None, 0.0, True)
-    assert len(annotated.negative) == 0
+    request = annotated.request
+    assert (annotated.opacity, request.iso, request.proximity, request.refine) == (1.0, None, 0.0, True)
+    assert len(request.negative) == 0
 
 
 @pytest.mark.parametrize(
@@ -110,8 +106,8 @@ def test_slicer_point_lists_give_their_placed_points_in_ras(tmp_path: Path) -> N
 def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
     first, second = classes_from_markups({"liver": path, "spleen": path}, {"spleen": path})
-    assert (first.name, len(first.negative)) == ("liver", 0)
-    assert (second.name, len(second.negative)) == ("spleen", 1)
+    assert (first.name, len(first.request.negative)) == ("liver", 0)
+    assert (second.name, len(second.request.negative)) == ("spleen", 1)
     assert first.color != second.color
     with pytest.raises(InputError, match="negative points for 'kidney'"):
         classes_from_markups({"liver": path}, {"kidney": path})
@@ -121,15 +117,3 @@ def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> Non
 def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
     with pytest.raises(InputError, match="not a Slicer markups file"):
         read_markups(write(tmp_path / "l.mrk.json", content))
-
-
-def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
-    inside = AnnotatedClass("a", (1, 0, 0), POINTS_RAS)
-    check_classes([inside], GEOMETRY)
-    with pytest.raises(InputError, match="no classes"):
-        check_classes([], GEOMETRY)
-    with pytest.raises(InputError, match="2 classes are named 'a'"):
-        check_classes([inside, inside], GEOMETRY)
-    outside = AnnotatedClass("b", (1, 0, 0), POINTS_RAS, negative=np.array([[1000.0, 0.0, 0.0]]))
-    with pytest.raises(InputError, match=r"1 of 3 points of class 'b' lie outside the volume.*1000\.0"):
-        check_classes([inside, outside], GEOMETRY)

@@ -20,7 +20,7 @@ from ViTTransferFunction.Logic.core.intensity_window import (
     looks_like_hounsfield_units,
     percentile_window,
 )
-from ViTTransferFunction.Logic.core.label_resampling import resample_labels
+from ViTTransferFunction.Logic.core.resampling import resample_labels
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume

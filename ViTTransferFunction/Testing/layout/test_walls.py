@@ -1,43 +1,97 @@
-"""What the layout promises: the Logic loads on a bare Slicer, and beside other extensions."""
+"""The rooms of the Logic, and the walls between them. `docs/ARCHITECTURE.md` draws what is written here."""
 
 from __future__ import annotations
 
-import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_anywhere, imports_at_file_scope
+from ViTTransferFunction.Testing.support.rooms import ARROWS, KNOWS_MRML, drawing
+
 MODULE = Path(__file__).parents[2]
-LOGIC = sorted((MODULE / "Logic").rglob("*.py"))
-SHIPPED_WITH_SLICER = {"numpy", "scipy", "SimpleITK", "vtk", "vtkmodules", "slicer"}
+ROOT = MODULE.parent
+LOGIC = MODULE / "Logic"
+FILES = sorted(LOGIC.rglob("*.py"))
+PACKAGE = "ViTTransferFunction"
 
 
-@pytest.mark.parametrize("path", LOGIC, ids=lambda path: path.name)
-def test_a_logic_file_imports_at_file_scope_only_what_slicer_has(path: Path) -> None:
-    for name in imports_at_file_scope(ast.parse(path.read_text(encoding="utf-8"))):
+def room_of(path: Path) -> str:
+    return path.relative_to(LOGIC).parts[0]
+
+
+def dotted(path: Path) -> tuple[str, ...]:
+    return path.relative_to(ROOT).with_suffix("").parts
+
+
+def imported(path: Path) -> Iterator[str]:
+    return imports_anywhere(path, dotted(path)[:-1])
+
+
+def test_every_file_of_the_logic_lies_in_a_room() -> None:
+    assert {room_of(path) for path in FILES} == set(ARROWS)
+    assert all(len(path.relative_to(LOGIC).parts) == 2 for path in FILES)
+
+
+def test_the_arrows_have_no_circle() -> None:
+    order = list(TopologicalSorter({room: set(allowed) for room, allowed in ARROWS.items()}).static_order())
+    assert order[0] == "core"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(LOGIC).as_posix())
+def test_a_file_imports_from_no_room_but_those_that_its_own_may_enter(path: Path) -> None:
+    room = room_of(path)
+    for module in imported(path):
+        package, *rest = module.split(".")
+        if package == PACKAGE:
+            assert rest[0] == "Logic", f"{module} is no part of the Logic"
+            assert rest[1] == room or rest[1] in ARROWS[room], f"{room} may not import {module}"
+
+
+@pytest.mark.parametrize("room", sorted(ARROWS))
+def test_every_arrow_is_used(room: str) -> None:
+    entered = {
+        module.split(".")[2] for path in FILES if room_of(path) == room for module in imported(path) if "Logic" in module
+    }
+    assert entered - {room} == set(ARROWS[room])
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(LOGIC).as_posix())
+def test_numerics_know_no_scene_and_the_scene_knows_no_torch(path: Path) -> None:
+    strangers = {"qt", "ctk", "PySide6", "PythonQt"}
+    strangers |= {"torch"} if room_of(path) in KNOWS_MRML else {"vtk", "vtkmodules", "slicer", "trame_slicer"}
+    assert not strangers & {module.partition(".")[0] for module in imported(path)}
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    names = {".".join(dotted(path)) for path in FILES}
+    graph = {".".join(dotted(path)): {module for module in imported(path) if module in names} for path in FILES}
+    assert len(list(TopologicalSorter(graph).static_order())) == len(names)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(LOGIC).as_posix())
+def test_a_file_loads_on_a_bare_slicer(path: Path) -> None:
+    for name in imports_at_file_scope(path):
         assert name in SHIPPED_WITH_SLICER or name in sys.stdlib_module_names, f"{path.name} imports {name}"
 
 
-def imports_at_file_scope(tree: ast.Module) -> Iterator[str]:
-    """Top-level package names, without relative imports and what only type checkers see."""
-    for node in tree.body:
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            yield (node.module or "").partition(".")[0]
-
-
 def test_the_logic_loads_where_pytorch_is_missing() -> None:
-    modules = [".".join(path.relative_to(MODULE.parent).with_suffix("").parts) for path in LOGIC]
+    modules = [".".join(dotted(path)) for path in FILES]
     program = f"import sys; sys.modules['torch'] = None\nimport importlib\nfor name in {modules}: importlib.import_module(name)"
-    finished = subprocess.run([sys.executable, "-c", program], cwd=MODULE.parent, capture_output=True, text=True, check=False)
+    finished = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
 
 
-@pytest.mark.parametrize("folder", ["", "Logic", "Testing", "CommandLine"])
-def test_no_folder_claims_its_name_for_itself(folder: str) -> None:
+def test_no_folder_claims_its_name_for_itself() -> None:
     """Another extension's folder `Logic` must stay importable beside ours."""
-    assert not (MODULE / folder / "__init__.py").exists()
+    assert not [path for path in MODULE.rglob("__init__.py") if "standin" not in path.parts]
+
+
+def test_the_documentation_draws_these_rooms() -> None:
+    assert drawing() in (ROOT / "docs" / "ARCHITECTURE.md").read_text(encoding="utf-8"), (
+        "docs/ARCHITECTURE.md shows other rooms; paste what `python dev.py rooms` prints"
+    )

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.scene.contours import Contours, iso_surface
+from ViTTransferFunction.Logic.scene.contours import Contours, ShownMap, iso_surface
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
@@ -32,12 +34,20 @@ def views(slicer_app: Any) -> Views:
     return Views(slicer_app, FINE.shape, FINE.ijk_to_ras)
 
 
+def a_map(iso: float = 0.5, array: np.ndarray = SIMILARITY, ijk_to_ras: np.ndarray = CELLS.ijk_to_ras) -> ClassMap:
+    return ClassMap(array, Geometry(array.shape, ijk_to_ras), iso)
+
+
+def shown_as(class_id: str, color: Color, iso: float = 0.5) -> ShownMap:
+    return ShownMap(class_id, a_map(iso), color)
+
+
 def show(overlay: SimilarityOverlay, views: Views, opacity: float = 0.6, array: np.ndarray = SIMILARITY) -> None:
-    overlay.show(views.volume, array, CELLS.ijk_to_ras, 0.5, RED, opacity)
+    overlay.show(views.volume, a_map(array=array), RED, opacity)
 
 
 def outline(views: Views, contours: Contours, iso: float = 0.5) -> None:
-    contours.show(views.volume, [("a", SIMILARITY, CELLS.ijk_to_ras, iso, GREEN)])
+    contours.show(views.volume, [shown_as("a", GREEN, iso)])
 
 
 def redness(picture: np.ndarray) -> np.ndarray:
@@ -173,8 +183,9 @@ def test_overlay_and_outline_lie_right_in_an_oblique_anisotropic_volume(slicer_a
     centre = transform_points(ijk_to_ras, np.array([[6.0, 15.0, 9.0]]))[0]
     edge = transform_points(ijk_to_ras, np.array([[6.0, 19.0, 9.0]]))[0]
     view = views.slice_view("Sagittal")
-    SimilarityOverlay(views.scene).show(views.volume, similarity, ijk_to_ras, 0.5, RED, 0.6)
-    Contours(views.scene).show(views.volume, [("a", similarity, ijk_to_ras, 0.5, GREEN)])
+    class_map = a_map(0.5, similarity, ijk_to_ras)
+    SimilarityOverlay(views.scene).show(views.volume, class_map, RED, 0.6)
+    Contours(views.scene).show(views.volume, [ShownMap("a", class_map, GREEN)])
     row, column = slice_pixel(view, centre)
     assert redness(pixels(view))[row, column] > 100
     row, column = slice_pixel(view, edge)
@@ -186,12 +197,12 @@ def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views:
     slice_pixel(view, CENTRE_RAS)
     contours.show(
         views.volume,
-        [("a", SIMILARITY, CELLS.ijk_to_ras, 0.5, GREEN), ("b", SIMILARITY, CELLS.ijk_to_ras, 0.9, (1.0, 0.0, 1.0))],
+        [shown_as("a", GREEN), shown_as("b", (1.0, 0.0, 1.0), 0.9)],
     )
     shown = pixels(view)
     assert is_green(shown).any()
     assert ((shown[..., 0] > 200) & (shown[..., 2] > 200) & (shown[..., 1] < 60)).any()
-    contours.show(views.volume, [("b", SIMILARITY, CELLS.ijk_to_ras, 0.9, RED)])
+    contours.show(views.volume, [shown_as("b", RED, 0.9)])
     assert not is_green(pixels(view)).any()
     contours.show(views.volume, [])
     assert redness(pixels(view)).max() < 60
@@ -200,7 +211,7 @@ def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views:
 def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
     similarity = ball(SHAPE, (0.0, 7.5, 7.5), 4.0)
     for array in (similarity, np.rint(255 * similarity).astype(np.uint8).repeat(8, 0).repeat(8, 1).repeat(8, 2)):
-        surface = iso_surface(array, np.eye(4), 0.5)
+        surface = iso_surface(a_map(0.5, array, np.eye(4)))
         triangles = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         _, counts = np.unique(edges, axis=0, return_counts=True)
@@ -211,7 +222,7 @@ def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
 
 def test_coarse_maps_are_interpolated_trilinearly_for_the_overlay() -> None:
     rising = np.broadcast_to(np.linspace(0.0, 1.0, 9, dtype=np.float32), (9, 9, 9))
-    levels, geometry = similarity_levels(rising, np.diag([4.0, 4.0, 4.0, 1.0]), 0.3)
+    levels, geometry = similarity_levels(a_map(0.5, rising, np.diag([4.0, 4.0, 4.0, 1.0])), 0.3)
     centres = geometry.ijk_to_ras_points(np.array([[i, 3, 3] for i in range(levels.shape[2])]))[:, 0]
     assert levels.shape[2] > 12
     expected = 255 * np.interp(centres, np.arange(9) * 4.0, rising[0, 0])
@@ -270,7 +281,7 @@ def test_closing_the_scene_is_survived(views: Views) -> None:
     contours.hide()
     again = views.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
     set_image(again, np.zeros(FINE.shape, dtype=np.int16), FINE.ijk_to_ras)
-    overlay.show(again, SIMILARITY, CELLS.ijk_to_ras, 0.5, RED, 0.5)
-    contours.show(again, [("a", SIMILARITY, CELLS.ijk_to_ras, 0.5, GREEN)])
+    overlay.show(again, a_map(), RED, 0.5)
+    contours.show(again, [shown_as("a", GREEN)])
     overlay.remove()
     contours.remove()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.annotations import Color
+from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.rendering.color_volume import similarity_rgba

@@ -13,7 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.scene.volume import local_to_world, numpy_matrix, set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix, set_image, vtk_matrix
 
 slicer = pytest.importorskip("slicer")
 scene_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments")
@@ -98,14 +98,18 @@ def voxels_of(node: Any, segment_id: str) -> list[tuple[float, ...]]:
     kji = np.argwhere(scalars) + np.array(image.GetExtent()[::2])[::-1]
     matrix = vtk.vtkMatrix4x4()
     image.GetImageToWorldMatrix(matrix)
-    return rounded(local_to_world(node, transform_points(numpy_matrix(matrix), kji[:, ::-1])))
+    return rounded(transform_points(matrix_to_world(node), transform_points(numpy_matrix(matrix), kji[:, ::-1])))
 
 
 def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
     """Where a mask's voxels are in the scene, by the volume's own geometry."""
     matrix = vtk.vtkMatrix4x4()
     volume.GetIJKToRASMatrix(matrix)
-    return rounded(local_to_world(volume, Geometry(SHAPE, numpy_matrix(matrix)).ijk_to_ras_points(np.argwhere(mask)[:, ::-1])))
+    return rounded(
+        transform_points(
+            matrix_to_world(volume), Geometry(SHAPE, numpy_matrix(matrix)).ijk_to_ras_points(np.argwhere(mask)[:, ::-1])
+        )
+    )
 
 
 def rounded(points: np.ndarray) -> list[tuple[float, ...]]:
@@ -282,7 +286,7 @@ def test_the_users_copy_of_our_segment_is_the_users(a_segmentation: Any, a_volum
 def test_segments_on_another_grid_keep_it(a_segmentation: Any, a_volume: Any, moved: bool) -> None:
     """A coarser one with other axes, whose voxels ours have to make room for."""
     coarse = np.diag([4.0, 4.0, 4.0, 1.0])
-    coarse[:3, 3] = local_to_world(a_volume, np.array([[4.0, -18.0, 38.0]]))[0]
+    coarse[:3, 3] = transform_points(matrix_to_world(a_volume), np.array([[4.0, -18.0, 38.0]]))[0]
     a_segmentation.CreateDefaultDisplayNodes()
     add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), coarse)
     if moved:

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.scene.volume import (
+    array_from_node,
     geometry_from_node,
-    local_to_world,
     matrix_to_world,
     numpy_matrix,
     set_image,
-    volume_from_node,
     vtk_matrix,
     world_to_local,
 )
@@ -70,22 +70,21 @@ def put_under_a_warp(node: Any) -> Any:
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint16, np.int32, np.float32, np.float64])
 def test_voxels_come_as_they_are_stored(a_volume: Callable[..., Any], dtype: type) -> None:
-    volume = volume_from_node(a_volume(ramp(dtype)))
-    assert volume.array.dtype == dtype
-    np.testing.assert_array_equal(volume.array, ramp(dtype))
-    assert volume.name == "CT chest"
+    array = array_from_node(a_volume(ramp(dtype)))
+    assert array.dtype == dtype
+    np.testing.assert_array_equal(array, ramp(dtype))
 
 
 def test_the_array_is_a_view_on_the_nodes_voxels(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp())
-    array = volume_from_node(node).array
+    array = array_from_node(node)
     node.GetImageData().SetScalarComponentFromDouble(3, 2, 1, 0, -1000.0)
     assert array[1, 2, 3] == -1000
 
 
 def test_the_array_outlives_the_node(slicer_app: Any, a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp())
-    array = volume_from_node(node).array
+    array = array_from_node(node)
     slicer_app.scene.RemoveNode(node)
     del node
     np.testing.assert_array_equal(array, ramp())
@@ -94,7 +93,7 @@ def test_the_array_outlives_the_node(slicer_app: Any, a_volume: Callable[..., An
 def test_parent_transforms_do_not_change_the_local_geometry(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp())
     put_under(node, np.diag([1.0, 1.0, -2.0, 1.0]))
-    np.testing.assert_allclose(volume_from_node(node).geometry.ijk_to_ras, OBLIQUE, atol=1e-12)
+    np.testing.assert_allclose(geometry_from_node(node).ijk_to_ras, OBLIQUE, atol=1e-12)
 
 
 angles = st.floats(-3.0, 3.0)
@@ -128,7 +127,7 @@ def test_geometry_agrees_with_slicers(own: np.ndarray, inner: np.ndarray, outer:
     expected = to_world.TransformPoint(to_ras.MultiplyPoint([*ijk, 1.0])[:3])
 
     geometry = geometry_from_node(node)
-    world = local_to_world(node, geometry.ijk_to_ras_points(np.array([ijk])))
+    world = transform_points(matrix_to_world(node), geometry.ijk_to_ras_points(np.array([ijk])))
     np.testing.assert_allclose(world[0], expected, atol=1e-6)
     np.testing.assert_allclose(geometry.ras_to_ijk(world_to_local(node, world))[0], ijk, atol=1e-6)
 
@@ -145,7 +144,7 @@ def test_no_points_stay_no_points(a_volume: Callable[..., Any]) -> None:
 def test_a_non_linear_transform_is_refused_with_the_way_out(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp())
     put_under_a_warp(put_under(node, np.eye(4)))
-    for use in (volume_from_node, lambda node: world_to_local(node, np.zeros((1, 3)))):
+    for use in (geometry_from_node, lambda node: world_to_local(node, np.zeros((1, 3)))):
         with pytest.raises(InputError, match=r"'CT chest' is under a non-linear transform .* Harden"):
             use(node)
 
@@ -154,13 +153,13 @@ def test_a_hardened_warp_is_accepted(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp(np.float32, (8, 8, 8)))
     put_under_a_warp(node)
     node.HardenTransform()
-    assert volume_from_node(node).array.dtype == np.float32
+    assert array_from_node(node).dtype == np.float32
 
 
 def test_a_colour_volume_is_refused(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp(np.uint8, (2, 3, 4, 3)), kind="vtkMRMLVectorVolumeNode")
     with pytest.raises(InputError, match=r"3 numbers in each voxel.*expected a scalar volume"):
-        volume_from_node(node)
+        geometry_from_node(node)
 
 
 def test_a_node_without_voxels_is_refused(slicer_app: Any) -> None:
@@ -168,14 +167,14 @@ def test_a_node_without_voxels_is_refused(slicer_app: Any) -> None:
     for image in (None, vtk.vtkImageData()):
         node.SetAndObserveImageData(image)
         with pytest.raises(InputError, match="'Empty' has no voxels"):
-            volume_from_node(node)
+            geometry_from_node(node)
 
 
 def test_axes_in_one_plane_are_refused(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp())
     node.SetIJKToRASDirections(1, 0, 1, 0, 1, 0, 0, 0, 0)
     with pytest.raises(InputError, match="'CT chest' has a spacing of zero or axes that lie in one plane"):
-        volume_from_node(node)
+        geometry_from_node(node)
 
 
 def test_setting_an_image_is_one_modification_of_the_same_node(a_volume: Callable[..., Any]) -> None:
@@ -219,10 +218,10 @@ def test_the_array_is_copied_into_the_node(a_volume: Callable[..., Any]) -> None
     array = ramp()
     node = a_volume(array)
     array[:] = 0
-    np.testing.assert_array_equal(volume_from_node(node).array, ramp())
+    np.testing.assert_array_equal(array_from_node(node), ramp())
 
 
 def test_a_read_only_array_can_be_set(a_volume: Callable[..., Any]) -> None:
     array = ramp()
     array.setflags(write=False)
-    np.testing.assert_array_equal(volume_from_node(a_volume(array)).array, array)
+    np.testing.assert_array_equal(array_from_node(a_volume(array)), array)

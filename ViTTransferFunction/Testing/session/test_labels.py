@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.session.labels import choose_iso, compete, keep_annotated_components
+from ViTTransferFunction.Logic.session.labels import assign_labels, keep_annotated_components
 
 SHAPE = (1, 1, 5)
 
@@ -17,12 +16,12 @@ def a_map(*values: float) -> np.ndarray:
 
 def test_each_voxel_goes_to_the_class_furthest_above_its_own_iso_value() -> None:
     first, second = a_map(0.9, 0.6, 0.4, 0.1, 0.0), a_map(0.1, 0.6, 0.4, 0.3, 0.1)
-    labels = compete(iter([(first, 0.5), (second, 0.2)]), SHAPE)
+    labels = assign_labels(iter([(first, 0.5), (second, 0.2)]), SHAPE)
     np.testing.assert_array_equal(labels.ravel(), [1, 2, 2, 2, 0])
 
 
 def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class() -> None:
-    labels = compete(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
+    labels = assign_labels(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
     np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
 
 
@@ -35,22 +34,8 @@ def test_maps_are_consumed_one_at_a_time() -> None:
             yield a_map(1, 1, 1, 1, 1), 0.5
 
     generator = maps()
-    compete(generator, SHAPE)
+    assign_labels(generator, SHAPE)
     assert len(alive) == 3
-
-
-def test_the_iso_value_lies_between_positives_and_negatives() -> None:
-    iso = choose_iso(np.array([0.8, 0.9]), np.array([0.5, 0.6]))
-    assert 0.6 < iso < 0.8
-
-
-def test_without_negatives_the_iso_value_is_half_of_the_positives() -> None:
-    assert choose_iso(np.array([0.8]), np.array([])) == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize("values", [0.0, 1.0])
-def test_the_iso_value_never_selects_everything_or_nothing(values: float) -> None:
-    assert 0.0 < choose_iso(np.array([values]), np.array([values])) < 1.0
 
 
 def test_only_components_with_a_point_are_kept() -> None:

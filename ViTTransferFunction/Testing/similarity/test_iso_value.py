@@ -1,4 +1,4 @@
-"""Intensity ranks, and iso values chosen where the image has edges."""
+"""The intensities' CDF, and iso values chosen where the image has edges."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_cdf import IntensityRank
+from ViTTransferFunction.Logic.core.intensity_cdf import IntensityCdf
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.similarity.iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
+from ViTTransferFunction.Logic.similarity.iso_value import (
+    choose_iso_by_edges,
+    choose_refined_iso,
+    edge_strength_at,
+    iso_between_points,
+    prior_iso,
+)
 
 
 def volume_of(array: np.ndarray) -> Volume:
@@ -90,17 +96,17 @@ def test_the_iso_value_of_a_refined_map_keeps_positive_points_inside_and_is_defi
 def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:
     array = np.random.default_rng(0).gamma(2.0, 100.0, (20, 20, 20))
     points = volume_of(array).geometry.voxel_centres_ras()
-    rank = IntensityRank(volume_of(array)).at(points)
+    rank = IntensityCdf(volume_of(array)).at(points)
     expected = array.ravel().argsort().argsort() / array.size
     np.testing.assert_allclose(rank, expected, atol=0.005)
-    np.testing.assert_allclose(IntensityRank(volume_of(array**3)).at(points), rank, atol=0.005)
+    np.testing.assert_allclose(IntensityCdf(volume_of(array**3)).at(points), rank, atol=0.005)
 
 
 def test_ranks_of_a_neighbourhood_pass_over_voxels_that_are_not_finite() -> None:
     array = np.random.default_rng(0).normal(0.0, 1.0, (9, 9, 9))
     array[4, 4, 4] = np.nan
     array[:3, :3, :3] = np.nan
-    rank = IntensityRank(volume_of(array))
+    rank = IntensityCdf(volume_of(array))
     around = rank.around(np.array([[8.0, 8.0, 8.0], [0.0, 0.0, 0.0]]))
     assert 0.2 < around[0] < 0.8
     assert around[1] == 0.0
@@ -111,6 +117,20 @@ def test_edge_strength_is_large_where_intensities_change() -> None:
     array[:, :, 10:] += 100.0
     volume = volume_of(array)
     points = volume.geometry.voxel_centres_ras()
-    strength = edge_strength_at(IntensityRank(volume), points, 2.0 * np.eye(3)).reshape(20, 20, 20)
+    strength = edge_strength_at(IntensityCdf(volume), points, 2.0 * np.eye(3)).reshape(20, 20, 20)
     assert strength[:, :, 9:11].mean() > strength[:, :, :8].mean() * 1.3
     assert strength.mean() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_iso_value_lies_between_positives_and_negatives() -> None:
+    iso = iso_between_points(np.array([0.8, 0.9]), np.array([0.5, 0.6]))
+    assert 0.6 < iso < 0.8
+
+
+def test_without_negatives_the_iso_value_is_half_of_the_positives() -> None:
+    assert iso_between_points(np.array([0.8]), np.array([])) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("values", [0.0, 1.0])
+def test_the_iso_value_never_selects_everything_or_nothing(values: float) -> None:
+    assert 0.0 < iso_between_points(np.array([values]), np.array([values])) < 1.0

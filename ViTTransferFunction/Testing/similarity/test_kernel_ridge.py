@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.whitening import comparable_features
+from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
 from ViTTransferFunction.Logic.similarity.iso_value import prior_iso
-from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelSimilarity
+from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
 
 CELLS = (12, 12, 12)
 LEFT, RIGHT = (slice(2, 6), slice(3, 9), slice(2, 5)), (slice(2, 6), slice(3, 9), slice(8, 11))
@@ -19,7 +19,7 @@ ABOVE = (slice(8, 11), slice(3, 9), slice(3, 10))
 
 
 @pytest.fixture
-def similarity() -> KernelSimilarity:
+def blocks() -> tuple[NormalisedFeatures, Volume]:
     """Two alike blocks on the left and right, another kind above, in a noisy background; 24³ voxels, 12³ cells."""
     kinds = np.zeros(CELLS, dtype=int)
     kinds[LEFT] = kinds[RIGHT] = 1
@@ -29,21 +29,26 @@ def similarity() -> KernelSimilarity:
     voxels = np.repeat(np.repeat(np.repeat(np.array([0.0, 100.0, 60.0])[kinds], 2, 0), 2, 1), 2, 2)
     volume = Volume(voxels + generator.normal(0, 3, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
     geometry = volume.geometry.resized(CELLS)
-    return KernelSimilarity(comparable_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
+    return normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume
+
+
+@pytest.fixture
+def similarity(blocks: tuple[NormalisedFeatures, Volume]) -> KernelRidge:
+    return KernelRidge(*blocks)
 
 
 def at_cell(k: int, j: int, i: int) -> np.ndarray:
     return np.array([[4.0 * i + 1.0, 4.0 * j + 1.0, 4.0 * k + 1.0]])
 
 
-def a_class(name: str, positive: np.ndarray, **fields: object) -> AnnotatedClass:
-    return AnnotatedClass(name, (1, 0, 0), positive, **fields)  # type: ignore[arg-type]
+def a_class(name: str, positive: np.ndarray, **fields: object) -> ClassRequest:
+    return ClassRequest(name, positive, **fields)  # type: ignore[arg-type]
 
 
 IN_LEFT, IN_RIGHT, IN_ABOVE = at_cell(4, 6, 3), at_cell(4, 6, 9), at_cell(9, 6, 6)
 
 
-def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelSimilarity) -> None:
+def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT)
     (found,) = similarity.maps([annotated])
     iso = prior_iso(len(annotated.positive))
@@ -54,32 +59,32 @@ def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelSimi
     assert (found[background] > iso).mean() < 0.05
 
 
-def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(similarity: KernelSimilarity) -> None:
+def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(similarity: KernelRidge) -> None:
     (found,) = similarity.maps([a_class("a", IN_LEFT)])
     assert found[LEFT].mean() > 1.2 * found[RIGHT].mean()
 
 
-def test_a_negative_click_takes_the_twin_away(similarity: KernelSimilarity) -> None:
+def test_a_negative_click_takes_the_twin_away(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT, negative=IN_RIGHT)
     (found,) = similarity.maps([annotated])
     assert (found[RIGHT] > prior_iso(len(annotated.positive))).mean() < 0.15
     assert (found[LEFT] > prior_iso(len(annotated.positive))).mean() > 0.65
 
 
-def test_the_clicks_of_one_class_are_negatives_of_the_others(similarity: KernelSimilarity) -> None:
+def test_the_clicks_of_one_class_are_negatives_of_the_others(similarity: KernelRidge) -> None:
     alone = similarity.maps([a_class("a", IN_LEFT)])[0]
     first, second = similarity.maps([a_class("a", IN_LEFT), a_class("b", IN_RIGHT)])
     assert first[RIGHT].mean() < 0.5 * alone[RIGHT].mean()
     assert second[RIGHT].mean() > second[LEFT].mean()
 
 
-def test_maps_do_not_depend_on_what_was_clicked_and_removed_before(similarity: KernelSimilarity) -> None:
+def test_maps_do_not_depend_on_what_was_clicked_and_removed_before(similarity: KernelRidge) -> None:
     before = similarity.maps([a_class("a", IN_LEFT)])
     similarity.maps([a_class("a", np.concatenate([IN_RIGHT, IN_LEFT, IN_ABOVE]))])
     np.testing.assert_array_equal(similarity.maps([a_class("a", IN_LEFT)]), before)
 
 
-def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelSimilarity) -> None:
+def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelRidge) -> None:
     a, b = a_class("a", np.concatenate([IN_LEFT, IN_RIGHT])), a_class("b", IN_ABOVE)
     a_reversed = a_class("a", np.concatenate([IN_RIGHT, IN_LEFT]))
     np.testing.assert_allclose(similarity.maps([a, b]), similarity.maps([b, a_reversed])[::-1], atol=1e-5)
@@ -95,21 +100,19 @@ def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelSimil
     ],
     ids=lambda classes: classes[-1].name,
 )
-def test_degenerate_clicks_give_finite_maps_between_zero_and_one(
-    similarity: KernelSimilarity, classes: list[AnnotatedClass]
-) -> None:
-    maps = similarity.maps(classes)
+def test_degenerate_clicks_give_finite_maps_between_zero_and_one(similarity: KernelRidge, classes: list[ClassRequest]) -> None:
+    maps = np.stack(similarity.maps(classes))
     assert maps.shape == (len(classes), *CELLS)
     assert np.isfinite(maps).all()
     assert maps.min() >= 0.0
     assert maps.max() <= 1.0
 
 
-def test_voxels_that_are_not_finite_do_not_spread(similarity: KernelSimilarity) -> None:
-    volume = similarity._rank._volume
+def test_voxels_that_are_not_finite_do_not_spread(similarity: KernelRidge, blocks: tuple[NormalisedFeatures, Volume]) -> None:
+    features, volume = blocks
     damaged = volume.array.copy()
     damaged[0, 0, 0], damaged[12, 12, 12], damaged[20:, 20:, 20:] = np.nan, np.inf, np.nan
     clean = similarity.maps([a_class("a", IN_LEFT)])
-    maps = KernelSimilarity(similarity._features, Volume(damaged, volume.geometry)).maps([a_class("a", IN_LEFT)])
+    maps = KernelRidge(features, Volume(damaged, volume.geometry)).maps([a_class("a", IN_LEFT)])
     assert np.isfinite(maps).all()
     assert np.abs(maps[0][LEFT] - clean[0][LEFT]).max() < 0.05

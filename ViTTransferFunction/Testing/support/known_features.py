@@ -8,6 +8,7 @@ import numpy as np
 
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import feature_key
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
@@ -26,5 +27,5 @@ def cache_known_features(volume: Volume, labels: np.ndarray) -> None:
     rows = np.round(np.linspace(0, 39, 13)).astype(int)
     array = array[:, rows] + np.random.default_rng(0).normal(0.0, 0.01, (16, 13, 16, 4))
     model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
-    key = feature_key(volume, model.name, model.sha256 or "", SETTINGS)
+    key = feature_key(volume, model.name, model.sha256 or "", SETTINGS, choose_device("auto"))
     FeatureCache().put(FeatureVolume(array.astype(np.float16), geometry, key))

@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import (
     geometry_from_node,
-    local_to_world,
+    matrix_to_world,
     numpy_matrix,
     set_image,
     vtk_matrix,
@@ -79,7 +79,8 @@ def _mask(segmentation_node: Any, segment_id: str, volume_node: Any) -> np.ndarr
         ijk = (np.argwhere(labels) + np.array(image.GetExtent()[::2])[::-1])[:, ::-1]
         matrix = vtk.vtkMatrix4x4()
         image.GetImageToWorldMatrix(matrix)
-        world = local_to_world(segmentation_node, transform_points(numpy_matrix(matrix), ijk))
+        to_world = matrix_to_world(segmentation_node) @ numpy_matrix(matrix)
+        world = transform_points(to_world, ijk)
         kji = np.rint(geometry.ras_to_ijk(world_to_local(volume_node, world))[:, ::-1]).astype(int)
         mask[tuple(kji.T)] = True
     return mask

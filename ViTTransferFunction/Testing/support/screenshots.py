@@ -21,8 +21,8 @@ from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 
 from ViTTransferFunction.CommandLine.canvas import save_png
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass, read_annotations
 from ViTTransferFunction.Logic.core.intensity_window import display_window
+from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, read_annotations
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
@@ -41,11 +41,10 @@ def main() -> None:
     parser.add_argument("--volume", type=Path, required=True, help="a CT")
     parser.add_argument("--annotations", type=Path, required=True, help="points in it")
     parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache, or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="whose weights they are")
     parser.add_argument("--out", type=Path, default=Path("Screenshots"), help="folder for the pictures")
     options = parser.parse_args()
     desk = Desk(SlicerApp(), options.volume)
-    desk.compute_features(options.model, options.weights)
+    desk.compute_features(options.weights)
     desk.annotate(read_annotations(options.annotations, desk.volume.geometry))
     options.out.mkdir(exist_ok=True)
     save_png(desk.picture(), options.out / "module.png")
@@ -83,9 +82,8 @@ class Desk:
         """End the application."""
         self._host.close()
 
-    def compute_features(self, model: str, weights: Path | None) -> None:
+    def compute_features(self, weights: Path | None) -> None:
         """Have the panel compute the features."""
-        self.session.parameters.set("model", model)
         if weights:
             self.session.parameters.set("weightsPath", str(weights))
         self._until(lambda: self.session.estimate is not None)
@@ -96,10 +94,10 @@ class Desk:
         """Place all points, and look at the middle of the first structure's."""
         for given in classes:
             state = self.session.annotations.add_class(given.name, given.color)
-            self.session.annotations.add_points(state.id, given.positive, positive=True)
-            self.session.annotations.add_points(state.id, given.negative, positive=False)
+            self.session.annotations.add_points(state.id, given.request.positive, positive=True)
+            self.session.annotations.add_points(state.id, given.request.negative, positive=False)
         self.session.select_class(self.session.classes[0].id)
-        place = classes[0].positive[0]
+        place = classes[0].request.positive[0]
         for name in ("axial", "coronal", "sagittal"):
             self._views[name].get_view_node().JumpSliceByCentering(*place)
         self.settle()

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict, tensors_sha256
 
 
 def _bytes_of(content: object) -> bytes:
@@ -103,3 +103,23 @@ def test_a_training_checkpoint_is_refused_with_its_entries(a_file: Path) -> None
 def test_a_missing_file_is_named(a_file: Path) -> None:
     with pytest.raises(InputError, match=r"Cannot read the weights file .*weights\.pth"):
         load_state_dict(a_file)
+
+
+class TestTensorsSha256:
+    def test_it_does_not_depend_on_the_order(self) -> None:
+        a, b = torch.zeros(2), torch.ones(3)
+
+        assert tensors_sha256({"a": a, "b": b}) == tensors_sha256({"b": b, "a": a})
+
+    @pytest.mark.parametrize(
+        "other",
+        [
+            {"b": torch.zeros(2, 3)},
+            {"a": torch.zeros(3, 2)},
+            {"a": torch.tensor([[0, 0, 0], [0, 0, 1e-45]])},
+            {"a": torch.zeros(2, 3), "b": torch.zeros(0)},
+        ],
+        ids=["name", "shape", "bit", "count"],
+    )
+    def test_it_tells_apart_what_differs_in_one(self, other: dict[str, torch.Tensor]) -> None:
+        assert tensors_sha256(other) != tensors_sha256({"a": torch.zeros(2, 3)})

@@ -20,7 +20,7 @@ pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
 def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
     ui, parameters = widget.ui, widget.panel.session.parameters
-    ui.presetComboBox.setCurrentText("As published (many times slower)")
+    ui.presetComboBox.setCurrentText("As in the paper (many times slower)")
     ui.modelComboBox.setCurrentText("dino_vits8")
     ui.deviceComboBox.setCurrentText("Processor (CPU)")
     ui.refinementComboBox.setCurrentText("Guided filter (faster)")
@@ -30,7 +30,7 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
     for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"):
         getattr(ui, f"{name}CheckBox").click()
     names = ("preset", "model", "device", "refinement", "rendering", "grid", "overlayOpacity")
-    written = ("published", "dino_vits8", "cpu", "guided", "transfer function", 48, 0.25)
+    written = ("paper", "dino_vits8", "cpu", "guided", "transfer function", 48, 0.25)
     assert tuple(parameters.get(name) for name in names) == written
     assert not any(parameters.get(name) for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"))
     for name in names:
@@ -44,6 +44,13 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
         "Similarity",
     ]
     assert (ui.gridSpinBox.value(), ui.overlayOpacitySlider.value) == (0, 0.5)
+
+
+def test_the_panels_grid_ends_where_that_of_the_features_does(widget: Any) -> None:
+    from ViTTransferFunction.Logic.features.settings import LARGEST_GRID, SMALLEST_GRID
+
+    assert (widget.ui.gridSpinBox.minimum(), widget.ui.gridSpinBox.maximum()) == (0, LARGEST_GRID)
+    assert widget.ui.gridSpinBox.singleStep() >= SMALLEST_GRID
 
 
 def test_values_that_a_saved_scene_cannot_mean_become_defaults(host: Host) -> None:
@@ -173,10 +180,13 @@ def test_durations_are_told_as_people_do(host: Host, seconds: float, words: str)
 
 
 def test_the_estimate_is_told_in_a_few_words(host: Host) -> None:
-    from ViTTransferFunction.Logic.compute.exchange import Estimate
+    from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
     from ViTTransferFunction.Widget.volume_section import estimate_text
 
     assert estimate_text(None) == "Estimating…"
-    assert estimate_text(Estimate(cached=True, seconds=None, memory_bytes=1, download_mb=0)) == "In the cache: ready at once."
-    costly = Estimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download_mb=88)
+    assert (
+        estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1, download_mb=0))
+        == "In the cache: ready at once."
+    )
+    costly = FeatureEstimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download_mb=88)
     assert estimate_text(costly) == "About 2 min, 1.2 GB of memory, 88 MB to download."

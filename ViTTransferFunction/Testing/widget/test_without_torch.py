@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib.machinery
 import importlib.util
 import os
@@ -20,7 +19,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
-from ViTTransferFunction.Testing.layout.test_walls import SHIPPED_WITH_SLICER, imports_at_file_scope
+from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_at_file_scope
 from ViTTransferFunction.Testing.support.widgets import add_class
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -52,7 +51,7 @@ def run(program: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", GUI, ids=lambda path: path.name)
 def test_a_file_of_the_panel_imports_at_file_scope_only_what_slicer_has(path: Path) -> None:
-    for name in imports_at_file_scope(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in imports_at_file_scope(path):
         known = name in SHIPPED_WITH_SLICER | GUI_OF_SLICER or name in sys.stdlib_module_names
         assert known, f"{path.name} imports {name}"
 

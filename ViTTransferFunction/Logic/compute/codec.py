@@ -1,0 +1,100 @@
+"""Requests and replies as messages, and back: dataclasses of known types, whose fields are plain values and arrays."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.class_map import ClassMap
+from ..core.class_request import ClassRequest
+from ..core.geometry import Geometry
+from ..session.feature_source import FeatureEstimate
+from ..session.opening import SessionSettings
+from . import requests
+from .messages import Message
+
+_TYPES: dict[str, type] = {
+    kind.__name__: kind
+    for kind in (
+        requests.TakeVolume,
+        requests.Prepare,
+        requests.Extract,
+        requests.ComputeMaps,
+        requests.RefineMaps,
+        requests.SegmentClasses,
+        requests.Render,
+        requests.Cancel,
+        requests.Done,
+        requests.Maps,
+        requests.Labels,
+        requests.ColorVolume,
+        requests.Progressed,
+        requests.CoarseFeatures,
+        requests.GivenUp,
+        requests.Failed,
+        requests.Refinement,
+        ClassMap,
+        ClassRequest,
+        FeatureEstimate,
+        Geometry,
+        SessionSettings,
+    )
+}
+"""All that is ever made from a message, whatever it says."""
+
+
+def to_message(number: int, body: Any) -> Message:
+    """A request or a reply as a message.
+
+    Args:
+        number: of the request.
+        body: a dataclass of `requests`.
+    """
+    arrays: list[np.ndarray] = []
+    return Message({"number": number, "body": _encoded(body, arrays)}, tuple(arrays))
+
+
+def from_message(message: Message) -> tuple[int, Any]:
+    """Number of the request, and the request or reply itself.
+
+    Raises:
+        InputError: a value in it is not one that its type takes.
+        ValueError: it is not a message of ours.
+    """
+    return message.content["number"], _decoded(message.content["body"], message.arrays)
+
+
+def holds(message: Message, kind: type) -> bool:
+    """Whether a message's request or reply is of this type; nothing is made of it yet."""
+    return message.content["body"]["type"] == kind.__name__
+
+
+def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:
+    if isinstance(value, np.ndarray):
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+    if isinstance(value, (list, tuple)):
+        return [_encoded(entry, arrays) for entry in value]
+    if is_dataclass(value):
+        values = {field.name: _encoded(getattr(value, field.name), arrays) for field in fields(value)}
+        return {"type": type(value).__name__, "values": values}
+    return value
+
+
+def _decoded(value: Any, arrays: tuple[np.ndarray, ...]) -> Any:
+    if isinstance(value, list):
+        return tuple(_decoded(entry, arrays) for entry in value)
+    if isinstance(value, dict) and "array" in value:
+        return arrays[value["array"]]
+    if isinstance(value, dict):
+        values = {name: _decoded(entry, arrays) for name, entry in value["values"].items()}
+        return _type(value["type"])(**values)
+    return value
+
+
+def _type(name: str) -> type:
+    if name not in _TYPES:
+        raise ValueError(f"no such request or reply: {name}")
+    return _TYPES[name]

@@ -1,0 +1,165 @@
+"""What the compute process is asked for, and what it replies: one dataclass each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..core.class_map import ClassMap
+from ..core.class_request import ClassRequest
+from ..core.colors import Color
+from ..core.geometry import Geometry
+from ..refinement.refinement import RefinementMethod
+from ..session.opening import SessionSettings
+
+RenderingMode = Literal["similarity", "transfer function"]
+"""Smooth surfaces alone, or the volume's own detail within them."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How full-resolution maps and labels are made.
+
+    Attributes:
+        method: how maps are sharpened.
+        only_annotated_components: drop the parts of a segment that hold none of its positive points.
+    """
+
+    method: RefinementMethod = "bilateral"
+    only_annotated_components: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class TakeVolume:
+    """Take a volume; everything that follows is about it. Replied to by `Done`.
+
+    Attributes:
+        array: voxels (K, J, I), unchecked.
+        geometry: where they lie.
+        name: what users call it.
+    """
+
+    array: np.ndarray
+    geometry: Geometry
+    name: str
+
+
+@dataclass(frozen=True)
+class Prepare:
+    """Choose the settings. Replied to by `FeatureEstimate`."""
+
+    settings: SessionSettings
+
+
+@dataclass(frozen=True)
+class Extract:
+    """Load the features, from the cache or by computing them. Replied to by `Done`, after any number of `CoarseFeatures`."""
+
+
+@dataclass(frozen=True)
+class ComputeMaps:
+    """S_L of all classes. Replied to by `Maps`."""
+
+    classes: tuple[ClassRequest, ...]
+
+
+@dataclass(frozen=True)
+class RefineMaps:
+    """S_H of all classes, each on the box that matters, uint8. Replied to by `Maps`."""
+
+    classes: tuple[ClassRequest, ...]
+    refinement: Refinement
+
+
+@dataclass(frozen=True)
+class SegmentClasses:
+    """Labels of all classes. Replied to by `Labels`."""
+
+    classes: tuple[ClassRequest, ...]
+    refinement: Refinement
+
+
+@dataclass(frozen=True)
+class Render:
+    """The maps that were replied last as a volume of colours. Replied to by `ColorVolume`.
+
+    Attributes:
+        mode: what is to be seen.
+        refined: whether the last refined maps are meant.
+        styles: of each class, colour and opacity.
+    """
+
+    mode: RenderingMode
+    refined: bool
+    styles: tuple[tuple[Color, float], ...]
+
+
+@dataclass(frozen=True)
+class Cancel:
+    """Give up these requests. It has no reply of its own."""
+
+    numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Done:
+    """It is done, and there is nothing more to say."""
+
+
+@dataclass(frozen=True)
+class Maps:
+    """A map for each class, in the order of the request."""
+
+    maps: tuple[ClassMap, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """Labels (K, J, I) uint16 of the volume: 1 + index of the class in the request, 0 elsewhere."""
+
+    array: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ColorVolume:
+    """Colours and codes for the 3D views (`rendering.color_volume`).
+
+    Attributes:
+        rgba: (K, J, I, 4) uint8.
+        geometry: of its voxels, in the volume's frame.
+    """
+
+    rgba: np.ndarray
+    geometry: Geometry
+
+
+@dataclass(frozen=True)
+class Progressed:
+    """`done` of `total` steps of the work named `what`; more replies follow."""
+
+    done: int
+    total: int
+    what: str
+
+
+@dataclass(frozen=True)
+class CoarseFeatures:
+    """Maps can be had of the features that there are so far; more replies follow."""
+
+
+@dataclass(frozen=True)
+class GivenUp:
+    """The request was cancelled."""
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Something that the user gave cannot be used; `message` says what, in words for the user."""
+
+    message: str
+
+
+UNFINISHED = (Progressed, CoarseFeatures)
+"""Replies that are followed by others to the same request."""

@@ -1,0 +1,49 @@
+"""What comes back about a class: a similarity map, and the threshold that selects the class on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bounding_box import bounding_box
+from .geometry import Box, Geometry
+
+FULL_SCALE = 255
+"""The byte that stands for a similarity of 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClassMap:
+    """How similar each cell or voxel is to a class.
+
+    Attributes:
+        array: (K, J, I) of `geometry`: float32 in [0, 1], or uint8 with 255 for 1. On feature cells it is S_L; on the volume's
+            voxels, or on the box of them that matters, S_H.
+        geometry: where the array lies, in the volume's frame.
+        iso: threshold that selects the class, in [0, 1].
+    """
+
+    array: np.ndarray
+    geometry: Geometry
+    iso: float
+
+    def __post_init__(self) -> None:
+        if self.array.shape != self.geometry.shape:
+            raise ValueError(f"map of shape {self.array.shape} and geometry of shape {self.geometry.shape} differ")
+
+
+def in_units_of(array: np.ndarray, similarity: float) -> float:
+    """A similarity in [0, 1] as a map's `array` expresses it: as it is, or with 255 for 1 if that is uint8."""
+    return FULL_SCALE * similarity if array.dtype == np.uint8 else similarity
+
+
+def box_above(array: np.ndarray, similarity: float, margin: int) -> Box | None:
+    """The smallest box of a map that holds all voxels of at least `similarity`, and some more; None if there are none.
+
+    Args:
+        array: (K, J, I) float32 in [0, 1], or uint8 with 255 for 1.
+        similarity: in [0, 1].
+        margin: voxels around, within the map.
+    """
+    return bounding_box(array >= in_units_of(array, similarity), margin)

@@ -1,0 +1,110 @@
+"""What is asked about a class: its points, and what decides its map and threshold; nothing about how it is shown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError
+from .geometry import Geometry
+
+
+def no_points() -> np.ndarray:
+    """Points (0, 3)."""
+    return np.empty((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class ClassRequest:
+    """One structure of interest, and everything that decides which voxels belong to it. Equal where all values are.
+
+    Attributes:
+        id: unique among the classes, and the same for as long as the class lives.
+        positive: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
+        negative: (M, 3) RAS millimetres, points that are not of this structure.
+        iso: threshold on the class's similarity map, in [0, 1]; None: chosen from the annotations.
+        proximity: p̃ of the paper, in [0, 1]: how much similarity fades with distance from the positive points; 0: not at all.
+        refine: whether the map is sharpened against the intensities.
+        name: what the user calls it; its id where nobody says.
+
+    Raises:
+        InputError: a field is out of range or there is no positive point.
+    """
+
+    id: str
+    positive: np.ndarray
+    negative: np.ndarray = field(default_factory=no_points)
+    iso: float | None = None
+    proximity: float = 0.0
+    refine: bool = True
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.id)
+        if not self.name.strip():
+            raise InputError("A class has an empty name; every class needs one.")
+        for polarity in ("positive", "negative"):
+            object.__setattr__(self, polarity, as_points(getattr(self, polarity), f"{polarity} points of class '{self.name}'"))
+        if not len(self.positive):
+            raise InputError(f"Class '{self.name}' has no positive points; place at least one on the structure.")
+        check_share(self.iso, "iso", self.name)
+        check_share(self.proximity, "proximity", self.name)
+        if not isinstance(self.refine, bool):
+            raise InputError(f"'refine' of class '{self.name}' is {self.refine!r}; expected true or false.")
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ClassRequest) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
+    @property
+    def _values(self) -> tuple[Any, ...]:
+        points = (self.positive.tobytes(), self.negative.tobytes())
+        return self.id, self.name, self.iso, self.proximity, self.refine, *points
+
+
+def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
+    """Raise InputError unless there are classes, their ids differ, and every point lies inside the volume's box."""
+    if not requests:
+        raise InputError("There are no classes; annotate at least one structure.")
+    id_, count = Counter(request.id for request in requests).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"{count} classes are named '{id_}'; give each class a name of its own.")
+    for request in requests:
+        points = np.concatenate([request.positive, request.negative])
+        outside = points[~geometry.contains(points)]
+        if len(outside):
+            position = ", ".join(f"{x:.1f}" for x in outside[0])
+            raise InputError(
+                f"{len(outside)} of {len(points)} points of class '{request.name}' lie outside the volume, the first at "
+                f"RAS ({position}) mm. Check the coordinate system of the points, and that they belong to this volume."
+            )
+
+
+def check_share(value: Any, field_name: str, class_name: str) -> None:
+    """Raise InputError unless a field of a class is None or a number from 0 to 1."""
+    if value is not None and not (is_number(value) and 0.0 <= value <= 1.0):
+        raise InputError(f"'{field_name}' of class '{class_name}' is {value!r}; expected a number from 0 to 1.")
+
+
+def as_points(points: Any, what: str) -> np.ndarray:
+    """(N, 3) float64 of whatever says positions. Raises InputError, which calls them `what`, where that is impossible."""
+    try:
+        array = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty((0, 0))
+    if array.size == 0 and np.ndim(points) <= 2 and not len(points):
+        return no_points()
+    if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
+        raise InputError(f"The {what} are not a list of finite [x, y, z] positions.")
+    return array
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value out of a file is a number, which true and false are not."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

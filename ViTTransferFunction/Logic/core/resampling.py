@@ -1,0 +1,120 @@
+"""Values of a grid between its points, and on other grids: maps, feature vectors, labels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from .geometry import Geometry
+
+
+def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
+    """Trilinear samples of a grid of vectors at world points, constant beyond the outermost centres.
+
+    Args:
+        values: (K, J, I, C).
+        geometry: of the grid.
+        points_ras: (N, 3) RAS millimetres.
+
+    Returns:
+        (N, C) float32.
+    """
+    kji = geometry.ras_to_ijk(points_ras)[:, ::-1]
+    last = np.array(geometry.shape) - 1
+    kji = np.clip(kji, 0, last)
+    base = np.minimum(np.floor(kji).astype(int), np.maximum(last - 1, 0))
+    fraction = kji - base
+    samples = np.zeros((len(kji), values.shape[3]), dtype=np.float64)
+    for corner in np.ndindex(2, 2, 2):
+        index = np.minimum(base + corner, last)
+        weight = np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
+        samples += weight[:, None] * values[tuple(index.T)]
+    return samples.astype(np.float32)
+
+
+def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool = False) -> np.ndarray:
+    """`array` at all combinations of positions along its axes.
+
+    Args:
+        array: (K, J, I), any real dtype.
+        positions: for each axis, in voxels, integers at voxel centres; beyond the array's border its values are those there.
+        cubic: smoothly, by Mitchell and Netravali's filter: almost as smooth as a B-spline, almost as sharp as an
+            interpolating one. Else trilinearly.
+
+    Returns:
+        Float32, as many along each axis as there are positions.
+    """
+    k, j, i = (_weights(position, count, cubic) for position, count in zip(positions, array.shape, strict=True))
+    # In an order in which nothing has to be transposed.
+    fine = j @ (array.astype(np.float32, copy=False) @ i.T)
+    return (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
+
+
+def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.ndarray:
+    """Where the centres of voxels lie, in cells, if `voxels` of them fill the same box as `cells` cells.
+
+    Args:
+        cells: along an axis.
+        voxels: along the same axis.
+        extent: which of the voxels, if not all.
+
+    Returns:
+        One position for each voxel, float64, integers at cell centres.
+    """
+    extent = extent or slice(0, voxels)
+    return (np.arange(extent.start, extent.stop) + 0.5) * (cells / voxels) - 0.5
+
+
+def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) -> np.ndarray:
+    """The label at each voxel centre of another grid, 0 outside; Slicer stores only the box that segments fill.
+
+    Args:
+        labels: (K, J, I) on `geometry`, integers or bool.
+        geometry: of the labels.
+        target: the grid to bring them to.
+
+    Returns:
+        (K, J, I) of `target`, the dtype of `labels`.
+    """
+    # Rounded, so that grids which coincide but for rounding errors do coincide.
+    source_of_target = np.round(np.linalg.inv(geometry.ijk_to_ras) @ target.ijk_to_ras, 6)
+    matrix, offset = source_of_target[2::-1, 2::-1], source_of_target[2::-1, 3]
+    if np.array_equal(matrix, np.eye(3)) and np.array_equal(offset, np.round(offset)):
+        # Nearly always so, and many times faster.
+        return _shifted_copy(labels, offset.astype(int).tolist(), target.shape)
+    integers = labels.view(np.uint8) if labels.dtype == bool else labels
+    # With the mode "constant", the outer half of border voxels would be outside.
+    resampled = ndimage.affine_transform(
+        integers, matrix, offset, output_shape=target.shape, order=0, mode="grid-constant", prefilter=False
+    )
+    return resampled.view(labels.dtype)
+
+
+def _weights(position: np.ndarray, count: int, cubic: bool) -> np.ndarray:
+    """(len(position), count): how much each of `count` cells contributes at each position; rows sum to 1."""
+    weights = np.zeros((len(position), count), dtype=np.float32)
+    lower = np.floor(position).astype(int)
+    rows = np.arange(len(position))
+    for offset in range(-1, 3) if cubic else range(2):
+        distance = np.abs(position - lower - offset)
+        share = _mitchell_netravali(distance) if cubic else 1.0 - distance
+        np.add.at(weights, (rows, np.clip(lower + offset, 0, count - 1)), share)
+    return weights
+
+
+def _mitchell_netravali(distance: np.ndarray) -> np.ndarray:
+    """The cubic filter of Mitchell & Netravali 1988 with B = C = 1/3, at distances below 2 cells."""
+    near = (7.0 * distance**3 - 12.0 * distance**2 + 16.0 / 3.0) / 6.0
+    far = (-7.0 / 3.0 * distance**3 + 12.0 * distance**2 - 20.0 * distance + 32.0 / 3.0) / 6.0
+    return np.where(distance < 1.0, near, far)
+
+
+def _shifted_copy(labels: np.ndarray, first: Sequence[int], shape: tuple[int, int, int]) -> np.ndarray:
+    """The part of `labels` that starts at its voxel `first` (k, j, i), which may be outside of it as may be others."""
+    copy = np.zeros(shape, dtype=labels.dtype)
+    target = tuple(slice(max(-start, 0), max(size - start, 0)) for start, size in zip(first, labels.shape, strict=True))
+    source = tuple(slice(max(start, 0), max(start + size, 0)) for start, size in zip(first, shape, strict=True))
+    copy[target] = labels[source]
+    return copy

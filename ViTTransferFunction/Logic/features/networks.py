@@ -1,0 +1,44 @@
+"""Networks ready to run: each opened, and its speed measured, once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..weights.sources import WeightsFile
+from .cost import NetworkSpeed, calibrate
+from .settings import FeatureSettings
+from .vision_transformer import VisionTransformer
+
+if TYPE_CHECKING:
+    import torch
+
+
+def open_network(weights: WeightsFile, device: torch.device) -> VisionTransformer:
+    """The model on its device, ready to run. Raises InputError where the file holds no such model."""
+    from ..weights.state_dict import load_state_dict
+
+    return VisionTransformer(weights.model, load_state_dict(weights.path), weights.sha256, device)
+
+
+class Networks:
+    """The network that was opened last, and the speed of all that there were."""
+
+    def __init__(self) -> None:
+        self._opened: VisionTransformer | None = None
+        self._speeds: dict[tuple[str, str, str], NetworkSpeed] = {}
+
+    def network(self, weights: WeightsFile, device: torch.device) -> VisionTransformer:
+        """The model on its device; see `open_network`."""
+        network = self._opened
+        if network is None or (network.weights_digest, network.device) != (weights.sha256, device):
+            # The one before goes first: both might be too much.
+            self._opened = None
+            self._opened = network = open_network(weights, device)
+        return network
+
+    def speed(self, network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
+        """How fast the network is on its device, in the precision of the settings; a second of work the first time."""
+        key = (network.weights_digest, str(network.device), settings.on(network.device).precision)
+        if key not in self._speeds:
+            self._speeds[key] = calibrate(network, settings)
+        return self._speeds[key]

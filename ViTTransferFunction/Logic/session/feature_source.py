@@ -1,0 +1,162 @@
+"""The features of one volume: what they will cost, and getting them, out of the cache or by computing them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.progress import Progress, no_progress
+from ..core.volume import Volume
+from ..features.cache import FeatureCache
+from ..features.cost import feature_cost
+from ..features.extraction import extract_features, features_size_bytes
+from ..features.feature_volume import FeatureVolume
+from ..features.networks import Networks
+from ..features.progressive import progressive_features
+from ..features.settings import FeatureSettings, feature_key
+from ..weights.models import PretrainedModel
+from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
+from ..weights.store import weights_folder
+
+if TYPE_CHECKING:
+    import torch
+
+
+@dataclass(frozen=True)
+class FeatureEstimate:
+    """What features will cost.
+
+    Attributes:
+        cached: whether they only have to be loaded.
+        seconds: that computing them will take; None where that is not known.
+        memory_bytes: that is in use while they are computed; of the features alone where that is not known.
+        download_mb: of the model's weights, 0 where they are on this computer.
+    """
+
+    cached: bool
+    seconds: float | None
+    memory_bytes: int
+    download_mb: int
+
+
+@dataclass(frozen=True)
+class FeatureProvenance:
+    """Where features come from.
+
+    Attributes:
+        weights: what they were computed with.
+        device: what they were computed on, or would have been.
+        precision: in which they were computed.
+        cached: whether they were found in the cache.
+    """
+
+    weights: WeightsFile
+    device: str
+    precision: str
+    cached: bool
+
+
+class FeatureSource:
+    """Opens the network, and hashes volume and weights, once for estimate and extraction together.
+
+    Args:
+        volume: intensities and geometry.
+        settings: grid and sampling.
+        model: to compute the features with.
+        weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
+        device: to compute on.
+        cache: where features are kept between sessions.
+        networks: that are open already.
+
+    Attributes:
+        provenance: where the features come from that were got last; None before.
+    """
+
+    def __init__(
+        self,
+        volume: Volume,
+        settings: FeatureSettings,
+        model: PretrainedModel,
+        weights_path: str | Path | None,
+        device: torch.device,
+        cache: FeatureCache,
+        networks: Networks,
+    ) -> None:
+        self._volume = volume
+        self._settings = settings
+        self._model = model
+        self._weights_path = weights_path
+        self._device = device
+        self._cache = cache
+        self._networks = networks
+        self.provenance: FeatureProvenance | None = None
+
+    def estimate(self) -> FeatureEstimate:
+        """What the features will cost; a second or two of work where they have to be computed.
+
+        Raises:
+            InputError: the weights are not those of the model.
+        """
+        weights = self._known_weights
+        cached = weights is not None and self._key(weights) in self._cache
+        if weights is not None and weights.path.exists() and not cached:
+            network = self._networks.network(weights, self._device)
+            cost = feature_cost(self._volume, self._settings, network, self._networks.speed(network, self._settings))
+            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes, download_mb=0)
+        download_mb = 0 if weights is not None and weights.path.exists() else self._model.size_mb
+        return FeatureEstimate(cached, None, self._size_bytes, download_mb)
+
+    def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[FeatureVolume]:
+        """Get the features; the slow step, once for a volume.
+
+        Args:
+            progress: called with bytes downloaded and slices done.
+            coarse_first: whether coarser features are wanted meanwhile (`progressive_features`).
+
+        Yields:
+            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends.
+
+        Raises:
+            InputError: the weights are not to be had or do not fit, or the cache's disk is full.
+            Cancelled: by the progress callback.
+        """
+        weights = self._known_weights
+        if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
+            weights = find_weights(self._model.name, self._weights_path, progress=progress)
+        cached = self._cache.get(self._key(weights))
+        self.provenance = FeatureProvenance(
+            weights, str(self._device), self._settings.on(self._device).precision, cached is not None
+        )
+        if cached is not None:
+            yield cached
+            return
+        network = self._networks.network(weights, self._device)
+        self._cache.check_room(self._size_bytes)
+        if coarse_first:
+            for features in progressive_features(self._volume, network, self._settings, progress):
+                yield features
+        else:
+            features = extract_features(self._volume, network, self._settings, progress)
+            yield features
+        self._cache.put(features)
+
+    @cached_property
+    def _known_weights(self) -> WeightsFile | None:
+        """The weights, if they are here; if not, what is published of them; None where nothing is."""
+        try:
+            return find_weights(self._model.name, self._weights_path, allow_download=False)
+        except WeightsUnavailable:
+            if self._model.sha256 is None:
+                return None
+            path = weights_folder() / self._model.file_name
+            return WeightsFile(path, self._model.sha256, self._model, "not on this computer")
+
+    @property
+    def _size_bytes(self) -> int:
+        return features_size_bytes(self._volume.geometry, self._settings, self._model)
+
+    def _key(self, weights: WeightsFile) -> str:
+        return feature_key(self._volume, self._model.name, weights.sha256, self._settings, self._device)

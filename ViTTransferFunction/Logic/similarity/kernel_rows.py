@@ -1,0 +1,66 @@
+"""Kernels of places with all cells, kept from click to click."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from ..features.precision import device_precision
+
+ROWS_AT_ONCE = 32
+"""Rows are made room for, and multiplied, in blocks of so many."""
+
+
+class KernelRows:
+    """Kernels with all cells, one row for each place: first the background's, then those of points, which come and go.
+
+    Rows are kept from click to click, so that a click costs one new row and one product with all of them. That product waits
+    for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
+    """
+
+    def __init__(self, of_background: np.ndarray) -> None:
+        import torch
+
+        precision = device_precision(torch.device("cpu"))
+        self._background = len(of_background)
+        self._rows = torch.zeros((0, of_background.shape[1]), dtype=precision)
+        self._make_room(self._background - 1)
+        self._rows[: self._background] = torch.from_numpy(of_background)
+        self._row_of_key: dict[bytes, int] = {}
+        self.count = len(self._rows)
+
+    def weighted(self, weights: np.ndarray) -> np.ndarray:
+        """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
+        import torch
+
+        return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
+
+    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> list[int]:
+        """The rows of points; `compute` makes the row of the point with that index in `keys`, where there is none yet."""
+        import torch
+
+        for gone in self._row_of_key.keys() - set(keys):
+            del self._row_of_key[gone]
+        taken = set(self._row_of_key.values())
+        for index, key in enumerate(keys):
+            if key not in self._row_of_key:
+                row = next(row for row in itertools.count(self._background) if row not in taken)
+                taken.add(row)
+                self._make_room(row)
+                self._rows[row] = torch.from_numpy(compute(index))
+                self._row_of_key[key] = row
+        self.count = _whole_blocks(max(taken, default=self._background - 1) + 1)
+        return [self._row_of_key[key] for key in keys]
+
+    def _make_room(self, row: int) -> None:
+        if row >= len(self._rows):
+            grown = self._rows.new_zeros((_whole_blocks(row + 1), self._rows.shape[1]))
+            grown[: len(self._rows)] = self._rows
+            self._rows = grown
+
+
+def _whole_blocks(rows: int) -> int:
+    """So many rows, in whole blocks: for every new number of them the processor's matrix kernels would be compiled anew."""
+    return -(-rows // ROWS_AT_ONCE) * ROWS_AT_ONCE

@@ -1,0 +1,43 @@
+"""The ways from annotations to low-resolution maps S_L and their thresholds (paper §III-B), behind one interface."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, Protocol
+
+import numpy as np
+
+from ..core.class_request import ClassRequest
+from ..core.volume import Volume
+from ..features.whitening import NormalisedFeatures
+from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
+from .kernel_ridge import KernelRidge
+
+SimilarityMethod = Literal["kernel ridge", "cosine", "clamped cosine"]
+"""Learned from all classes' points (`kernel_ridge`); the mean cosine of Eq. 1; the variant of it in the authors' program."""
+
+
+class SimilarityRule(Protocol):
+    """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
+
+    def maps(self, requests: Sequence[ClassRequest]) -> Sequence[np.ndarray]:
+        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them."""
+
+    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+        """The threshold, in (0, 1), of the index-th class's S_L (K', J', I')."""
+
+    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+        """The threshold, in (0, 1), of the index-th class's S_H (K, J, I) on the volume's voxels."""
+
+
+def similarity_rule(method: SimilarityMethod, features: NormalisedFeatures, volume: Volume) -> SimilarityRule:
+    """The rule of that name for a volume.
+
+    Args:
+        method: which one.
+        features: of the volume's cells.
+        volume: the intensities.
+    """
+    if method == "kernel ridge":
+        return KernelRidge(features, volume)
+    return CosineSimilarity(features, volume.geometry, mean_cosine if method == "cosine" else mean_clamped_cosine)

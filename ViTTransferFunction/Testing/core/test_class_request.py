@@ -1,0 +1,62 @@
+"""What may be asked about classes, and when two requests are the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+
+GEOMETRY = Geometry((20, 30, 40), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
+POINTS_RAS = GEOMETRY.ijk_to_ras_points(np.array([[3.0, 4.0, 5.0], [10.5, 20.25, 15.0]]))
+
+
+def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
+    inside = ClassRequest("a", POINTS_RAS)
+    check_requests([inside], GEOMETRY)
+    with pytest.raises(InputError, match="no classes"):
+        check_requests([], GEOMETRY)
+    with pytest.raises(InputError, match="2 classes are named 'a'"):
+        check_requests([inside, inside], GEOMETRY)
+    outside = ClassRequest("b", POINTS_RAS, negative=np.array([[1000.0, 0.0, 0.0]]))
+    with pytest.raises(InputError, match=r"1 of 3 points of class 'b' lie outside the volume.*1000\.0"):
+        check_requests([inside, outside], GEOMETRY)
+
+
+def test_a_class_without_a_name_is_called_by_its_id() -> None:
+    assert ClassRequest("a", POINTS_RAS).name == "a"
+    assert ClassRequest("a", POINTS_RAS, name="liver").name == "liver"
+
+
+def test_classes_of_one_name_may_be_asked_about_together() -> None:
+    check_requests([ClassRequest(id_, POINTS_RAS, name="liver") for id_ in ("a", "b")], GEOMETRY)
+
+
+def test_requests_are_equal_where_all_their_values_are() -> None:
+    request = ClassRequest("a", POINTS_RAS, iso=0.3)
+    assert request == ClassRequest("a", POINTS_RAS.tolist(), iso=0.3)
+    assert hash(request) == hash(ClassRequest("a", POINTS_RAS.copy(), iso=0.3))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"id": "b"},
+        {"name": "liver"},
+        {"positive": POINTS_RAS + 1e-9},
+        {"positive": POINTS_RAS[:1]},
+        {"negative": POINTS_RAS},
+        {"iso": 0.4},
+        {"proximity": 0.1},
+        {"refine": False},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_requests_differ_where_one_value_does(change: dict[str, Any]) -> None:
+    request = ClassRequest("a", POINTS_RAS, iso=0.3)
+    assert replace(request, **change) != request
