@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
 
 from Benchmarks.accuracy.run import load_features
 from Benchmarks.refinement.candidates import (
@@ -40,6 +39,7 @@ from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
 from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
@@ -183,16 +183,16 @@ def mean_surface_distance_mm(predicted: np.ndarray, truth: np.ndarray, spacing_m
         predicted: (K, J, I) bool.
         truth: (K, J, I) bool, not empty.
         spacing_mm: of the voxels, along (K, J, I).
+
+    Raises:
+        ValueError: the truth is empty, and so is the prediction.
     """
+    box = bounding_box(predicted | truth)
+    if box is None:
+        raise ValueError("a structure without any voxel has no surface to be far from")
     if not predicted.any():
-        extents = [axis.stop - axis.start for axis in _box(truth)]
-        return float(np.linalg.norm(np.multiply(extents, spacing_mm)))
-    box = _box(predicted | truth)
+        return float(np.linalg.norm(np.multiply([extent.stop - extent.start for extent in box], spacing_mm)))
     return float(surface_distances_mm(predicted[box], truth[box], spacing_mm).mean())
-
-
-def _box(mask: np.ndarray) -> tuple[slice, ...]:
-    return ndimage.find_objects(mask.view(np.uint8))[0]
 
 
 def write_report(report: dict[str, Any], folder: Path) -> None:

@@ -35,6 +35,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, get_args
 
+from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from . import large_arrays
 from .bilateral_cells import Target, splat
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from torch import Tensor
+
+    from ..core.geometry import Box
 
 Slicing = Literal["multilinear", "nearest"]
 
@@ -250,9 +253,10 @@ def _refine(
     if active is not None:
         # What is not near the structure keeps the target.
         _read_all(target, refined, layout, workers)
-        if not bool(active.any()):
+        cropped = _cropped(layout, active)
+        if cropped is None:
             return unsolved
-        box, layout, active = _cropped(layout, active)
+        box, layout, active = cropped
         region, intensities = refined[box], intensities[box]
         confidence = None if confidence is None else confidence[box]
         target = Target(region.__getitem__, target.largest)
@@ -286,14 +290,14 @@ def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers)
     workers.share_out(layout.layers(), read)
 
 
-def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:
-    """The smallest box of voxels that holds all active cells; its own layout, and its active cells."""
-    cells, voxels = [], []
-    for axis, (edge, n) in enumerate(zip(layout.cell_voxels, layout.voxels, strict=True)):
-        occupied = active.movedim(axis, 0).flatten(1).any(1).nonzero()
-        first, end = int(occupied[0]), int(occupied[-1]) + 1
-        cells.append(slice(first, end))
-        voxels.append(slice(first * edge, min(end * edge, n)))
-    k, j, i = voxels
+def _cropped(layout: GridLayout, active: Tensor) -> tuple[Box, GridLayout, Tensor] | None:
+    """The smallest box of voxels that holds all active cells; its own layout, and its active cells. None where none is."""
+    cells = bounding_box(active.cpu().numpy())
+    if cells is None:
+        return None
+    k, j, i = (
+        slice(extent.start * edge, min(extent.stop * edge, n))
+        for extent, edge, n in zip(cells, layout.cell_voxels, layout.voxels, strict=True)
+    )
     shape = (k.stop - k.start, j.stop - j.start, i.stop - i.start)
-    return (k, j, i), replace(layout, voxels=shape), active[tuple(cells)]
+    return (k, j, i), replace(layout, voxels=shape), active[cells]
