@@ -10,8 +10,8 @@ voxels near each other in space and in intensity, with every row's sum 1 (Barron
 **Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
 of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
 share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
-cell. Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them,
-which leaves no blocks.
+cell. Slicing gives each voxel the multilinear mean of the cells around it, where the value of its own cell alone would show the
+cells as blocks.
 
 **Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
 n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
@@ -33,14 +33,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
 from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from . import large_arrays
 from .bilateral_cells import Target, splat
 from .bilateral_grid import GridLayout, VoxelCells
-from .bilateral_slice import slice_multilinear, slice_nearest
+from .bilateral_slice import slice_multilinear
 from .bilateral_system import solve_cells
 from .upsampling import Upsampling, upsampled
 from .workers import Workers
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from ..core.geometry import Box
-
-Slicing = Literal["multilinear", "nearest"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,6 @@ class BilateralSolverSettings:
         smoothness: λ, the weight of smoothness against agreement with the target.
         max_iterations: of conjugate gradients.
         tolerance: residual, relative to the right-hand side, at which the iteration stops.
-        slicing: "multilinear" interpolates between cells; "nearest" is faster, and shows the cells as blocks.
     """
 
     sigma_spatial_mm: float = 6.0
@@ -73,7 +70,6 @@ class BilateralSolverSettings:
     smoothness: float = 32.0
     max_iterations: int = 50
     tolerance: float = 2e-3
-    slicing: Slicing = "multilinear"
 
     def __post_init__(self) -> None:
         for name in ("sigma_spatial_mm", "sigma_luma", "smoothness", "tolerance"):
@@ -82,8 +78,6 @@ class BilateralSolverSettings:
                 raise InputError(f"Bilateral solver: {name} is {value}; expected a finite number above 0.")
         if self.max_iterations < 1:
             raise InputError(f"Bilateral solver: max_iterations is {self.max_iterations}; expected at least 1.")
-        if self.slicing not in get_args(Slicing):
-            raise InputError(f"Bilateral solver: slicing is {self.slicing!r}; expected one of {', '.join(get_args(Slicing))}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,8 +262,7 @@ def _refine(
     solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
     # Memory for the map, which is written now.
     del cells
-    slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
-    slice_cells(voxel_cells, places, solution.values, target, region, workers)
+    slice_multilinear(voxel_cells, places, solution.values, target, region, workers)
     return replace(
         unsolved,
         converged=solution.residual <= settings.tolerance,
