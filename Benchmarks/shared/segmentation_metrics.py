@@ -65,6 +65,11 @@ def dice(predicted: np.ndarray, truth: np.ndarray) -> float:
     return _share(2 * common, int(np.count_nonzero(predicted)) + int(np.count_nonzero(truth)))
 
 
+def mean_dice(labels: np.ndarray, truth: np.ndarray, structures: int) -> float:
+    """Mean of `dice` over the structures of two label maps (K, J, I), whose labels are 1 … `structures`."""
+    return float(np.mean([dice(labels == label, truth == label) for label in range(1, structures + 1)]))
+
+
 def surface_dice(
     predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float], tolerance_mm: float = SURFACE_TOLERANCE_MM
 ) -> float:

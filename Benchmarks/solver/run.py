@@ -1,13 +1,12 @@
-"""Speed against error of the bilateral solver: `python -m Benchmarks.solver.run [--quick] [--volumes DIR]`.
+"""Speed against error of the bilateral solver: `python dev.py bench solver [--quick] [--threads 2] [--volumes DIR]`.
 
-Writes `solver.json`, `solver.md` and plots to Benchmarks/results. All methods that are compared are run in turn, and the best
+Writes `solver.json`, `solver.md` and plots. All methods that are compared are run in turn, and the best
 of their runs counts, because a machine is seldom idle.
 """
 
 from __future__ import annotations
 
 import argparse
-import platform
 import subprocess
 import sys
 import time
@@ -20,8 +19,11 @@ from typing import Any
 import numpy as np
 import torch
 
+from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.machine import machine
+from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, resident_bytes
+from Benchmarks.shared.refinement_phantoms import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
 from Benchmarks.solver.nearest_slice import nearest_slicing, slice_nearest
-from Benchmarks.solver.phantom import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
 from Benchmarks.solver.published_bilateral_solver import solve_as_published
 from Benchmarks.solver.report import write_report
 from ViTTransferFunction.Logic.refinement import bilateral_system
@@ -39,7 +41,6 @@ from ViTTransferFunction.Logic.refinement.guided_filter import GuidedFilterSetti
 from ViTTransferFunction.Logic.refinement.upsampling import Upsampling, upsampled
 from ViTTransferFunction.Logic.refinement.workers import Workers
 
-RESULTS = Path(__file__).parents[1] / "results"
 UNIT_SPACING = (1.0, 1.0, 1.0)
 WINDOW = (0.0, 1.0)
 SETTINGS = BilateralSolverSettings(sigma_spatial_mm=5.0)
@@ -52,7 +53,7 @@ SOFT_TISSUE = (-100.0, 300.0)
 
 def main() -> None:
     """Run everything, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = benchmark_parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="small volumes and few runs: whether it works, not how well")
     parser.add_argument("--volumes", type=Path, help="folder with amos_0336_ct.nii.gz and its labels")
     parser.add_argument("--threads", type=int, default=1, help="of PyTorch (default 1)")
@@ -66,11 +67,7 @@ def main() -> None:
     middle = sizes[-2]
     body = body_phantom(middle)
     measured: dict[str, Any] = {
-        "machine": {
-            "processor": platform.processor() or platform.machine(),
-            "torch": torch.__version__,
-            "threads": options.threads,
-        },
+        "machine": machine("cpu"),
         "speed": [speed(size, runs=2 if size > 256 else 7, against_published=size <= 256) for size in sizes],
         "stages": stages(body),
         "iterations": error_by_iterations(body),
@@ -80,8 +77,7 @@ def main() -> None:
         "real": real_edges(options.volumes) if options.volumes else [],
     }
     measured["summary"] = summary(measured, middle, sizes[-1])
-    write_report(measured, RESULTS)
-    print((RESULTS / "solver.md").read_text(encoding="utf-8"))
+    write_report(measured, options.results)
 
 
 def summary(measured: dict[str, Any], middle: int, large: int) -> dict[str, float]:
@@ -246,16 +242,10 @@ def extra_memory_bytes(size: int, slicing: str) -> int:
     phantom = body_phantom(size)
     way = REFINE[slicing]
     way(body_phantom(32))
-    before = _status_bytes("VmRSS")
-    # Sets the peak back to what is resident now.
-    Path("/proc/self/clear_refs").write_text("5")
+    before = resident_bytes()
+    forget_peak()
     way(phantom)
-    return _status_bytes("VmHWM") - before
-
-
-def _status_bytes(name: str) -> int:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:"))
+    return peak_resident_bytes() - before
 
 
 def real_edges(folder: Path) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from Benchmarks.shared.machine import machine
 from Benchmarks.shared.shape_phantoms import sphere, torus
 from Benchmarks.topology.topology import Topology, euler_number, topology_of
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -96,7 +97,11 @@ def test_the_report_names_what_was_found_and_what_is_true(tmp_path: Path) -> Non
     detail |= {"p95_voxels": 1.0, "within_one_voxel": 0.96}
     ring = torus(16)[:, :, 8]
     pictures = {("torus", features, refinement): ring for features, refinement, _ in COLUMNS}
-    write_report({"model": "m", "size": 16, "clicks": 5, "shapes": [row], "details": [detail]}, pictures, tmp_path)
+    write_report(
+        {"model": "m", "machine": machine("cpu"), "size": 16, "clicks": 5, "shapes": [row], "details": [detail]},
+        pictures,
+        tmp_path,
+    )
     text = (tmp_path / "topology.md").read_text(encoding="utf-8")
     assert "| torus | 0 | three axes | bilateral | 0.9900 | 1 (0) | 1 | 0 | 0 | 5.0 |" in text
     summary = json.loads((tmp_path / "topology.json").read_text(encoding="utf-8"))["summary"]
