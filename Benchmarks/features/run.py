@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.features.errors import cosine_errors, dice_by_clicks
-from Benchmarks.features.report import write_report
+from Benchmarks.features.report import dice_over_clicks, write_report
 from Benchmarks.features.runs import PUBLISHED, REFERENCE, SETTINGS, at_grid
 from Benchmarks.shared.arguments import scan_parser, scans_of, weights_of
 from Benchmarks.shared.kept_results import KeptResults
@@ -175,18 +175,13 @@ def pairs_with_default(rows: Sequence[dict[str, Any]], setting: str) -> list[tup
 
 def against(pairs: Sequence[tuple[dict[str, Any], dict[str, Any]]], name: str) -> dict[str, float]:
     """Least speed-up and loss of Dice of the second rows against the first ones."""
-    losses = [mean_dice(slow) - mean_dice(fast) for slow, fast in pairs]
+    losses = [dice_over_clicks(slow) - dice_over_clicks(fast) for slow, fast in pairs]
     suffix = "" if name == "published" else f"_vs_{name}"
     return {
         f"speedup_vs_{name}": min(slow["seconds"] / fast["seconds"] for slow, fast in pairs),
         f"dice_loss{suffix}": float(np.mean(losses)),
         f"dice_loss_worst_volume{suffix}": max(losses),
     }
-
-
-def mean_dice(row: dict[str, Any]) -> float:
-    """Over all numbers of clicks: a single number of clicks is a matter of luck, by a few hundredths."""
-    return float(np.mean(list(row["dice"].values())))
 
 
 if __name__ == "__main__":
