@@ -1,4 +1,4 @@
-"""The ways from clicks to labels that `bench_accuracy` compares: ours, ours as published, and what else there is.
+"""The ways from clicks to labels that are compared: ours, ours as published, and what else there is.
 
 Every method keeps, of each structure, only the connected parts that hold one of its positive clicks, so that none is ahead by
 that step alone.
@@ -17,6 +17,7 @@ from Benchmarks.accuracy.baseline_grow_from_seeds import GrowFromSeeds
 from Benchmarks.accuracy.baseline_threshold import ClickedThreshold
 from Benchmarks.accuracy.seeds import Seeds, painted, seeds_of
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
+from Benchmarks.shared.sessions import labels_of, open_session
 from Benchmarks.shared.simulated_clicker import Clicks
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
@@ -24,7 +25,6 @@ from ViTTransferFunction.Logic.features.whitening import Statistics, comparable_
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.labels import keep_annotated_components
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity.cosine import SimilarityMethod
 
 Segment = Callable[[LabelledVolume, Clicks], np.ndarray]
@@ -73,12 +73,10 @@ class SessionMethod:
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
         """See `Method`."""
         preset = replace(PRESETS[DEFAULT_PRESET], similarity=self.similarity, statistics=self.statistics)
-        session = SegmentationSession(volume, preset)
-        session.use_features(features)
+        session = open_session(volume, features, preset)
 
         def segment(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
-            classes = classes_of(labelled.names, clicks, volume.geometry, self.negatives)
-            return session.segment(classes, self.refinement).labels
+            return labels_of(session, labelled, clicks, self.refinement, self.negatives)
 
         return segment
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.accuracy import published_figures as published
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from Benchmarks.shared.report_files import save_figure
 
 LINE_STYLES: dict[str, dict[str, Any]] = {
     "default": {"color": "#c1272d", "linewidth": 2.4},
@@ -61,9 +61,7 @@ def plot_iou(runs: Sequence[dict[str, Any]], path: Path) -> None:
         axes.axis("off")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns + 1, fontsize=8.5, frameon=False)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=120)
-    plt.close(figure)
+    save_figure(figure, path)
 
 
 def _draw_run(axes: Any, run: dict[str, Any]) -> None:

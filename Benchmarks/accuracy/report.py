@@ -1,8 +1,7 @@
-"""What `bench_accuracy` measured: as JSON with every figure, and as tables and a plot for people."""
+"""What was measured: as JSON with every figure, and as tables and a plot for people."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,9 @@ import numpy as np
 from Benchmarks.accuracy import published_figures as published
 from Benchmarks.accuracy.methods import DEFAULT, OURS
 from Benchmarks.accuracy.plot import plot_iou
-from Benchmarks.shared.report_tables import number, table
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from Benchmarks.shared.machine import in_words
+from Benchmarks.shared.report_files import write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
 
 REPORTED_CLICKS = ("1", "3", "5", "10")
 TYPICAL_CLICKS = "5"
@@ -30,20 +30,9 @@ Run = dict[str, Any]
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
     """Write accuracy.json, accuracy.md and accuracy_iou.png."""
-    folder.mkdir(parents=True, exist_ok=True)
     report = {**report, "summary": summary(report["runs"])}
-    with replacing(folder / "accuracy.json") as path:
-        path.write_text(as_json(report), encoding="utf-8")
-    with replacing(folder / "accuracy.md") as path:
-        path.write_text(text(report), encoding="utf-8")
+    write_results(folder, "accuracy", report, text(report))
     plot_iou(main_runs(report["runs"], "together"), folder / "accuracy_iou.png")
-
-
-def as_json(report: dict[str, Any]) -> str:
-    """One line for each run: there are thousands of figures in them."""
-    head = json.dumps({key: value for key, value in report.items() if key != "runs"}, indent=1)
-    runs = ",\n".join(f"  {json.dumps(run)}" for run in report["runs"])
-    return f'{head[:-2]},\n "runs": [\n{runs}\n ]\n}}\n'
 
 
 def summary(runs: Sequence[Run]) -> dict[str, Any]:
@@ -62,28 +51,23 @@ def main_runs(runs: Sequence[Run], mode: str) -> list[Run]:
 
 def text(report: dict[str, Any]) -> str:
     """The report for people."""
-    runs, machine = report["runs"], report["machine"]
+    runs = report["runs"]
     together = main_runs(runs, "together")
-    return (
-        "\n\n".join(
-            [
-                "# Accuracy by clicks",
-                f"Features of {report['model']}, default preset. {machine['processor']}, {machine['cores']} cores. "
-                "Command: `python dev.py bench accuracy`. Every figure by structure and click is in `accuracy.json`.",
-                _CAPTION,
-                "![Intersection over union by annotations](accuracy_iou.png)",
-                _main_table(report["summary"]),
-                *(part for run in together if run["method"] == DEFAULT.name for part in _by_structure(run, together)),
-                f"## Metrics by number of annotations\n\nMeans over the structures of {_volumes(runs)}, annotated together.",
-                _by_annotations(together),
-                f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained "
-                "on true samples by how many of each structure.",
-                _seconds(together),
-                f"## As published ({published.DATA_SET})",
-                _published(),
-            ]
-        )
-        + "\n"
+    return paragraphs(
+        "# Accuracy by clicks",
+        f"Features of {report['model']}, default preset. {in_words(report['machine'])}. "
+        "Command: `python dev.py bench accuracy`. Every figure by structure and click is in `accuracy.json`.",
+        _CAPTION,
+        "![Intersection over union by annotations](accuracy_iou.png)",
+        _main_table(report["summary"]),
+        *(part for run in together if run["method"] == DEFAULT.name for part in _by_structure(run, together)),
+        f"## Metrics by number of annotations\n\nMeans over the structures of {_volumes(runs)}, annotated together.",
+        _by_annotations(together),
+        f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained "
+        "on true samples by how many of each structure.",
+        _seconds(together),
+        f"## As published ({published.DATA_SET})",
+        _published(),
     )
 
 
@@ -170,13 +154,12 @@ def _published() -> str:
     by_class = [[name, *(number(iou[c]) for c in classes)] for name, iou in published.IOU_BY_CLASS.items()]
     metrics = ("precision", "recall", "dice", "iou")
     by_annotations = [[f"{n:g}", name, *(number(m[key]) for key in metrics)] for n, name, m in published.BY_ANNOTATIONS]
-    return "\n\n".join(
-        [
-            table(["IoU at 5.2 annotations a class", *classes], by_class),
-            table(["annotations a class", "method", *metrics], by_annotations),
-            table(["resolution", "method", "preprocessing, s", "inference of a class, s"], published.SECONDS),
-        ]
-    )
+    tables = [
+        table(["IoU at 5.2 annotations a class", *classes], by_class),
+        table(["annotations a class", "method", *metrics], by_annotations),
+        table(["resolution", "method", "preprocessing, s", "inference of a class, s"], published.SECONDS),
+    ]
+    return "\n\n".join(tables)
 
 
 def _volumes(runs: Sequence[Run]) -> str:

@@ -14,7 +14,6 @@ With `--keep`, what was measured is kept in a folder and not measured again, so 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -24,50 +23,35 @@ from Benchmarks.accuracy.baseline_classifiers import ClassifierKind
 from Benchmarks.accuracy.methods import DEFAULT, METHODS, TRUE_SAMPLES, Method
 from Benchmarks.accuracy.report import write_report
 from Benchmarks.accuracy.runs import Mode, run_on_clicks, run_on_true_samples, run_with_own_clicks
-from Benchmarks.shared.arguments import weights_of
+from Benchmarks.shared.arguments import cases_of, scan_parser, weights_of
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import CASES, LabelledVolume
 from Benchmarks.shared.machine import machine
+from Benchmarks.shared.sessions import load_features
 from Benchmarks.shared.simulated_clicker import MOST_CLICKS
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.cache import FeatureCache
-from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
-RESULTS = Path(__file__).parents[1] / "results"
 REPLAYED_ROUNDS: dict[Mode, tuple[int, ...]] = {"together": (1, 3, 5, 10), "one by one": (5,)}
 """The rounds at which methods are given the default method's clicks: some baselines take too long for every one."""
 
 
 def main() -> None:
     """Run every method on every case, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in CASES], help="only these")
+    parser = scan_parser(__doc__, [case.name for case in CASES], cases=CASES)
     parser.add_argument("--methods", nargs="*", choices=[method.name for method in METHODS], help="only these and the default")
     parser.add_argument("--without-true-samples", action="store_true", help="no classifiers trained on thousands of voxels")
     parser.add_argument("--rounds", type=int, default=MOST_CLICKS, help=f"clicks for each structure (default {MOST_CLICKS})")
-    parser.add_argument("--keep", type=Path, help="folder for what was measured; to be emptied when the methods change")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     options = parser.parse_args()
     weights = weights_of(options)
     methods = [method for method in METHODS if not options.methods or method.name in options.methods]
     samples = {} if options.without_true_samples else TRUE_SAMPLES
     runs: list[dict[str, Any]] = []
-    for case in CASES:
-        if not options.cases or case.name in options.cases:
-            labelled = case.read(options.volumes)
-            bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), options.rounds, options.keep)
-            runs += [*bench.on_clicks(methods), *bench.on_true_samples(samples)]
+    for case in cases_of(options):
+        labelled = case.read(options.volumes)
+        bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), options.rounds, options.keep)
+        runs += [*bench.on_clicks(methods), *bench.on_true_samples(samples)]
     write_report({"model": weights.model.name, "machine": machine(), "runs": runs}, options.results)
-    print((options.results / "accuracy.md").read_text(encoding="utf-8"))
 
 
 class CaseBench:
@@ -120,14 +104,6 @@ class CaseBench:
 
     def _on_true_samples(self, kind: ClassifierKind, counts: Sequence[int]) -> dict[str, Any]:
         return {"rounds": run_on_true_samples(self._labelled, kind, counts)}
-
-
-def load_features(volume: Volume, weights: WeightsFile) -> FeatureVolume:
-    """The default preset's features, from the cache if they are there."""
-    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET], cache=FeatureCache())
-    with ProgressBar() as progress:
-        session.load_features(weights, choose_device("auto"), progress)
-    return session.features.source
 
 
 if __name__ == "__main__":

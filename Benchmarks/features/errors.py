@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from Benchmarks.shared.labelled_cases import Case, classes_of
-from Benchmarks.shared.segmentation_metrics import segmentation_metrics
-from Benchmarks.shared.simulated_clicker import MOST_CLICKS, Clicks, click_in_rounds
+from Benchmarks.shared.labelled_cases import LabelledVolume
+from Benchmarks.shared.segmentation_metrics import mean_dice
+from Benchmarks.shared.sessions import labels_of, open_session
+from Benchmarks.shared.simulated_clicker import click_in_rounds
 from ViTTransferFunction.Logic.core.orientation import upright_orientation
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import air_cells
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.whitening import Statistics, comparable_features, unit_vectors
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 
 def cosine_errors(features: FeatureVolume, reference: FeatureVolume, volume: Volume) -> dict[str, float]:
@@ -41,23 +42,8 @@ def _air(volume: Volume, features: FeatureVolume) -> np.ndarray:
     return orientation.restored(air[..., None])[..., 0]
 
 
-def dice_by_clicks(features: FeatureVolume, volume: Volume, truth: np.ndarray, case: Case) -> dict[str, float]:
-    """Mean Dice of the case's structures after each number of clicks, with everything but the features as in the default."""
-    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
-    session.use_features(features)
-    names, spacing_mm = list(case.structures), volume.geometry.spacing_mm[::-1].tolist()
-
-    def segment(clicks: Clicks) -> np.ndarray:
-        return session.segment(classes_of(names, clicks, volume.geometry)).labels
-
-    return {
-        str(state.number): float(
-            np.mean(
-                [
-                    segmentation_metrics(state.labels == label, truth == label, spacing_mm).dice
-                    for label in range(1, len(names) + 1)
-                ]
-            )
-        )
-        for state in click_in_rounds(truth, spacing_mm, segment, MOST_CLICKS)
-    }
+def dice_by_clicks(features: FeatureVolume, labelled: LabelledVolume) -> dict[str, float]:
+    """Mean Dice of the structures after each number of clicks, with everything but the features as in the default."""
+    session = open_session(labelled.volume, features)
+    states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled))
+    return {str(state.number): mean_dice(state.labels, labelled.truth, len(labelled.names)) for state in states}

@@ -1,52 +1,49 @@
-"""What `bench_features` measured, as tables and a plot."""
+"""What was measured, as tables and a plot."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from Benchmarks.shared.report_tables import table
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from Benchmarks.shared.machine import in_words
+from Benchmarks.shared.report_files import save_figure, write_results
+from Benchmarks.shared.report_tables import paragraphs, table
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 
+DEFAULT_GRID = PRESETS[DEFAULT_PRESET].features.grid
 REPORTED_CLICKS = ("1", "3", "5", "10")
 
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
     """Write features.json, features.md and features.png."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with replacing(folder / "features.json") as path:
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    with replacing(folder / "features.md") as path:
-        path.write_text(_text(report), encoding="utf-8")
+    write_results(folder, "features", report, _text(report))
     _plot(report["rows"], folder / "features.png")
 
 
+def dice_over_clicks(row: dict[str, Any]) -> float:
+    """Mean over all numbers of clicks: a single number of clicks is a matter of luck, by a few hundredths."""
+    return float(np.mean(list(row["dice"].values())))
+
+
 def _text(report: dict[str, Any]) -> str:
-    machine = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in report["machine"].items())
-    summary = "\n".join(f"- {name}: {value:.4g}" for name, value in report["summary"].items())
-    return (
-        "\n\n".join(
-            [
-                "# Cost of features",
-                f"{machine}. Command: `{report['command']}`. 64 cells along the longest edge.",
-                f"The default is *{report['default']}*. Errors are mean 1 − cosine to *every slice*, over cells of the body. "
-                "Dice is the mean over the structures after so many simulated clicks each, and its mean over 1 to 10 clicks.",
-                _volumes_compared(report),
-                summary,
-                _settings_table(report["rows"]),
-                "## Coarse to fine",
-                _first_maps_table(report["first_maps"]),
-                f"Stages on {report['stages']['case']}, one patch a cell: error against the last.",
-                table(["s", "error"], [[f"{s['seconds']:.1f}", f"{s['error']:.4f}"] for s in report["stages"]["stages"]]),
-                "## Scaling of the default, generated volumes",
-                _scaling_table(report["scaling"]),
-            ]
-        )
-        + "\n"
+    return paragraphs(
+        "# Cost of features",
+        f"Features of {report['model']}. {in_words(report['machine'])}. Command: `{report['command']}`. "
+        f"{DEFAULT_GRID} cells along the longest edge; rows named by a grid are the default with so many.",
+        f"The default is *{report['default']}*. Errors are mean 1 − cosine to *every slice*, over cells of the body. "
+        "Dice is the mean over the structures after so many simulated clicks each, and its mean over 1 to 10 clicks.",
+        _volumes_compared(report),
+        "\n".join(f"- {name}: {value:.4g}" for name, value in report["summary"].items()),
+        _settings_table(report["rows"]),
+        "## Coarse to fine",
+        _first_maps_table(report["first_maps"]),
+        f"Stages on {report['stages']['case']}, one patch a cell: error against the last.",
+        table(["s", "error"], [[f"{s['seconds']:.1f}", f"{s['error']:.4f}"] for s in report["stages"]["stages"]]),
+        "## Scaling of the default, generated volumes",
+        _scaling_table(report["scaling"]),
     )
 
 
@@ -72,7 +69,7 @@ def _settings_table(rows: Sequence[dict[str, Any]]) -> str:
             f"{row['centred']:.4f}",
             f"{row['whitened']:.4f}",
             *(f"{row['dice'][clicks]:.3f}" for clicks in REPORTED_CLICKS),
-            f"{np.mean(list(row['dice'].values())):.3f}",
+            f"{dice_over_clicks(row):.3f}",
         ]
         for row in rows
     ]
@@ -109,7 +106,7 @@ def _plot(rows: Sequence[dict[str, Any]], path: Path) -> None:
     for case in dict.fromkeys(row["case"] for row in rows):
         of_case = sorted((row for row in rows if row["case"] == case), key=lambda row: row["seconds"])
         seconds = [row["seconds"] for row in of_case]
-        axes[0].plot(seconds, [1.0 - np.mean(list(row["dice"].values())) for row in of_case], "o-", label=case)
+        axes[0].plot(seconds, [1.0 - dice_over_clicks(row) for row in of_case], "o-", label=case)
         axes[1].plot(seconds, [max(row["whitened"], 1e-4) for row in of_case], "o", label=case)
         for row in of_case:
             axes[1].annotate(row["setting"], (row["seconds"], max(row["whitened"], 1e-4)), fontsize=5)
@@ -117,5 +114,4 @@ def _plot(rows: Sequence[dict[str, Any]], path: Path) -> None:
         ax.set(xscale="log", yscale="log", xlabel="seconds", ylabel=label)
         ax.legend()
     figure.tight_layout()
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    save_figure(figure, path)

@@ -1,18 +1,19 @@
 """Features' cost against what it loses: `python dev.py bench features --volumes DIR [--weights PATH]`.
 
-Every setting is run on every labelled volume in a process of its own (`feature_runs`); then the same simulated clicks tell
-what its features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it
-alone (`--published-cases`), and only the presets' settings are, unless others are named. What was measured is kept in a folder
-(`--keep`) and not measured again there, so that a run can be had in parts. Writes `features.json`, `features.md` and
-`features.png` to Benchmarks/results.
+Every setting is run on every labelled volume in a process of its own (`runs`); then the same simulated clicks tell what its
+features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it alone
+(`--published-cases`), and only the presets' settings are, unless others are named (`--settings`). The paper's §V-C compares
+renderings from grids of 64³, 80³ and 96³ features: the default setting is run at other grids where these are named, too
+(`python dev.py bench features --volumes DIR --grids 80 96`).
+
+What was measured is kept in a folder (`--keep`) and not measured again there, so that a run can be had in parts. Writes
+`features.json`, `features.md` and `features.png`.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
 import shlex
 import subprocess
 import sys
@@ -21,51 +22,51 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from Benchmarks.features.errors import cosine_errors, dice_by_clicks
-from Benchmarks.features.report import write_report
-from Benchmarks.features.runs import PUBLISHED, REFERENCE, SETTINGS
-from Benchmarks.shared.arguments import weights_of
+from Benchmarks.features.report import dice_over_clicks, write_report
+from Benchmarks.features.runs import PUBLISHED, REFERENCE, SETTINGS, at_grid
+from Benchmarks.shared.arguments import scan_parser, scans_of, weights_of
 from Benchmarks.shared.kept_results import KeptResults
-from Benchmarks.shared.labelled_cases import SCANS, Case, merged_labels
+from Benchmarks.shared.labelled_cases import SCANS, Case
+from Benchmarks.shared.machine import machine
 from ViTTransferFunction.Logic.core.cache_folder import cache_folder
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 
-RESULTS = Path(__file__).parents[1] / "results"
 SIZES = (128, 256, 512)
 DEFAULT = next(name for name, settings in SETTINGS.items() if settings == PRESETS[DEFAULT_PRESET].features)
 SHORT = [name for name in SETTINGS if name != PUBLISHED]
 OF_PRESETS = [name for name in SHORT if SETTINGS[name] in [preset.features for preset in PRESETS.values()]]
+CASES = [case.name for case in SCANS]
 PUBLISHED_CASES = ["amos_0336"]
 
 
 def main() -> None:
     """Measure what is missing, and write everything."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--device", default="auto")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], help="only these volumes")
+    parser = scan_parser(__doc__, CASES, keep=cache_folder() / "bench_features")
+    parser.add_argument("--device", default="auto", choices=DEVICE_NAMES)
     parser.add_argument("--settings", nargs="*", choices=SHORT, default=OF_PRESETS, help="only these settings")
+    parser.add_argument(
+        "--grids", nargs="*", type=int, default=[], help="also the default at so many cells along the longest edge"
+    )
     parser.add_argument(
         "--published-cases",
         nargs="*",
-        choices=[case.name for case in SCANS],
+        choices=CASES,
         default=PUBLISHED_CASES,
         help="volumes to run the published way on, too",
     )
-    parser.add_argument("--keep", type=Path, default=cache_folder() / "bench_features", help="folder for what was measured")
     options = parser.parse_args()
     weights = weights_of(options)
     bench = Bench(options.volumes, weights.path, weights.model.name, options.device, options.keep)
-    cases = [case for case in SCANS if not options.cases or case.name in options.cases]
-    names = sorted({*options.settings, REFERENCE, DEFAULT}, key=list(SETTINGS).index)
+    cases = scans_of(options)
+    names = [*sorted({*options.settings, REFERENCE, DEFAULT}, key=list(SETTINGS).index), *map(at_grid, options.grids)]
     report: dict[str, Any] = {
-        "machine": bench.machine(),
+        "model": weights.model.name,
+        "machine": machine(options.device),
         "command": command(options),
         "default": DEFAULT,
         "published_cases": [case.name for case in cases if case.name in options.published_cases],
@@ -79,17 +80,17 @@ def main() -> None:
         "scaling": [bench.run("scaling", str(size), cases[0]) for size in SIZES],
     }
     report["summary"] = summary(report)
-    write_report(report, RESULTS)
-    print((RESULTS / "features.md").read_text(encoding="utf-8"))
+    write_report(report, options.results)
 
 
 def command(options: argparse.Namespace) -> str:
     """What was asked for, without the places where the data lie on this machine."""
     words = ["python dev.py bench features --volumes DIR --weights FILE"]
-    for name, default in (("cases", None), ("settings", OF_PRESETS), ("published_cases", PUBLISHED_CASES)):
+    defaults = {"cases": CASES, "settings": OF_PRESETS, "grids": [], "published_cases": PUBLISHED_CASES}
+    for name, default in defaults.items():
         chosen = getattr(options, name)
         if chosen != default:
-            words.append(f"--{name.replace('_', '-')} {shlex.join(chosen)}")
+            words.append(f"--{name.replace('_', '-')} {shlex.join(map(str, chosen))}")
     return " ".join(words)
 
 
@@ -109,19 +110,6 @@ class Bench:
         keep.mkdir(parents=True, exist_ok=True)
         self._kept = KeptResults(keep)
 
-    def machine(self) -> dict[str, Any]:
-        """What the figures depend on beside the code."""
-        on_gpu = self._device != "cpu" and torch.cuda.is_available()
-        return {
-            "processor": platform.processor() or platform.machine(),
-            "cores": os.cpu_count(),
-            "gpu": torch.cuda.get_device_name() if on_gpu else "none at hand: no rows of one",
-            "torch": torch.__version__,
-            "threads": torch.get_num_threads(),
-            "processor_capability": torch.backends.cpu.get_cpu_capability(),
-            "model": self._model,
-        }
-
     def row(self, case: Case, name: str) -> dict[str, Any]:
         """Cost, errors and Dice of one setting on one volume."""
         cost = self.run("setting", name, case)
@@ -133,7 +121,7 @@ class Bench:
         }
 
     def run(self, kind: str, name: str, case: Case) -> dict[str, Any]:
-        """One measurement of `feature_runs`, in a new process."""
+        """One measurement of `runs`, in a new process."""
         command = [
             *(sys.executable, "-m", "Benchmarks.features.runs", kind, name, "--case", case.name),
             *("--volumes", str(self._volumes), "--weights", str(self._weights), "--model", self._model),
@@ -147,12 +135,11 @@ class Bench:
         return self._kept.get(f"{kind} {case.name} {name}", measure)
 
     def _worth(self, case: Case, name: str) -> dict[str, Any]:
-        volume = read_volume(self._volumes / case.volume)
-        features, reference = (self._features(case, n, volume.geometry) for n in (name, REFERENCE))
-        truth = merged_labels(self._volumes / case.labels, case)
-        return {**cosine_errors(features, reference, volume), "dice": dice_by_clicks(features, volume, truth, case)}
+        labelled = case.read(self._volumes)
+        features, reference = (self._features(case, n, labelled.volume.geometry) for n in (name, REFERENCE))
+        return {**cosine_errors(features, reference, labelled.volume), "dice": dice_by_clicks(features, labelled)}
 
-    def _features(self, case: Case, name: str, geometry: Any) -> FeatureVolume:
+    def _features(self, case: Case, name: str, geometry: Geometry) -> FeatureVolume:
         if not self._features_path(case, name).exists():
             self.run("setting", name, case)
         array = np.load(self._features_path(case, name))
@@ -188,18 +175,13 @@ def pairs_with_default(rows: Sequence[dict[str, Any]], setting: str) -> list[tup
 
 def against(pairs: Sequence[tuple[dict[str, Any], dict[str, Any]]], name: str) -> dict[str, float]:
     """Least speed-up and loss of Dice of the second rows against the first ones."""
-    losses = [mean_dice(slow) - mean_dice(fast) for slow, fast in pairs]
+    losses = [dice_over_clicks(slow) - dice_over_clicks(fast) for slow, fast in pairs]
     suffix = "" if name == "published" else f"_vs_{name}"
     return {
         f"speedup_vs_{name}": min(slow["seconds"] / fast["seconds"] for slow, fast in pairs),
         f"dice_loss{suffix}": float(np.mean(losses)),
         f"dice_loss_worst_volume{suffix}": max(losses),
     }
-
-
-def mean_dice(row: dict[str, Any]) -> float:
-    """Over all numbers of clicks: a single number of clicks is a matter of luck, by a few hundredths."""
-    return float(np.mean(list(row["dice"].values())))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""One measurement of feature extraction, for bench_features: `python -m Benchmarks.features.runs KIND NAME …`.
+"""One measurement of feature extraction, for the benchmark: `python -m Benchmarks.features.runs KIND NAME …`.
 
 Prints one line of JSON. A fresh process, so that peak memory is that of the measured thing alone.
 """
@@ -17,8 +17,9 @@ import torch
 
 from Benchmarks.features.errors import cosine_errors
 from Benchmarks.shared.labelled_cases import SCANS, classes_of, merged_labels
+from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, resident_bytes
+from Benchmarks.shared.refinement_phantoms import body_phantom
 from Benchmarks.shared.simulated_clicker import first_click
-from Benchmarks.solver.phantom import body_phantom
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
@@ -36,6 +37,7 @@ from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
 
 PUBLISHED = "published"
 REFERENCE = "every slice"
+_AT_GRID = "grid "
 _ONE_BY_ONE = FeatureSettings(thin_air=False, precision="float32")
 SETTINGS = {
     PUBLISHED: PRESETS["published"].features,
@@ -49,7 +51,19 @@ SETTINGS = {
     "thin air, 48 patches, every 2nd layer": FeatureSettings(patches_per_cell=48 / 64, layer_step=2),
     "thin air, 40 patches, float32": FeatureSettings(patches_per_cell=40 / 64, precision="float32"),
 }
-"""What is compared: the levers one after the other, then together. All at 64 cells."""
+"""What is compared: the levers one after the other, then together. All at the default grid."""
+
+
+def at_grid(grid: int) -> str:
+    """Name of the default setting with so many cells along the longest edge; the network sees patches in proportion."""
+    return f"{_AT_GRID}{grid}"
+
+
+def settings_called(name: str) -> FeatureSettings:
+    """One of `SETTINGS`, or what `at_grid` named."""
+    if name in SETTINGS:
+        return SETTINGS[name]
+    return replace(PRESETS[DEFAULT_PRESET].features, grid=int(name.removeprefix(_AT_GRID)))
 
 
 def main() -> None:
@@ -71,20 +85,20 @@ def main() -> None:
 def _setting(options: argparse.Namespace) -> dict[str, Any]:
     """Seconds, memory, and what the estimator had said."""
     network, volume = _network(options), _volume(options)
-    row, features = _measured(volume, network, SETTINGS[options.name])
+    row, features = _measured(volume, network, settings_called(options.name))
     np.save(options.features, features)
     return row
 
 
 def _measured(volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> tuple[dict[str, Any], np.ndarray]:
-    before = _resident_bytes("VmRSS")
-    _forget_peak()
+    before = resident_bytes()
+    _forget_peaks()
     # Counted as well: what calibration leaves in memory is what the run uses again.
     estimate = feature_cost(volume, settings, network, calibrate(network, settings))
     start = time.perf_counter()
     features = extract_features(volume, network, settings).array
     seconds = time.perf_counter() - start
-    peak = torch.cuda.max_memory_allocated() if network.device.type == "cuda" else _resident_bytes("VmHWM") - before
+    peak = torch.cuda.max_memory_allocated() if network.device.type == "cuda" else peak_resident_bytes() - before
     return {
         "seconds": seconds,
         "estimated_seconds": estimate.seconds,
@@ -140,14 +154,8 @@ def _volume(options: argparse.Namespace) -> Volume:
     return read_volume(options.volumes / next(case.volume for case in SCANS if case.name == options.case))
 
 
-def _resident_bytes(name: str) -> int:
-    """Of this process, now (VmRSS) or at the most (VmHWM); Linux only."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:"))
-
-
-def _forget_peak() -> None:
-    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+def _forget_peaks() -> None:
+    forget_peak()
     if torch.cuda.is_available():
         torch.cuda.reset_peak_memory_stats()
 

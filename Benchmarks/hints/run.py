@@ -1,26 +1,27 @@
 """What a hint where to click next is worth: `python dev.py bench hints --volumes DIR [--weights PATH]`.
 
 Three users annotate all structures together, from the same first clicks and with as many: one looks for the largest error
-(`simulated_clicker`), one clicks where the session's hint says, on or off the structure as the truth is there, and one clicks
-blindly somewhere on the structure (mean of several of these). Writes `hints.json` and `hints.md`.
+(`simulated_clicker`), one clicks where the hint says (`click_hint`), on or off the structure as the truth is there, and one
+clicks blindly somewhere on the structure (mean of several of these). Writes `hints.json` and `hints.md`.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from Benchmarks.accuracy.run import load_features
-from Benchmarks.shared.arguments import scan_parser, weights_of
-from Benchmarks.shared.labelled_cases import SCANS, LabelledVolume, classes_of
-from Benchmarks.shared.report_tables import number, table
-from Benchmarks.shared.segmentation_metrics import dice
+from Benchmarks.hints.click_hint import click_hint
+from Benchmarks.shared.arguments import scan_parser, scans_of, weights_of
+from Benchmarks.shared.kept_results import KeptResults
+from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
+from Benchmarks.shared.machine import in_words, machine
+from Benchmarks.shared.report_files import write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
+from Benchmarks.shared.segmentation_metrics import mean_dice
+from Benchmarks.shared.sessions import labels_of, load_features, open_session
 from Benchmarks.shared.simulated_clicker import MOST_CLICKS, Click, Clicks, first_click, next_click
-from ViTTransferFunction.Logic.core.atomic_file import replacing
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 CASES = ("amos_0336", "torso_small")
@@ -33,22 +34,15 @@ Choose = Callable[[Clicks, int, np.ndarray], Click | None]
 
 def main() -> None:
     """Measure all users on every case, and write what was measured."""
-    parser = scan_parser(__doc__, CASES)
-    options = parser.parse_args()
-    weights = weights_of(options)
-    rows = []
-    for case in SCANS:
-        if case.name in options.cases:
-            labelled = case.read(options.volumes)
-            session = SegmentationSession(labelled.volume, PRESETS[DEFAULT_PRESET])
-            session.use_features(load_features(labelled.volume, weights))
-            rows += [{"case": case.name, **row} for row in HintBench(labelled, session).rows()]
-    report = {"model": weights.model.name, "rows": rows}
-    with replacing(options.results / "hints.json") as path:
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    with replacing(options.results / "hints.md") as path:
-        path.write_text(as_text(report), encoding="utf-8")
-    print(as_text(report))
+    options = scan_parser(__doc__, CASES).parse_args()
+    weights, kept = weights_of(options), KeptResults(options.keep)
+    rows: list[dict[str, Any]] = []
+    for case in scans_of(options):
+        labelled = case.read(options.volumes)
+        bench = HintBench(labelled, open_session(labelled.volume, load_features(labelled.volume, weights)))
+        rows += [{"case": case.name, **row} for row in kept.get(f"hints, {case.name}", bench.measure)["users"]]
+    report = {"model": weights.model.name, "machine": machine(), "rows": rows}
+    write_results(options.results, "hints", report, as_text(report))
 
 
 class HintBench:
@@ -62,23 +56,25 @@ class HintBench:
     def __init__(self, labelled: LabelledVolume, session: SegmentationSession) -> None:
         self._labelled, self._session = labelled, session
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Mean Dice by number of clicks, for each kind of user."""
+    def measure(self) -> dict[str, Any]:
+        """Mean Dice by number of clicks, for each kind of user, in `users`."""
         blind = [self._dice_by_clicks(self._blindly(np.random.default_rng(seed))) for seed in range(BLIND_USERS)]
-        return [
-            {"user": "largest error", "dice": self._dice_by_clicks(self._at_largest_error)},
-            {"user": "hint", "dice": self._dice_by_clicks(self._at_hint)},
-            {"user": "blind", "dice": np.mean(blind, axis=0).tolist()},
-        ]
+        return {
+            "users": [
+                {"user": "largest error", "dice": self._dice_by_clicks(self._at_largest_error)},
+                {"user": "hint", "dice": self._dice_by_clicks(self._at_hint)},
+                {"user": "blind", "dice": np.mean(blind, axis=0).tolist()},
+            ]
+        }
 
     def _dice_by_clicks(self, choose: Choose) -> list[float]:
-        truth, names = self._labelled.truth, self._labelled.names
-        clicks: Clicks = [[first_click(truth == label, self._labelled.spacing_mm)] for label in range(1, len(names) + 1)]
+        truth, count = self._labelled.truth, len(self._labelled.names)
+        clicks: Clicks = [[first_click(truth == label, self._labelled.spacing_mm)] for label in range(1, count + 1)]
         means = []
         for _ in range(MOST_CLICKS):
-            labels = self._session.segment(classes_of(names, clicks, self._labelled.volume.geometry)).labels
-            means.append(float(np.mean([dice(labels == label, truth == label) for label in range(1, len(names) + 1)])))
-            for of_class, click in zip(clicks, [choose(clicks, index, labels) for index in range(len(names))], strict=True):
+            labels = labels_of(self._session, self._labelled, clicks)
+            means.append(mean_dice(labels, truth, count))
+            for of_class, click in zip(clicks, [choose(clicks, index, labels) for index in range(count)], strict=True):
                 of_class += [click] if click else []
         return means
 
@@ -88,7 +84,8 @@ class HintBench:
     def _at_hint(self, clicks: Clicks, index: int, labels: np.ndarray) -> Click:
         geometry = self._labelled.volume.geometry
         classes = classes_of(self._labelled.names, clicks, geometry)
-        hint = self._session.click_hint(self._session.low_resolution_maps(classes)[index], classes)
+        coarse = self._session.low_resolution_maps(classes)[index]
+        hint = click_hint(coarse.similarity, coarse.iso, self._session.features.geometry, classes)
         kji = np.clip(np.round(geometry.ras_to_ijk(hint)[0, ::-1]).astype(int), 0, np.array(geometry.shape) - 1)
         return self._click_at(kji, index)
 
@@ -116,8 +113,11 @@ def as_text(report: dict[str, Any]) -> str:
         for row in report["rows"]
     ]
     header = ["volume", "user clicks at", *(f"@{clicks}" for clicks in REPORTED_CLICKS), f"mean of 1 to {MOST_CLICKS}"]
-    intro = f"Features of {report['model']}, default preset. Mean Dice over the structures after so many clicks each."
-    return f"# Where to click next\n\n{intro}\n\n{table(header, rows)}\n"
+    intro = (
+        f"Features of {report['model']}, default preset. {in_words(report['machine'])}. Command: `python dev.py bench hints`. "
+        "Mean Dice over the structures after so many clicks each."
+    )
+    return paragraphs("# Where to click next", intro, table(header, rows))
 
 
 if __name__ == "__main__":

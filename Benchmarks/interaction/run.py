@@ -4,24 +4,27 @@
 
 Drives the session of the Slicer module on a real scene, without views: what Slicer takes to draw is not counted. The features
 are made up, at 64³ cells with 384 channels, since only their number matters here; with --weights, features are also extracted
-for real, to see whether that blocks. Writes `interaction.json` and `interaction.md` to Benchmarks/results.
+for real, to see whether that blocks. Then what the session computes for a click is timed alone, at 80³ cells, and compared
+with the least that it could take (`update_cost`). Writes `interaction.json` and `interaction.md`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from trame_slicer.core import SlicerApp
 
-from Benchmarks.shared.machine import machine
+from Benchmarks.interaction.update_cost import CHANNELS, measure_updates
+from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.machine import in_words, machine
+from Benchmarks.shared.report_files import write_results
+from Benchmarks.shared.report_tables import paragraphs, table
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
@@ -32,9 +35,7 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume
 
-RESULTS = Path(__file__).parents[1] / "results"
 CELLS = 64
-CHANNELS = 384
 CLASSES = 5
 PAUSES_S = (0.1, 0.5, 1.0)
 """Between one click's answer and the next click. After a tenth of a second nothing else has begun yet; after half of one, the
@@ -68,7 +69,7 @@ class Watched:
 
 def main() -> None:
     """Measure, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = benchmark_parser(__doc__)
     parser.add_argument("--weights", type=Path, help="file of dinov2_vits14_focus, to extract features for real")
     parser.add_argument("--size", type=int, default=256, help="voxels along each edge of the volume (default 256)")
     parser.add_argument("--clicks", type=int, default=30, help="clicks that are timed at each pace (default 30)")
@@ -85,12 +86,21 @@ def main() -> None:
         }
         if options.weights:
             measured["extraction"] = measure_extraction(volume, options.weights)
-    measured["summary"] = {
-        "click_ms": measured["clicks"]["paces"][0]["median_ms"],
-        "click_worst_ms": max(pace["worst_ms"] for pace in measured["clicks"]["paces"]),
+    measured["updates"] = measure_updates()
+    write_results(options.results, "interaction", {**measured, "summary": summary(measured)}, text(measured))
+
+
+def summary(measured: dict[str, Any]) -> dict[str, float]:
+    """The figures that are tracked."""
+    paces, updates = measured["clicks"]["paces"], measured["updates"]
+    update_ms = max(row["update_ms"] for row in updates["rows"])
+    return {
+        "click_ms": paces[0]["median_ms"],
+        "click_worst_ms": max(pace["worst_ms"] for pace in paces),
         "blocked_ms": max(part["blocked_ms"] for part in (measured["clicks"], measured.get("extraction")) if part),
+        "update_ms": update_ms,
+        "update_floor_ratio": update_ms / updates["floor_ms"],
     }
-    write(measured)
 
 
 def phantom(size: int) -> Volume:
@@ -180,36 +190,41 @@ def open_session(app: Any, volume: Volume, **parameters: Any) -> Watched:
     return watched
 
 
-def write(measured: dict[str, Any]) -> None:
-    """Write and print the results."""
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "interaction.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
-    clicks, machine = measured["clicks"], measured["machine"]
-    lines = [
+def text(measured: dict[str, Any]) -> str:
+    """The report for people."""
+    updates = measured["updates"]
+    return paragraphs(
         "# Interaction",
-        "",
-        f"{machine['processor']}, {machine['cores']} cores; {measured['volume']}³ voxels, {CELLS}³ cells, {CLASSES} classes.",
-        "",
-        "| what | |",
-        "|---|---|",
-        *(
-            f"| point placed to overlay updated, {pace['pause_s']:g} s after the one before: median (slowest) | "
-            f"{pace['median_ms']:.0f} ms ({pace['worst_ms']:.0f} ms) |"
-            for pace in clicks["paces"]
+        f"{in_words(measured['machine'])}.",
+        "## From a click to the overlay",
+        f"{measured['volume']}³ voxels, {measured['cells']}³ cells, {measured['classes']} classes.",
+        table(["what", "time"], window_rows(measured)),
+        "## The maps alone",
+        f"Maps and iso values of {updates['classes']} classes after one more point, at {updates['cells']}³ cells of {CHANNELS} "
+        f"channels. The floor, to read the compared features and write the maps once: {updates['floor_ms']:.1f} ms.",
+        table(
+            ["points there already", "update", "times the floor"],
+            [
+                [row["points"], f"{row['update_ms']:.0f} ms", f"{row['update_ms'] / updates['floor_ms']:.1f}"]
+                for row in updates["rows"]
+            ],
         ),
-        f"| cached features loaded, from choosing the volume | {clicks['features_loaded_s']:.1f} s |",
-        f"| all classes refined, from the last click | {clicks['refined_after_s']:.1f} s |",
-        f"| longest that the window was blocked | {clicks['blocked_ms']:.0f} ms |",
-    ]
+    )
+
+
+def window_rows(measured: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What the user waits for, and how long."""
+    clicks = measured["clicks"]
+    for pace in clicks["paces"]:
+        what = f"point placed to overlay updated, {pace['pause_s']:g} s after the one before: median (slowest)"
+        yield what, f"{pace['median_ms']:.0f} ms ({pace['worst_ms']:.0f} ms)"
+    yield "cached features loaded, from choosing the volume", f"{clicks['features_loaded_s']:.1f} s"
+    yield "all classes refined, from the last click", f"{clicks['refined_after_s']:.1f} s"
+    yield "longest that the window was blocked", f"{clicks['blocked_ms']:.0f} ms"
     if "extraction" in measured:
         extraction = measured["extraction"]
-        lines.append(
-            f"| longest that it was blocked while features were extracted, {extraction['seconds']:.0f} s at grid "
-            f"{extraction['grid']} | {extraction['blocked_ms']:.0f} ms |"
-        )
-    text = "\n".join(lines) + "\n"
-    (RESULTS / "interaction.md").write_text(text, encoding="utf-8")
-    print(text)
+        what = f"longest that it was blocked while features were extracted, {extraction['seconds']:.0f} s at grid "
+        yield f"{what}{extraction['grid']}", f"{extraction['blocked_ms']:.0f} ms"
 
 
 if __name__ == "__main__":

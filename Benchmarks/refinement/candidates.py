@@ -1,4 +1,4 @@
-"""The ways from a coarse map to a fine one that `bench_refinement` compares: the product's, with other parameters, and others.
+"""The ways from a coarse map to a fine one that are compared: the product's, with other parameters, and others.
 
 Of the product's refinement every step is its own, but for the one that a candidate replaces; see `Logic/refinement`.
 """
@@ -6,16 +6,16 @@ Of the product's refinement every step is its own, but for the one that a candid
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
+from unittest.mock import patch
 
 import numpy as np
 
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.refinement import intensity_likelihood as intensity_evidence
+from ViTTransferFunction.Logic.refinement import intensity_likelihood
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import weighed_by_intensity
 from ViTTransferFunction.Logic.refinement.refinement import ACTIVE_SHARE_OF_ISO, SIGMA_SHARE_OF_CELL, active_box, class_window
 
@@ -107,7 +107,7 @@ class Candidate:
 
     name: str
     in_crop: Callable[[Crop], np.ndarray] | None
-    temper: float | None = intensity_evidence.TEMPER
+    temper: float | None = intensity_likelihood.TEMPER
     iso: Iso = "refined"
     rounds: tuple[int, ...] = LATE_ROUNDS
 
@@ -125,23 +125,12 @@ class Candidate:
         window = class_window(volume, coarse.display, coarse.positive_ras)
         intensities, target = np.ascontiguousarray(volume.array[box]), np.ascontiguousarray(refined[box])
         if self.temper is not None:
-            with _temper(self.temper):
+            with patch.object(intensity_likelihood, "TEMPER", self.temper):
                 target = weighed_by_intensity(target, intensities, window, coarse.iso)
         spacing_mm = volume.geometry.spacing_mm[::-1]
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
         refined[box] = self.in_crop(Crop(target, intensities, window, tuple(spacing_mm.tolist()), cell_edge_mm, coarse))
         return refined
-
-
-@contextmanager
-def _temper(value: float) -> Iterator[None]:
-    """With another β than the product's, which is a constant there."""
-    product = intensity_evidence.TEMPER
-    intensity_evidence.TEMPER = value
-    try:
-        yield
-    finally:
-        intensity_evidence.TEMPER = product
 
 
 def bilateral(parameters: BilateralParameters) -> Callable[[Crop], np.ndarray]:
@@ -169,11 +158,13 @@ def bilateral_as_published(crop: Crop) -> np.ndarray:
     """The settings of the published solver, which knows voxels and no millimetres, in all of the crop."""
     import torch
 
+    from Benchmarks.solver.nearest_slice import nearest_slicing
     from ViTTransferFunction.Logic.refinement.bilateral_solver import BilateralSolverSettings, refine_map
 
-    settings = BilateralSolverSettings(sigma_spatial_mm=7.0, sigma_luma=5.0 / 255.0, smoothness=256.0, slicing="nearest")
+    settings = BilateralSolverSettings(sigma_spatial_mm=7.0, sigma_luma=5.0 / 255.0, smoothness=256.0)
     tensors = torch.from_numpy(crop.map), torch.from_numpy(crop.intensities)
-    return refine_map(*tensors, (crop.window.low, crop.window.high), (1.0, 1.0, 1.0), settings).map.numpy()
+    with nearest_slicing():
+        return refine_map(*tensors, (crop.window.low, crop.window.high), (1.0, 1.0, 1.0), settings).map.numpy()
 
 
 def unchanged(crop: Crop) -> np.ndarray:

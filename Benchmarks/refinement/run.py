@@ -1,13 +1,12 @@
 """What refinement is worth on real data: `python dev.py bench refinement --volumes DIR [--weights PATH]`.
 
 The simulated clicker annotates the structures of labelled scans with the default method. On these very clicks every structure's
-coarse map S_L is then refined in each of several ways (`refinement_candidates`); the rest is as in the session: iso values,
+coarse map S_L is then refined in each of several ways (`candidates`); the rest is as in the session: iso values,
 competition between classes, parts that hold a positive point. Writes `refinement.json` and `refinement.md`.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,9 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
 
-from Benchmarks.accuracy.run import load_features
 from Benchmarks.refinement.candidates import (
     ALL_ROUNDS,
     CANDIDATES,
@@ -30,16 +27,18 @@ from Benchmarks.refinement.candidates import (
     Candidate,
     CoarseMap,
 )
-from Benchmarks.shared.arguments import scan_parser, weights_of
+from Benchmarks.shared.arguments import scan_parser, scans_of, weights_of
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
-from Benchmarks.shared.labelled_cases import SCANS, LabelledVolume, classes_of
-from Benchmarks.shared.machine import machine
-from Benchmarks.shared.report_tables import number, table
+from Benchmarks.shared.labelled_cases import SCANS, LabelledVolume
+from Benchmarks.shared.machine import in_words, machine
+from Benchmarks.shared.report_files import write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
 from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
+from Benchmarks.shared.sessions import labels_of, load_features
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
 from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
@@ -74,19 +73,14 @@ Seconds are those of refining one class, interpolation included, without the cho
 
 def main() -> None:
     """Measure every candidate on every case, and write what was measured."""
-    parser = scan_parser(__doc__, [case.name for case in SCANS])
-    parser.add_argument("--keep", type=Path, help="folder for what was measured; what is there is taken as it is")
-    options = parser.parse_args()
-    weights = weights_of(options)
-    kept = KeptResults(options.keep)
+    options = scan_parser(__doc__, [case.name for case in SCANS]).parse_args()
+    weights, kept = weights_of(options), KeptResults(options.keep)
     rows: list[dict[str, Any]] = []
-    for case in SCANS:
-        if case.name in options.cases:
-            labelled = case.read(options.volumes)
-            bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), kept)
-            rows += [bench.row(candidate) for candidate in CANDIDATES]
+    for case in scans_of(options):
+        labelled = case.read(options.volumes)
+        bench = CaseBench(case.name, labelled, load_features(labelled.volume, weights), kept)
+        rows += [bench.row(candidate) for candidate in CANDIDATES]
     write_report({"model": weights.model.name, "machine": machine(), "rows": rows}, options.results)
-    print((options.results / "refinement.md").read_text(encoding="utf-8"))
 
 
 class CandidateSession(SegmentationSession):
@@ -157,8 +151,7 @@ class CaseBench:
         return ClickSequence.of_rounds(ClickedRound(s.number, s.clicks, np.empty(0)) for s in states).as_json()
 
     def _labels(self, clicks: Clicks) -> np.ndarray:
-        classes = classes_of(self._labelled.names, clicks, self._labelled.volume.geometry)
-        return self._session.segment(classes).labels
+        return labels_of(self._session, self._labelled, clicks)
 
     def _measure(self, candidate: Candidate) -> dict[str, Any]:
         self._session.candidate, self._session.seconds = candidate, []
@@ -183,25 +176,22 @@ def mean_surface_distance_mm(predicted: np.ndarray, truth: np.ndarray, spacing_m
         predicted: (K, J, I) bool.
         truth: (K, J, I) bool, not empty.
         spacing_mm: of the voxels, along (K, J, I).
+
+    Raises:
+        ValueError: the truth is empty, and so is the prediction.
     """
+    box = bounding_box(predicted | truth)
+    if box is None:
+        raise ValueError("a structure without any voxel has no surface to be far from")
     if not predicted.any():
-        extents = [axis.stop - axis.start for axis in _box(truth)]
-        return float(np.linalg.norm(np.multiply(extents, spacing_mm)))
-    box = _box(predicted | truth)
+        return float(np.linalg.norm(np.multiply([extent.stop - extent.start for extent in box], spacing_mm)))
     return float(surface_distances_mm(predicted[box], truth[box], spacing_mm).mean())
-
-
-def _box(mask: np.ndarray) -> tuple[slice, ...]:
-    return ndimage.find_objects(mask.view(np.uint8))[0]
 
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
     """Write refinement.json and refinement.md."""
     summary = summarised(report["rows"])
-    with replacing(folder / "refinement.json") as path:
-        path.write_text(json.dumps({**report, "summary": summary}, indent=1) + "\n", encoding="utf-8")
-    with replacing(folder / "refinement.md") as path:
-        path.write_text(_text(report, summary), encoding="utf-8")
+    write_results(folder, "refinement", {**report, "summary": summary}, _text(report, summary))
 
 
 def summarised(rows: Sequence[dict[str, Any]]) -> Summary:
@@ -259,9 +249,9 @@ def _text(report: dict[str, Any], summary: Summary) -> str:
         ]
         for name, of_case in summary.items()
     ]
-    machine = f"{report['machine']['processor']}, {report['machine']['cores']} cores"
-    intro = f"Features of {report['model']}, default preset. {machine}. Command: `python dev.py bench refinement`."
-    return "\n\n".join(["# Refinement on real data", intro, table(header, rows), verdict(summary), HOW_TO_READ]) + "\n"
+    intro = f"Features of {report['model']}, default preset. {in_words(report['machine'])}. "
+    intro += "Command: `python dev.py bench refinement`."
+    return paragraphs("# Refinement on real data", intro, table(header, rows), verdict(summary), HOW_TO_READ)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Command lines that benchmarks on labelled scans have in common."""
+"""Command lines of the benchmarks: what they have in common."""
 
 from __future__ import annotations
 
@@ -6,21 +6,55 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from Benchmarks.shared.labelled_cases import SCANS
+from Benchmarks.shared.labelled_cases import CASES, SCANS, Case, PhantomCase
 from ViTTransferFunction.Logic.weights.sources import WeightsFile, find_weights, identify_model
 
 RESULTS = Path(__file__).parents[1] / "results"
 
 
-def scan_parser(description: str | None, cases: Sequence[str]) -> argparse.ArgumentParser:
-    """A parser that asks for volumes, weights, which scans (`cases` unless told), and where to write."""
+def benchmark_parser(description: str | None) -> argparse.ArgumentParser:
+    """A parser that asks where to write; `description` is the benchmark's docstring."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with the labelled volumes")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--cases", nargs="*", choices=[case.name for case in SCANS], default=list(cases))
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     return parser
+
+
+def network_parser(description: str | None, keep: Path | None = None) -> argparse.ArgumentParser:
+    """As `benchmark_parser`, and asks for volumes, weights and where to keep what was measured (`keep` unless told)."""
+    parser = benchmark_parser(description)
+    parser.add_argument("--volumes", type=Path, required=True, help="folder with the volumes and their labels")
+    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
+    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        default=keep,
+        help="folder for what was measured; what is there is taken as it is, so empty it when the code has changed",
+    )
+    return parser
+
+
+def scan_parser(
+    description: str | None,
+    default: Sequence[str],
+    keep: Path | None = None,
+    cases: Sequence[Case | PhantomCase] = SCANS,
+) -> argparse.ArgumentParser:
+    """As `network_parser`, and asks which of the labelled cases (`default` unless told)."""
+    parser = network_parser(description, keep)
+    names = [case.name for case in cases]
+    parser.add_argument("--cases", nargs="*", choices=names, default=list(default), help=f"default: {' '.join(default)}")
+    return parser
+
+
+def scans_of(options: argparse.Namespace) -> list[Case]:
+    """The scans that the command line asks for."""
+    return [case for case in SCANS if case.name in options.cases]
+
+
+def cases_of(options: argparse.Namespace) -> list[Case | PhantomCase]:
+    """As `scans_of`, the generated case included."""
+    return [case for case in CASES if case.name in options.cases]
 
 
 def weights_of(options: argparse.Namespace) -> WeightsFile:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from Benchmarks.shared.report_files import write_text
 
 
 class KeptResults:
@@ -28,6 +28,5 @@ class KeptResults:
             measured = measure()
             if path is None:
                 return measured
-            with replacing(path) as temporary:
-                temporary.write_text(json.dumps(measured), encoding="utf-8")
+            write_text(path, json.dumps(measured))
         return json.loads(path.read_text(encoding="utf-8"))

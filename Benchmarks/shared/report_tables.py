@@ -1,14 +1,19 @@
-"""Tables in Markdown."""
+"""Text in Markdown, and tables in it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
 
-def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def paragraphs(*parts: str) -> str:
+    """Headings, paragraphs and tables, one after the other."""
+    return "\n\n".join(parts) + "\n"
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table with a line for each row."""
     lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
 def number(value: float | None, digits: int = 3) -> str:

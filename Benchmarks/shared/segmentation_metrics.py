@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+
 SURFACE_TOLERANCE_MM = 2.0
 """Distance between surfaces that two careful readers would not argue about."""
 
@@ -63,6 +65,11 @@ def dice(predicted: np.ndarray, truth: np.ndarray) -> float:
     return _share(2 * common, int(np.count_nonzero(predicted)) + int(np.count_nonzero(truth)))
 
 
+def mean_dice(labels: np.ndarray, truth: np.ndarray, structures: int) -> float:
+    """Mean of `dice` over the structures of two label maps (K, J, I), whose labels are 1 … `structures`."""
+    return float(np.mean([dice(labels == label, truth == label) for label in range(1, structures + 1)]))
+
+
 def surface_dice(
     predicted: np.ndarray, truth: np.ndarray, spacing_mm: Sequence[float], tolerance_mm: float = SURFACE_TOLERANCE_MM
 ) -> float:
@@ -77,7 +84,7 @@ def surface_dice(
         spacing_mm: of the voxels, along (K, J, I).
         tolerance_mm: how far apart surfaces may be and still agree.
     """
-    box = _bounding_box(predicted | truth)
+    box = bounding_box(predicted | truth)
     if box is None:
         return 1.0
     surfaces = [_surface(mask[box], np.asarray(spacing_mm, dtype=float)) for mask in (predicted, truth)]
@@ -103,14 +110,6 @@ def surface_distances_mm(predicted: np.ndarray, truth: np.ndarray, spacing_mm: S
 
 def _share(part: int, whole: int, when_empty: bool = True) -> float:
     return part / whole if whole else float(when_empty)
-
-
-def _bounding_box(mask: np.ndarray) -> tuple[slice, ...] | None:
-    """The smallest box that holds all of a mask; None where it is empty."""
-    extents = [np.flatnonzero(mask.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
-    if not extents[0].size:
-        return None
-    return tuple(slice(int(extent[0]), int(extent[-1]) + 1) for extent in extents)
 
 
 def _surface(mask: np.ndarray, spacing_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

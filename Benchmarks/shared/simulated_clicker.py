@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+
 MOST_CLICKS = 10
 
 Clicks = list[list["Click"]]
@@ -112,18 +114,24 @@ def next_click(
 def largest_component(mask: np.ndarray) -> np.ndarray:
     """The connected component (faces touching) with the most voxels, (K, J, I) bool; the first one of equals."""
     largest = np.zeros(mask.shape, dtype=bool)
-    box = ndimage.find_objects(mask.view(np.uint8))
+    box = bounding_box(mask)
     if box:
-        components, _ = ndimage.label(mask[box[0]])
+        components, _ = ndimage.label(mask[box])
         sizes = np.bincount(components.ravel())
         sizes[0] = 0
-        largest[box[0]] = components == sizes.argmax()
+        largest[box] = components == sizes.argmax()
     return largest
 
 
 def deepest_voxel(mask: np.ndarray, spacing_mm: Sequence[float]) -> tuple[int, int, int]:
-    """The voxel of a mask (not empty) that is farthest from its outside, in millimetres; beyond the volume is outside."""
-    box = ndimage.find_objects(mask.view(np.uint8))[0]
+    """The voxel of a mask that is farthest from its outside, in millimetres; beyond the volume is outside.
+
+    Raises:
+        ValueError: the mask is empty.
+    """
+    box = bounding_box(mask)
+    if box is None:
+        raise ValueError("an empty mask has no deepest voxel")
     depth_mm = ndimage.distance_transform_edt(np.pad(mask[box], 1), sampling=tuple(spacing_mm))[1:-1, 1:-1, 1:-1]
     k, j, i = np.unravel_index(depth_mm.argmax(), depth_mm.shape)
     return int(k) + box[0].start, int(j) + box[1].start, int(i) + box[2].start

@@ -1,97 +1,68 @@
-"""What `bench_solver` measured, as tables and plots."""
+"""What was measured, as tables and plots."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from Benchmarks.shared.machine import in_words
+from Benchmarks.shared.report_files import save_figure, write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
 
 
 def write_report(measured: dict[str, Any], folder: Path) -> None:
     """Write solver.json, solver.md and the plots."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "solver.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
-    (folder / "solver.md").write_text(_tables(measured), encoding="utf-8")
+    write_results(folder, "solver", measured, _text(measured))
     _plot_error(measured["iterations"], folder / "solver_error.png")
     _plot_active(measured["active"], folder / "solver_active.png")
 
 
-def _tables(measured: dict[str, Any]) -> str:
-    machine = measured["machine"]
-    parts = [
+SPEED_HEADER = ("size", "cells", "iterations", "nearest", "multilinear", "published", "speed-up", "guided filter", "floor")
+
+
+def _text(measured: dict[str, Any]) -> str:
+    return paragraphs(
         "# Bilateral solver",
-        f"{machine['processor']}, PyTorch {machine['torch']}, {machine['threads']} thread(s). Seconds are wall clock, best of "
-        "several runs in turn; processor seconds in parentheses. The volume is fully occupied: no threshold.",
-        _table(
-            [
-                "size",
-                "cells",
-                "iterations",
-                "nearest",
-                "multilinear",
-                "published",
-                "speed-up",
-                "guided filter",
-                "floor",
-                "RMS error",
-            ],
-            [_speed_row(row) for row in measured["speed"]],
-        ),
+        f"{in_words(measured['machine'])}. Seconds are wall clock, best of several runs in turn; processor seconds in "
+        "parentheses. The volume is fully occupied: no threshold. *Multilinear* is the product's slice.",
+        table([*SPEED_HEADER, "RMS error"], map(_speed_row, measured["speed"])),
         "Floor: read the volume, read the map, write the map. RMS error: against the converged float64 answer.",
         "## Where the time goes",
-        _table(["stage", "seconds"], [[name, f"{seconds:.3f}"] for name, seconds in measured["stages"].items()]),
+        table(["stage", "seconds"], [[name, number(seconds)] for name, seconds in measured["stages"].items()]),
         "## Error after iterations",
-        _table(
-            ["λ", "precision", "iterations", "RMS error", "processor seconds"],
-            [
-                [f"{r['smoothness']:g}", r["precision"], r["iterations"], f"{r['rms']:.1e}", _seconds(r.get("cpu_seconds"))]
-                for r in measured["iterations"]
-            ],
-        ),
+        table(["λ", "precision", "iterations", "RMS error", "processor seconds"], map(_iterations_row, measured["iterations"])),
         "## Dice on the phantom",
-        _table(["method", "best Dice"], [[r["method"], f"{r['dice']:.4f}"] for r in measured["quality"]]),
+        table(["method", "best Dice"], [[r["method"], number(r["dice"], 4)] for r in measured["quality"]]),
         "## Only near the structure",
-        _table(
+        table(
             ["sphere's radius / edge", "cells", "nearest", "multilinear"],
-            [[r["radius"], r["cells"], f"{r['nearest_s']:.3f}", f"{r['multilinear_s']:.3f}"] for r in measured["active"]],
+            [[r["radius"], r["cells"], number(r["nearest_s"]), number(r["multilinear_s"])] for r in measured["active"]],
         ),
         "## Memory beyond the inputs, the refined map included",
-        _table(["size", "slice", "MB"], [[r["size"], r["slicing"], f"{r['bytes'] / 1e6:.0f}"] for r in measured["memory"]]),
-    ]
-    if measured["real"]:
-        head = ["case", "trilinear", "guided_filter", "solver"]
-        rows = [[r["case"], *(f"{r[name]:.4f}" for name in head[1:]), f"{r['solver_s']:.3f}"] for r in measured["real"]]
-        parts += ["## Best Dice on real intensities", _table([*head, "seconds"], rows)]
-    return "\n\n".join(parts) + "\n"
+        table(["size", "slice", "MB"], [[r["size"], r["slicing"], number(r["bytes"] / 1e6, 0)] for r in measured["memory"]]),
+        *(_real_edges(measured["real"]) if measured["real"] else ()),
+    )
 
 
-def _speed_row(row: dict[str, Any]) -> list[str]:
+def _real_edges(rows: list[dict[str, Any]]) -> tuple[str, str]:
+    methods = ("trilinear", "guided_filter", "solver")
+    cells = [[row["case"], *(number(row[name], 4) for name in methods), number(row["solver_s"])] for row in rows]
+    return "## Best Dice on real intensities", table(["case", *methods, "seconds"], cells)
+
+
+def _iterations_row(row: dict[str, Any]) -> list[object]:
+    seconds = number(row.get("cpu_seconds"))
+    return [f"{row['smoothness']:g}", row["precision"], row["iterations"], f"{row['rms']:.1e}", seconds]
+
+
+def _speed_row(row: dict[str, Any]) -> list[object]:
     def both(name: str) -> str:
         return f"{row[f'{name}_s']:.3f} ({row[f'{name}_cpu_s']:.3f})" if f"{name}_s" in row else "–"
 
     speed_up = f"{row['published_s'] / row['nearest_s']:.0f}×" if "published_s" in row else "–"
     error = f"{row['rms']:.1e}" if "rms" in row else "–"
     timed = [both(name) for name in ("nearest", "multilinear", "published")]
-    return [
-        f"{row['size']}³",
-        str(row["cells"]),
-        str(row["iterations"]),
-        *timed,
-        speed_up,
-        both("guided_filter"),
-        both("floor"),
-        error,
-    ]
-
-
-def _seconds(seconds: float | None) -> str:
-    return "–" if seconds is None else f"{seconds:.3f}"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+    return [f"{row['size']}³", row["cells"], row["iterations"], *timed, speed_up, both("guided_filter"), both("floor"), error]
 
 
 def _plot_error(rows: list[dict[str, Any]], path: Path) -> None:
@@ -106,8 +77,7 @@ def _plot_error(rows: list[dict[str, Any]], path: Path) -> None:
     axes.axhline(1e-4, color="grey", linewidth=0.8)
     axes.set(xlabel="processor seconds, nearest slice", ylabel="RMS error", title="Error after 1 to 25 iterations")
     axes.legend(fontsize="small")
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    save_figure(figure, path)
 
 
 def _plot_active(rows: list[dict[str, Any]], path: Path) -> None:
@@ -119,5 +89,4 @@ def _plot_active(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set(xlabel="active cells", ylabel="seconds", title="Time where only cells near the structure are solved for")
     axes.set_ylim(bottom=0.0)
     axes.legend()
-    figure.savefig(path, dpi=110)
-    plt.close(figure)
+    save_figure(figure, path)

@@ -1,13 +1,12 @@
-"""Speed against error of the bilateral solver: `python -m Benchmarks.solver.run [--quick] [--volumes DIR]`.
+"""Speed against error of the bilateral solver: `python dev.py bench solver [--quick] [--threads 2] [--volumes DIR]`.
 
-Writes `solver.json`, `solver.md` and plots to Benchmarks/results. All methods that are compared are run in turn, and the best
+Writes `solver.json`, `solver.md` and plots. All methods that are compared are run in turn, and the best
 of their runs counts, because a machine is seldom idle.
 """
 
 from __future__ import annotations
 
 import argparse
-import platform
 import subprocess
 import sys
 import time
@@ -16,17 +15,22 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import torch
 
-from Benchmarks.solver.phantom import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
+from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.machine import machine
+from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, resident_bytes
+from Benchmarks.shared.refinement_phantoms import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
+from Benchmarks.solver.nearest_slice import nearest_slicing, slice_nearest
 from Benchmarks.solver.published_bilateral_solver import solve_as_published
 from Benchmarks.solver.report import write_report
 from ViTTransferFunction.Logic.refinement import bilateral_system
 from ViTTransferFunction.Logic.refinement.bilateral_cells import Target, splat
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout, VoxelCells
-from ViTTransferFunction.Logic.refinement.bilateral_slice import slice_multilinear, slice_nearest
+from ViTTransferFunction.Logic.refinement.bilateral_slice import slice_multilinear
 from ViTTransferFunction.Logic.refinement.bilateral_solver import (
     BilateralSolution,
     BilateralSolverSettings,
@@ -38,11 +42,9 @@ from ViTTransferFunction.Logic.refinement.guided_filter import GuidedFilterSetti
 from ViTTransferFunction.Logic.refinement.upsampling import Upsampling, upsampled
 from ViTTransferFunction.Logic.refinement.workers import Workers
 
-RESULTS = Path(__file__).parents[1] / "results"
 UNIT_SPACING = (1.0, 1.0, 1.0)
 WINDOW = (0.0, 1.0)
-MULTILINEAR = BilateralSolverSettings(sigma_spatial_mm=5.0)
-NEAREST = replace(MULTILINEAR, slicing="nearest")
+SETTINGS = BilateralSolverSettings(sigma_spatial_mm=5.0)
 EDGES = (5, 5, 5)
 THRESHOLD = 0.25
 """The paper's τ."""
@@ -52,7 +54,7 @@ SOFT_TISSUE = (-100.0, 300.0)
 
 def main() -> None:
     """Run everything, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = benchmark_parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="small volumes and few runs: whether it works, not how well")
     parser.add_argument("--volumes", type=Path, help="folder with amos_0336_ct.nii.gz and its labels")
     parser.add_argument("--threads", type=int, default=1, help="of PyTorch (default 1)")
@@ -66,26 +68,17 @@ def main() -> None:
     middle = sizes[-2]
     body = body_phantom(middle)
     measured: dict[str, Any] = {
-        "machine": {
-            "processor": platform.processor() or platform.machine(),
-            "torch": torch.__version__,
-            "threads": options.threads,
-        },
+        "machine": machine("cpu"),
         "speed": [speed(size, runs=2 if size > 256 else 7, against_published=size <= 256) for size in sizes],
         "stages": stages(body),
         "iterations": error_by_iterations(body),
         "quality": quality(body_phantom(middle, noise=0.1)),
         "active": time_by_active_cells(middle),
-        "memory": [
-            {"size": s, "slicing": k, "bytes": memory_in_new_process(s, k)}
-            for s in sizes[-2:]
-            for k in ("nearest", "multilinear")
-        ],
+        "memory": [{"size": s, "slicing": k, "bytes": memory_in_new_process(s, k)} for s in sizes[-2:] for k in REFINE],
         "real": real_edges(options.volumes) if options.volumes else [],
     }
     measured["summary"] = summary(measured, middle, sizes[-1])
-    write_report(measured, RESULTS)
-    print((RESULTS / "solver.md").read_text(encoding="utf-8"))
+    write_report(measured, options.results)
 
 
 def summary(measured: dict[str, Any], middle: int, large: int) -> dict[str, float]:
@@ -111,9 +104,8 @@ def speed(size: int, runs: int, against_published: bool) -> dict[str, Any]:
     target = upsampled(phantom.coarse_map, phantom.luma.shape)
     out = torch.empty_like(target)
     ways: dict[str, Callable[[], Any]] = {
-        "nearest": lambda: refine(phantom, NEAREST),
-        "multilinear": lambda: refine(phantom, MULTILINEAR),
-        "nearest_from_full_map": lambda: solve_bilateral(target, phantom.luma, None, UNIT_SPACING, NEAREST),
+        **{name: partial(way, phantom) for name, way in REFINE.items()},
+        "nearest_from_full_map": nearest_slicing()(lambda: solve_bilateral(target, phantom.luma, None, UNIT_SPACING, SETTINGS)),
         "upsampling": lambda: upsampled(phantom.coarse_map, phantom.luma.shape),
         "guided_filter": lambda: guided_filter(target, phantom.luma, UNIT_SPACING, GuidedFilterSettings(radius_mm=5.0)),
         "floor": lambda: torch.add(phantom.luma, target, out=out),
@@ -129,12 +121,18 @@ def speed(size: int, runs: int, against_published: bool) -> dict[str, Any]:
         # The published way once more, after the others, so that a busy spell does not count for one side only.
         again = best_times({"published": lambda: published(phantom, 25)}, 1)["published"]
         row["published_s"], row["published_cpu_s"] = min((row["published_s"], row["published_cpu_s"]), again)
-        row["rms"] = rms(solution.map, converged(phantom, NEAREST.smoothness))
+        row["rms"] = rms(solution.map, converged(phantom, SETTINGS.smoothness))
     return row
 
 
-def refine(phantom: Phantom, settings: BilateralSolverSettings, threshold: float | None = None) -> BilateralSolution:
+def refine(phantom: Phantom, settings: BilateralSolverSettings = SETTINGS, threshold: float | None = None) -> BilateralSolution:
+    """The product's answer."""
     return refine_map(phantom.coarse_map, phantom.luma, WINDOW, UNIT_SPACING, settings, threshold)
+
+
+refine_nearest = nearest_slicing()(refine)
+"""The same, but each voxel reads its own cell."""
+REFINE = {"nearest": refine_nearest, "multilinear": refine}
 
 
 def best_times(ways: dict[str, Callable[[], Any]], runs: int) -> dict[str, tuple[float, float]]:
@@ -148,10 +146,10 @@ def best_times(ways: dict[str, Callable[[], Any]], runs: int) -> dict[str, tuple
     return {name: (min(wall for wall, _ in times), min(cpu for _, cpu in times)) for name, times in seconds.items()}
 
 
-def published(phantom: Phantom, iterations: int, smoothness: float = NEAREST.smoothness, **others: Any) -> np.ndarray:
+def published(phantom: Phantom, iterations: int, smoothness: float = SETTINGS.smoothness, **others: Any) -> np.ndarray:
     """The baseline's map from the same question."""
     target = upsampled(phantom.coarse_map, phantom.luma.shape).numpy()
-    settings = {"cell_voxels": EDGES, "sigma_luma": NEAREST.sigma_luma, **others}
+    settings = {"cell_voxels": EDGES, "sigma_luma": SETTINGS.sigma_luma, **others}
     return solve_as_published(target, phantom.luma.numpy(), smoothness=smoothness, iterations=iterations, **settings).map
 
 
@@ -167,12 +165,12 @@ def rms(refined: torch.Tensor, exact: np.ndarray) -> float:
 def stages(phantom: Phantom) -> dict[str, float]:
     """Seconds in each stage: where the time goes."""
     size = len(phantom.luma)
-    layout = GridLayout.of_sigmas((size, size, size), UNIT_SPACING, 5.0, NEAREST.sigma_luma)
-    voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, NEAREST.sigma_luma)
+    layout = GridLayout.of_sigmas((size, size, size), UNIT_SPACING, 5.0, SETTINGS.sigma_luma)
+    voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, SETTINGS.sigma_luma)
     target = Target(Upsampling(phantom.coarse_map, phantom.luma.shape).read, largest=1.0)
     with Workers(phantom.luma.device) as workers:
         cells, places = splat(voxel_cells, target, None, workers)
-        solve = partial(solve_cells, cells, NEAREST.smoothness, NEAREST.max_iterations, NEAREST.tolerance, workers)
+        solve = partial(solve_cells, cells, SETTINGS.smoothness, SETTINGS.max_iterations, SETTINGS.tolerance, workers)
         values, out = solve().values, torch.empty_like(phantom.luma)
         ways: dict[str, Callable[[], Any]] = {
             "splatting, finding neighbours": lambda: splat(voxel_cells, target, None, workers),
@@ -186,17 +184,15 @@ def stages(phantom: Phantom) -> dict[str, float]:
 def error_by_iterations(phantom: Phantom) -> list[dict[str, Any]]:
     """Error and processor seconds after each number of iterations, in float32 and float64."""
     rows = []
-    ratio = bilateral_system.MAX_FLOAT32_RATIO
     for smoothness in (8.0, 32.0, 256.0):
         exact = converged(phantom, smoothness)
         for precision, largest_ratio in (("float32", np.inf), ("float64", 0.0)):
-            bilateral_system.MAX_FLOAT32_RATIO = largest_ratio
             for iterations in (1, 2, 3, 4, 6, 8, 12, 16, 25):
-                settings = replace(NEAREST, smoothness=smoothness, max_iterations=iterations, tolerance=1e-9)
-                run = partial(refine, phantom, settings)
+                settings = replace(SETTINGS, smoothness=smoothness, max_iterations=iterations, tolerance=1e-9)
+                run = partial(refine_nearest, phantom, settings)
                 row = {"smoothness": smoothness, "precision": precision, "iterations": iterations}
-                rows.append({**row, "rms": rms(run().map, exact), "cpu_seconds": best_times({"": run}, 3)[""][1]})
-        bilateral_system.MAX_FLOAT32_RATIO = ratio
+                with patch.object(bilateral_system, "MAX_FLOAT32_RATIO", largest_ratio):
+                    rows.append({**row, "rms": rms(run().map, exact), "cpu_seconds": best_times({"": run}, 3)[""][1]})
         error = rms(torch.from_numpy(published(phantom, 25, smoothness)), exact)
         rows.append({"smoothness": smoothness, "precision": "published", "iterations": 25, "rms": error})
     return rows
@@ -212,15 +208,13 @@ def quality(phantom: Phantom) -> list[dict[str, Any]]:
     for radius in (3.0, 5.0, 8.0):
         refined = guided_filter(target, phantom.luma, UNIT_SPACING, GuidedFilterSettings(radius_mm=radius))
         rows.append({"method": f"guided filter, radius {radius:g}", "dice": best_dice(refined, phantom.structure)})
-    changes: list[dict[str, Any]] = [{"slicing": s} for s in ("nearest", "multilinear")]
-    changes += [{"smoothness": s} for s in (2.0, 32.0, 128.0)]
+    changes: list[dict[str, float]] = [{"smoothness": s} for s in (2.0, 128.0)]
     changes += [{"sigma_spatial_mm": s} for s in (3.0, 8.0)] + [{"sigma_luma": s / 255} for s in (5, 20, 40)]
-    for change in changes:
-        settings = replace(MULTILINEAR, **change)
-        refined = refine(phantom, settings).map
+    for slicing, change in [*((name, {}) for name in REFINE), *(("multilinear", change) for change in changes)]:
+        settings = replace(SETTINGS, **change)  # type: ignore[arg-type]
         sigmas = f"σ {settings.sigma_spatial_mm:g}/{settings.sigma_luma * 255:g}"
-        name = f"solver, {sigmas}, λ {settings.smoothness:g}, {settings.slicing}"
-        rows.append({"method": name, "dice": best_dice(refined, phantom.structure)})
+        dice = best_dice(REFINE[slicing](phantom, settings).map, phantom.structure)
+        rows.append({"method": f"solver, {sigmas}, λ {settings.smoothness:g}, {slicing}", "dice": dice})
     return rows
 
 
@@ -229,7 +223,7 @@ def time_by_active_cells(size: int) -> list[dict[str, Any]]:
     rows = []
     for radius in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4):
         phantom = sphere_phantom(size, radius)
-        ways: dict[str, Callable[[], Any]] = {s.slicing: partial(refine, phantom, s, THRESHOLD) for s in (NEAREST, MULTILINEAR)}
+        ways: dict[str, Callable[[], Any]] = {name: partial(way, phantom, threshold=THRESHOLD) for name, way in REFINE.items()}
         times = {f"{name}_s": seconds for name, (seconds, _) in best_times(ways, 5).items()}
         rows.append({"radius": radius, "cells": ways["nearest"]().cells, **times})
     return rows
@@ -245,19 +239,12 @@ def memory_in_new_process(size: int, slicing: str) -> int:
 def extra_memory_bytes(size: int, slicing: str) -> int:
     """Peak resident memory while refining, above that with the inputs alone; the refined map is included (Linux only)."""
     phantom = body_phantom(size)
-    settings = NEAREST if slicing == "nearest" else MULTILINEAR
-    small = body_phantom(32)
-    refine(small, settings)
-    before = _status_bytes("VmRSS")
-    # Sets the peak back to what is resident now.
-    Path("/proc/self/clear_refs").write_text("5")
-    refine(phantom, settings)
-    return _status_bytes("VmHWM") - before
-
-
-def _status_bytes(name: str) -> int:
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(f"{name}:"))
+    way = REFINE[slicing]
+    way(body_phantom(32))
+    before = resident_bytes()
+    forget_peak()
+    way(phantom)
+    return peak_resident_bytes() - before
 
 
 def real_edges(folder: Path) -> list[dict[str, Any]]:

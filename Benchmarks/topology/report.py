@@ -1,19 +1,20 @@
-"""What `bench_topology` measured, as tables and pictures."""
+"""What was measured, as tables and pictures."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from Benchmarks.shared.report_tables import number, table
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from Benchmarks.shared.machine import in_words
+from Benchmarks.shared.report_files import save_figure, write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
 
 Pictures = dict[tuple[str, str, str], np.ndarray]
 """(shape, features, refinement) → a slice of what was found, bool; features "truth" for what it should be."""
-BETTI_NUMBERS = ("components", "tunnels", "cavities")
+_BETTI_NUMBERS = {"components": "parts", "tunnels": "tunnels", "cavities": "cavities"}
+_DISTANCES = {"mean_voxels": "mean", "p95_voxels": "95th percentile", "within_one_voxel": "share ≤ 1 voxel"}
 COLUMNS = (
     ("truth", "", "truth"),
     ("one axis", "none", "one axis"),
@@ -24,11 +25,7 @@ COLUMNS = (
 
 def write_report(report: dict[str, Any], pictures: Pictures, folder: Path) -> None:
     """Write topology.json, topology.md and topology.png."""
-    report = {**report, "summary": summary(report)}
-    with replacing(folder / "topology.json") as path:
-        path.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    with replacing(folder / "topology.md") as path:
-        path.write_text(_text(report), encoding="utf-8")
+    write_results(folder, "topology", {**report, "summary": summary(report)}, _text(report))
     _plot(pictures, folder / "topology.png")
 
 
@@ -45,59 +42,32 @@ def summary(report: dict[str, Any]) -> dict[str, Any]:
 
 
 def _text(report: dict[str, Any]) -> str:
-    shapes = [
-        [
-            row["shape"],
-            f"{row['noise']:g}",
-            row["features"],
-            row["refinement"],
-            number(row["dice"], 4),
-            f"{row['euler']} ({row['true_euler']})",
-            *(str(row[name]) for name in BETTI_NUMBERS),
-            number(row["feature_seconds"], 1),
-        ]
-        for row in report["shapes"]
-    ]
-    details = [
-        [
-            row["structure"],
-            str(row["clicks"]),
-            row["refinement"],
-            number(row["dice"]),
-            *(number(row.get(name), 2) for name in ("mean_voxels", "p95_voxels", "within_one_voxel")),
-        ]
-        for row in report["details"]
-    ]
-    return (
-        "\n\n".join(
-            [
-                "# Shapes and fine detail",
-                f"Features of {report['model']}, default preset. Command: `python dev.py bench topology`.",
-                f"## Sphere and torus, {report['size']}³ voxels, {report['clicks']} clicks",
-                "Voxels touch by faces, edges and corners. In parentheses the true Euler number. Noise is in percent of the "
-                "shape's brightness.",
-                table(
-                    [
-                        "shape",
-                        "slices across",
-                        "refinement",
-                        "Dice",
-                        "Euler number",
-                        "parts",
-                        "tunnels",
-                        "cavities",
-                        "features, s",
-                    ],
-                    shapes,
-                ),
-                "![Middle slices](topology.png)",
-                "## Thin structures against a 1D transfer function",
-                "Distance in voxels between the two boundaries, over both.",
-                table(["structure", "clicks", "refinement", "Dice", "mean", "95th percentile", "share ≤ 1 voxel"], details),
-            ]
-        )
-        + "\n"
+    shape_header = ["shape", "noise", "slices across", "refinement", "Dice", "Euler number", *_BETTI_NUMBERS.values()]
+    detail_header = ["structure", "clicks", "refinement", "Dice", *_DISTANCES.values()]
+    return paragraphs(
+        "# Shapes and fine detail",
+        f"Features of {report['model']}, default preset. {in_words(report['machine'])}. "
+        "Command: `python dev.py bench topology`.",
+        f"## Sphere and torus, {report['size']}³ voxels, {report['clicks']} clicks",
+        "Voxels touch by faces, edges and corners. In parentheses the true Euler number. Noise is in percent of the shape's "
+        "brightness.",
+        table([*shape_header, "features, s"], map(_shape_row, report["shapes"])),
+        "![Middle slices](topology.png)",
+        "## Thin structures against a 1D transfer function",
+        "Distance in voxels between the two boundaries, over both.",
+        table(detail_header, map(_detail_row, report["details"])),
     )
+
+
+def _shape_row(row: dict[str, Any]) -> list[object]:
+    euler = f"{row['euler']} ({row['true_euler']})"
+    what = row["shape"], f"{row['noise']:g}", row["features"], row["refinement"]
+    return [*what, number(row["dice"], 4), euler, *(row[name] for name in _BETTI_NUMBERS), number(row["feature_seconds"], 1)]
+
+
+def _detail_row(row: dict[str, Any]) -> list[object]:
+    what = row["structure"], row["clicks"], row["refinement"]
+    return [*what, number(row["dice"]), *(number(row.get(name), 2) for name in _DISTANCES)]
 
 
 def _plot(pictures: Pictures, path: Path) -> None:
@@ -120,6 +90,4 @@ def _plot(pictures: Pictures, path: Path) -> None:
             axes.set_title(title, fontsize=9)
         row[0].set_ylabel(shape, fontsize=9)
     figure.tight_layout()
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=120)
-    plt.close(figure)
+    save_figure(figure, path)

@@ -8,10 +8,9 @@ Writes `topology.json`, `topology.md` and `topology.png`.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,11 +18,14 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from Benchmarks.shared.arguments import weights_of
-from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
+from Benchmarks.shared.arguments import network_parser, weights_of
+from Benchmarks.shared.kept_results import KeptResults
+from Benchmarks.shared.labelled_cases import LabelledVolume
+from Benchmarks.shared.machine import machine
 from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
+from Benchmarks.shared.sessions import labels_of, open_session
 from Benchmarks.shared.shape_phantoms import BRIGHTNESS, phantom_volume, sphere, torus
-from Benchmarks.shared.simulated_clicker import Clicks, click_in_rounds
+from Benchmarks.shared.simulated_clicker import click_in_rounds
 from Benchmarks.topology.report import write_report
 from Benchmarks.topology.topology import topology_of
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -34,11 +36,11 @@ from ViTTransferFunction.Logic.features.vision_transformer import VisionTransfor
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession, open_network
+from ViTTransferFunction.Logic.session.segmentation_session import open_network
 
-RESULTS = Path(__file__).parents[1] / "results"
 SHAPES = {"sphere": sphere, "torus": torus}
-ONE_AXIS = 0
+ALL_AXES = (0, 1, 2)
+FEATURES = {"three axes": ALL_AXES, "one axis": (0,)}
 """The paper's comparison has slices across one axis too; which of them does not matter for a sphere."""
 NOISES = (0.0, 8.0)
 """The paper's volumes have none, it seems. Without any, intensities alone say what is inside."""
@@ -86,53 +88,55 @@ FINE_STRUCTURES = (
 
 def main() -> None:
     """Run both experiments, and write what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--volumes", type=Path, required=True, help="folder with tooth.nrrd and bonsai.nrrd")
-    parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
-    parser.add_argument("--size", type=int, default=512, help="voxels along each edge of the shapes' volumes (default 512)")
+    parser = network_parser(__doc__)
+    parser.add_argument("--size", type=int, default=256, help="voxels along each edge of the shapes' volumes (default 256)")
     parser.add_argument("--clicks", type=int, default=5, help="on each shape (default 5)")
     parser.add_argument(
         "--noise", nargs="*", type=float, default=NOISES, help=f"standard deviations; the shapes are {BRIGHTNESS} bright"
     )
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder to write to")
     options = parser.parse_args()
-    weights = weights_of(options)
+    weights, kept = weights_of(options), KeptResults(options.keep)
     network = open_network(weights, choose_device("auto"))
     shapes, pictures = [], {}
     for name, noise in product(SHAPES, options.noise):
-        for row, middle in shape_rows(name, options.size, noise, options.clicks, network):
-            print(row, flush=True)
-            shapes.append(row)
-            pictures[f"{name}, noise {noise:g}", row["features"], row["refinement"]] = middle
-        pictures[f"{name}, noise {noise:g}", "truth", ""] = SHAPES[name](options.size)[:, :, options.size // 2]
-    details = [row for structure in FINE_STRUCTURES for row in detail_rows(structure, options.volumes, network)]
-    report = {"model": weights.model.name, "size": options.size, "clicks": options.clicks, "shapes": shapes, "details": details}
-    write_report(report, pictures, options.results)
-    print((options.results / "topology.md").read_text(encoding="utf-8"))
+        case = f"{name}, noise {noise:g}"
+        for features, axes in FEATURES.items():
+            measure = partial(measure_shape, name, options.size, noise, options.clicks, network, axes)
+            measured = kept.get(f"topology, {case}, size {options.size}, {options.clicks} clicks, {features}", measure)
+            for row, middle in zip(measured["rows"], measured["middle_slices"], strict=True):
+                shapes.append({"shape": name, "noise": noise, "features": features, **row})
+                pictures[case, features, row["refinement"]] = np.array(middle, dtype=bool)
+        pictures[case, "truth", ""] = SHAPES[name](options.size)[:, :, options.size // 2]
+    details = []
+    for structure in FINE_STRUCTURES:
+        measured = kept.get(f"topology, {structure.volume}", partial(measure_detail, structure, options.volumes, network))
+        details += [{"structure": structure.name, **row} for row in measured["rows"]]
+    report = {"model": weights.model.name, "machine": machine(), "size": options.size, "clicks": options.clicks}
+    write_report({**report, "shapes": shapes, "details": details}, pictures, options.results)
 
 
-def shape_rows(
-    name: str, size: int, noise: float, clicks: int, network: VisionTransformer
-) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """What is made of a shape by features of three axes and of one, refined and not, each with its middle slice across I."""
+def measure_shape(
+    name: str, size: int, noise: float, clicks: int, network: VisionTransformer, axes: tuple[int, ...]
+) -> dict[str, Any]:
+    """What is made of a shape by features of slices across these axes.
+
+    In `rows`, one for each of `REFINEMENTS`, and in `middle_slices` the voxels found in the middle slice across I, (K, J) of 0
+    and 1.
+    """
     truth = SHAPES[name](size)
     labelled = LabelledVolume(phantom_volume(truth, name, noise), truth.astype(np.uint8), (name,))
-    for features, axes in (("three axes", (0, 1, 2)), ("one axis", (ONE_AXIS,))):
-        start = time.perf_counter()
-        extracted = features_of_axes(labelled.volume, network, axes)
-        seconds = time.perf_counter() - start
-        session = open_session(labelled.volume, extracted)
-        placed: Clicks = []
-        for state in click_in_rounds(labelled.truth, labelled.spacing_mm, _segment(session, labelled), clicks):
-            placed = [list(of_class) for of_class in state.clicks]
-        for refinement in REFINEMENTS:
-            mask = _segment(session, labelled, refinement)(placed) == 1
-            found = topology_of(mask)
-            row = {
-                "shape": name,
-                "noise": noise,
-                "features": features,
+    start = time.perf_counter()
+    extracted = features_of_axes(labelled.volume, network, axes)
+    seconds = time.perf_counter() - start
+    session = open_session(labelled.volume, extracted)
+    states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled), clicks)
+    *_, placed = (state.clicks for state in states)
+    rows, middle_slices = [], []
+    for refinement in REFINEMENTS:
+        mask = labels_of(session, labelled, placed, refinement) == 1
+        found = topology_of(mask)
+        rows.append(
+            {
                 "refinement": refinement,
                 "dice": dice(mask, truth),
                 "euler": found.euler,
@@ -140,7 +144,9 @@ def shape_rows(
                 **asdict(found),
                 "feature_seconds": seconds,
             }
-            yield row, mask[:, :, size // 2]
+        )
+        middle_slices.append(mask[:, :, size // 2].astype(int).tolist())
+    return {"rows": rows, "middle_slices": middle_slices}
 
 
 def features_of_axes(volume: Volume, network: VisionTransformer, axes: tuple[int, ...]) -> FeatureVolume:
@@ -155,39 +161,34 @@ def features_of_axes(volume: Volume, network: VisionTransformer, axes: tuple[int
     return run.features()
 
 
-def detail_rows(structure: FineStructure, folder: Path, network: VisionTransformer) -> Iterator[dict[str, Any]]:
-    """How far the boundary is from the transfer function's, refined and not, after some clicks."""
+def measure_detail(structure: FineStructure, folder: Path, network: VisionTransformer) -> dict[str, Any]:
+    """How far the boundary is from the transfer function's, refined and not, after some clicks; in `rows`."""
     labelled = structure.read(folder)
-    session = open_session(labelled.volume, features_of_axes(labelled.volume, network, (0, 1, 2)))
-    truth = labelled.truth == 1
-    # In voxels, as in the paper; those of both volumes are cubes of 1 mm.
-    for state in click_in_rounds(labelled.truth, labelled.spacing_mm, _segment(session, labelled), max(DETAIL_CLICKS)):
+    session = open_session(labelled.volume, features_of_axes(labelled.volume, network, ALL_AXES))
+    states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled), max(DETAIL_CLICKS))
+    rows = []
+    for state in states:
         if state.number not in DETAIL_CLICKS:
             continue
         for refinement in REFINEMENTS:
-            mask = _segment(session, labelled, refinement)([list(of_class) for of_class in state.clicks]) == 1
-            row = {"structure": structure.name, "clicks": state.number, "refinement": refinement, "dice": dice(mask, truth)}
-            if mask.any():
-                distances = surface_distances_mm(mask, truth, (1.0, 1.0, 1.0))
-                row["mean_voxels"] = float(distances.mean())
-                row["p95_voxels"] = float(np.percentile(distances, 95.0))
-                row["within_one_voxel"] = float(np.mean(distances <= 1.0))
-            print(row, flush=True)
-            yield row
+            mask = labels_of(session, labelled, state.clicks, refinement) == 1
+            row = {"clicks": state.number, "refinement": refinement}
+            rows.append({**row, **boundary_figures(mask, labelled.truth == 1)})
+    return {"rows": rows}
 
 
-def open_session(volume: Volume, features: FeatureVolume) -> SegmentationSession:
-    """The default preset on these features."""
-    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
-    session.use_features(features)
-    return session
+def boundary_figures(mask: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """Dice, and distances between the boundaries in voxels where anything was found.
 
-
-def _segment(session: SegmentationSession, labelled: LabelledVolume, refinement: RefinementMethod = "bilateral") -> Any:
-    def segment(clicks: Clicks) -> np.ndarray:
-        return session.segment(classes_of(labelled.names, clicks, labelled.volume.geometry), refinement).labels
-
-    return segment
+    In voxels, as in the paper; those of both volumes are cubes of 1 mm.
+    """
+    figures = {"dice": dice(mask, truth)}
+    if mask.any():
+        distances = surface_distances_mm(mask, truth, (1.0, 1.0, 1.0))
+        figures["mean_voxels"] = float(distances.mean())
+        figures["p95_voxels"] = float(np.percentile(distances, 95.0))
+        figures["within_one_voxel"] = float(np.mean(distances <= 1.0))
+    return figures
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from itertools import combinations
 import numpy as np
 from scipy import ndimage
 
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+
 _ALL_NEIGHBOURS = np.ones((3, 3, 3))
 
 
@@ -33,14 +35,14 @@ class Topology:
 
 def topology_of(mask: np.ndarray) -> Topology:
     """Count what a mask (K, J, I) bool has of each."""
-    box = ndimage.find_objects(mask.astype(np.uint8))
-    if not box:
+    box = bounding_box(mask)
+    if box is None:
         return Topology(0, 0, 0)
-    padded = np.pad(mask[box[0]], 1)
+    padded = np.pad(mask[box], 1)
     _, components = ndimage.label(padded, structure=_ALL_NEIGHBOURS)
     _, outsides = ndimage.label(~padded)
     cavities = outsides - 1
-    return Topology(components, components + cavities - euler_number(mask[box[0]]), cavities)
+    return Topology(components, components + cavities - euler_number(mask[box]), cavities)
 
 
 def euler_number(mask: np.ndarray) -> int:

@@ -1,4 +1,4 @@
-"""The smallest box around what is true."""
+"""The part of a grid that holds something."""
 
 from __future__ import annotations
 
@@ -8,17 +8,25 @@ from .geometry import Box
 
 
 def bounding_box(mask: np.ndarray, margin: int = 0) -> Box | None:
-    """The smallest box of all true voxels, and some more; None where no voxel is true.
+    """The smallest box that holds all true voxels of a mask, and so many voxels around them as far as there are any.
 
     Args:
         mask: (K, J, I) bool.
-        margin: voxels around, as far as the array reaches.
+        margin: voxels on every side, at least 0.
+
+    Returns:
+        The box, or None where no voxel is true.
     """
-    extents = [np.flatnonzero(mask.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
-    if not extents[0].size:
+    # The projection along K tells of both other axes, so that the mask itself is read twice, and not once for each axis.
+    projection = np.any(mask, axis=0)
+    occupied = np.any(mask, axis=(1, 2)), np.any(projection, axis=1), np.any(projection, axis=0)
+    k, j, i = (_extent(along, margin) for along in occupied)
+    return None if k is None or j is None or i is None else (k, j, i)
+
+
+def _extent(occupied: np.ndarray, margin: int) -> slice | None:
+    """From the first true element (N,) to the last, and `margin` more on either side; None where there is none."""
+    indices = np.flatnonzero(occupied)
+    if not indices.size:
         return None
-    k, j, i = (
-        slice(max(int(extent[0]) - margin, 0), min(int(extent[-1]) + 1 + margin, size))
-        for extent, size in zip(extents, mask.shape, strict=True)
-    )
-    return k, j, i
+    return slice(max(int(indices[0]) - margin, 0), min(int(indices[-1]) + 1 + margin, len(occupied)))

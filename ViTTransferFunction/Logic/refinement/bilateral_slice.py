@@ -20,36 +20,6 @@ BAND_NUMBERS = 2**19
 """Two megabytes: what is interpolated for a band of rows stays near the processor."""
 
 
-def slice_nearest(
-    voxel_cells: VoxelCells, places: CellPlaces, values: Tensor, target: Target, out: Tensor, workers: Workers
-) -> None:
-    """Give every voxel the value of its own cell.
-
-    Args:
-        voxel_cells: which cells voxels lie in.
-        places: where the cells lie.
-        values: (cells,) float32.
-        target: what voxels that take no part keep.
-        out: (K, J, I) float32, which is written.
-        workers: to share out the layers.
-    """
-    import torch
-
-    def slice_layers(layers: Sequence[tuple[int, slice]]) -> None:
-        for layer, slices in layers:
-            within_layer = places.dense_layer(layer, values)
-            for piece in voxel_cells.pieces(slices):
-                part = voxel_cells.taking_part(layer, piece)
-                keys = voxel_cells.keys(piece, part)
-                if part is None and out[piece].is_contiguous():
-                    torch.index_select(within_layer, 0, keys.view(-1), out=out[piece].view(-1))
-                else:
-                    of_cells = within_layer.index_select(0, keys.view(-1)).view(keys.shape)
-                    out[piece] = of_cells if part is None else torch.where(part, of_cells, target.read(piece))
-
-    workers.share_out(voxel_cells.layout.layers(), slice_layers)
-
-
 def slice_multilinear(
     voxel_cells: VoxelCells, places: CellPlaces, values: Tensor, target: Target, out: Tensor, workers: Workers
 ) -> None:
@@ -59,7 +29,13 @@ def slice_multilinear(
     interpolated along K for a slice, then along J for a few of its rows at a time, which stay in the processor's cache;
     `grid_sample` interpolates I and luma at each voxel. Voxels beyond the outermost cells' centres lie at the centres.
 
-    Args: as for `slice_nearest`.
+    Args:
+        voxel_cells: which cells voxels lie in.
+        places: where the cells lie.
+        values: (cells,) float32.
+        target: what voxels that take no part keep.
+        out: (K, J, I) float32, which is written.
+        workers: to share out the layers.
     """
     import torch
     from torch.nn.functional import grid_sample

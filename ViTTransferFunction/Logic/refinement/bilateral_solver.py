@@ -10,8 +10,8 @@ voxels near each other in space and in intensity, with every row's sum 1 (Barron
 **Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
 of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
 share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
-cell. Slicing reads the voxels' values from the cells: that of their own cell, or the multilinear mean of the cells around them,
-which leaves no blocks.
+cell. Slicing gives each voxel the multilinear mean of the cells around it, where the value of its own cell alone would show the
+cells as blocks.
 
 **Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
 n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
@@ -33,13 +33,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING
 
+from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from . import large_arrays
 from .bilateral_cells import Target, splat
 from .bilateral_grid import GridLayout, VoxelCells
-from .bilateral_slice import slice_multilinear, slice_nearest
+from .bilateral_slice import slice_multilinear
 from .bilateral_system import solve_cells
 from .upsampling import Upsampling, upsampled
 from .workers import Workers
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-Slicing = Literal["multilinear", "nearest"]
+    from ..core.geometry import Box
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,6 @@ class BilateralSolverSettings:
         smoothness: λ, the weight of smoothness against agreement with the target.
         max_iterations: of conjugate gradients.
         tolerance: residual, relative to the right-hand side, at which the iteration stops.
-        slicing: "multilinear" interpolates between cells; "nearest" is faster, and shows the cells as blocks.
     """
 
     sigma_spatial_mm: float = 6.0
@@ -70,7 +70,6 @@ class BilateralSolverSettings:
     smoothness: float = 32.0
     max_iterations: int = 50
     tolerance: float = 2e-3
-    slicing: Slicing = "multilinear"
 
     def __post_init__(self) -> None:
         for name in ("sigma_spatial_mm", "sigma_luma", "smoothness", "tolerance"):
@@ -79,8 +78,6 @@ class BilateralSolverSettings:
                 raise InputError(f"Bilateral solver: {name} is {value}; expected a finite number above 0.")
         if self.max_iterations < 1:
             raise InputError(f"Bilateral solver: max_iterations is {self.max_iterations}; expected at least 1.")
-        if self.slicing not in get_args(Slicing):
-            raise InputError(f"Bilateral solver: slicing is {self.slicing!r}; expected one of {', '.join(get_args(Slicing))}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,9 +247,10 @@ def _refine(
     if active is not None:
         # What is not near the structure keeps the target.
         _read_all(target, refined, layout, workers)
-        if not bool(active.any()):
+        cropped = _cropped(layout, active)
+        if cropped is None:
             return unsolved
-        box, layout, active = _cropped(layout, active)
+        box, layout, active = cropped
         region, intensities = refined[box], intensities[box]
         confidence = None if confidence is None else confidence[box]
         target = Target(region.__getitem__, target.largest)
@@ -264,8 +262,7 @@ def _refine(
     solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
     # Memory for the map, which is written now.
     del cells
-    slice_cells = slice_multilinear if settings.slicing == "multilinear" else slice_nearest
-    slice_cells(voxel_cells, places, solution.values, target, region, workers)
+    slice_multilinear(voxel_cells, places, solution.values, target, region, workers)
     return replace(
         unsolved,
         converged=solution.residual <= settings.tolerance,
@@ -286,14 +283,14 @@ def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers)
     workers.share_out(layout.layers(), read)
 
 
-def _cropped(layout: GridLayout, active: Tensor) -> tuple[tuple[slice, slice, slice], GridLayout, Tensor]:
-    """The smallest box of voxels that holds all active cells; its own layout, and its active cells."""
-    cells, voxels = [], []
-    for axis, (edge, n) in enumerate(zip(layout.cell_voxels, layout.voxels, strict=True)):
-        occupied = active.movedim(axis, 0).flatten(1).any(1).nonzero()
-        first, end = int(occupied[0]), int(occupied[-1]) + 1
-        cells.append(slice(first, end))
-        voxels.append(slice(first * edge, min(end * edge, n)))
-    k, j, i = voxels
+def _cropped(layout: GridLayout, active: Tensor) -> tuple[Box, GridLayout, Tensor] | None:
+    """The smallest box of voxels that holds all active cells; its own layout, and its active cells. None where none is."""
+    cells = bounding_box(active.cpu().numpy())
+    if cells is None:
+        return None
+    k, j, i = (
+        slice(extent.start * edge, min(extent.stop * edge, n))
+        for extent, edge, n in zip(cells, layout.cell_voxels, layout.voxels, strict=True)
+    )
     shape = (k.stop - k.start, j.stop - j.start, i.stop - i.start)
-    return (k, j, i), replace(layout, voxels=shape), active[tuple(cells)]
+    return (k, j, i), replace(layout, voxels=shape), active[cells]

@@ -8,7 +8,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
+from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.resampling import sample_at
 from ..core.volume import Volume
@@ -73,19 +75,19 @@ def refine(
     return refined
 
 
-def active_box(active: np.ndarray, shape: tuple[int, ...]) -> tuple[slice, slice, slice] | None:
+def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
     """The smallest box of a volume's voxels, `shape`, that holds all active cells and one cell around them; None for none."""
-    extents = []
-    for axis, voxels in enumerate(shape):
-        indices = np.flatnonzero(active.any(axis=tuple(other for other in range(3) if other != axis)))
-        if not len(indices):
-            return None
-        voxels_per_cell = voxels / active.shape[axis]
-        low = math.floor((indices[0] - 1) * voxels_per_cell)
-        high = math.ceil((indices[-1] + 2) * voxels_per_cell)
-        extents.append(slice(max(low, 0), min(high, voxels)))
-    k, j, i = extents
+    cells = bounding_box(active, margin=1)
+    if cells is None:
+        return None
+    k, j, i = (_voxels_of(*extent_and_numbers) for extent_and_numbers in zip(cells, active.shape, shape, strict=True))
     return k, j, i
+
+
+def _voxels_of(cells: slice, cell_count: int, voxel_count: int) -> slice:
+    """The voxels along an axis that lie in some of its cells, be it in part."""
+    voxels_per_cell = voxel_count / cell_count
+    return slice(math.floor(cells.start * voxels_per_cell), min(math.ceil(cells.stop * voxels_per_cell), voxel_count))
 
 
 def _solved(

@@ -13,6 +13,7 @@ from Benchmarks.accuracy.runs import run_on_clicks, run_with_own_clicks
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume, PhantomCase, classes_of
+from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from Benchmarks.topology.topology import Topology, topology_of
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -136,7 +137,7 @@ def test_the_report_shows_every_method_and_names_the_best_baseline(tmp_path: Pat
     pytest.importorskip("matplotlib").use("Agg")
     from Benchmarks.accuracy.report import write_report
 
-    write_report({"model": "m", "machine": {"processor": "p", "cores": 2}, "runs": RUNS}, tmp_path)
+    write_report({"model": "m", "machine": machine("cpu"), "runs": RUNS}, tmp_path)
     text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
     assert "| torso | threshold | 0.100 | 0.200 | 0.300 | 0.400 | 0.250 | 0.350 | 0.450 |" in text
     assert "0.300 (threshold)" in text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ pytest.importorskip("matplotlib")
 
 from Benchmarks.features.report import write_report
 from Benchmarks.features.run import DEFAULT, summary
-from Benchmarks.features.runs import PUBLISHED, REFERENCE
+from Benchmarks.features.runs import PUBLISHED, REFERENCE, at_grid, settings_called
+from Benchmarks.shared.machine import machine
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 
 
 def row(case: str, setting: str, seconds: float, dice: float, extra_bytes: int = 0) -> dict[str, Any]:
@@ -32,7 +35,8 @@ def report() -> dict[str, Any]:
         row("head", DEFAULT, 10.0, 0.70, extra_bytes=200),
     ]
     return {
-        "machine": {"cores": 2},
+        "model": "m",
+        "machine": machine("cpu"),
         "command": "python dev.py bench features",
         "default": DEFAULT,
         "published_cases": ["chest"],
@@ -64,3 +68,17 @@ def test_the_report_says_what_was_compared(report: dict[str, Any], cases: list[s
     report |= {"published_cases": cases, "summary": summary(report)}
     write_report(report, tmp_path)
     assert words in (tmp_path / "features.md").read_text(encoding="utf-8")
+
+
+def test_a_grid_is_the_default_setting_but_for_its_cells() -> None:
+    default = PRESETS[DEFAULT_PRESET].features
+    assert settings_called(DEFAULT) == default
+    assert settings_called(at_grid(96)) == replace(default, grid=96)
+
+
+def test_grids_have_rows_and_change_no_other_figure(report: dict[str, Any], tmp_path: Path) -> None:
+    figures = summary(report)
+    report["rows"].append(row("chest", at_grid(96), 30.0, 0.85))
+    assert summary(report) == figures
+    write_report({**report, "summary": figures}, tmp_path)
+    assert "| chest | grid 96 | 1,000 | 30.0 |" in (tmp_path / "features.md").read_text(encoding="utf-8")

@@ -13,6 +13,7 @@ from Benchmarks.refinement.candidates import CANDIDATES, DEFAULT, Candidate, Coa
 from Benchmarks.refinement.run import CandidateSession, CaseBench, mean_surface_distance_mm, verdict, write_report
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
+from Benchmarks.shared.machine import machine
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood as intensity_evidence
@@ -112,8 +113,7 @@ def test_a_candidate_is_given_the_clicks_that_were_kept(
 
 def test_the_report_says_who_wins(tmp_path: Path) -> None:
     rows = [_row(DEFAULT.name, "a", 0.8), _row(DEFAULT.name, "b", 0.7), _row("other", "a", 0.85), _row("other", "b", 0.75)]
-    machine = {"processor": "x", "cores": 2}
-    write_report({"model": "tiny", "machine": machine, "rows": rows}, tmp_path)
+    write_report({"model": "tiny", "machine": machine("cpu"), "rows": rows}, tmp_path)
     summary = json.loads((tmp_path / "refinement.json").read_text(encoding="utf-8"))["summary"]
     assert summary["other"]["a"] == {"dice": 0.85, "surface_distance_mm": 1.0}
     text = (tmp_path / "refinement.md").read_text(encoding="utf-8")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from Benchmarks.shared.machine import machine
 from Benchmarks.shared.shape_phantoms import sphere, torus
 from Benchmarks.topology.topology import Topology, euler_number, topology_of
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -72,6 +73,24 @@ def test_the_features_of_all_axes_are_the_mean_of_those_of_one(
     assert np.abs(alone[0] - alone[1]).max() > 0.01
 
 
+def test_a_shape_is_measured_refined_and_not(tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch) -> None:
+    from Benchmarks.topology.run import REFINEMENTS, measure_shape
+
+    monkeypatch.setitem(PRESETS, DEFAULT_PRESET, replace(PRESETS[DEFAULT_PRESET], features=FeatureSettings(grid=6)))
+    measured = json.loads(json.dumps(measure_shape("sphere", 24, 0.0, 2, tiny_network, (0,))))
+    assert [row["refinement"] for row in measured["rows"]] == list(REFINEMENTS)
+    assert {row["true_euler"] for row in measured["rows"]} == {1}
+    assert np.shape(measured["middle_slices"]) == (len(REFINEMENTS), 24, 24)
+
+
+def test_boundaries_are_measured_in_voxels_where_anything_was_found() -> None:
+    from Benchmarks.topology.run import boundary_figures
+
+    ball = sphere(24)
+    assert boundary_figures(ball, ball) == {"dice": 1.0, "mean_voxels": 0.0, "p95_voxels": 0.0, "within_one_voxel": 1.0}
+    assert boundary_figures(np.zeros_like(ball), ball) == {"dice": 0.0}
+
+
 def test_a_transfer_function_shows_what_is_bright_large_and_in_its_box(tmp_path: Path) -> None:
     from Benchmarks.topology.run import FineStructure
 
@@ -96,7 +115,11 @@ def test_the_report_names_what_was_found_and_what_is_true(tmp_path: Path) -> Non
     detail |= {"p95_voxels": 1.0, "within_one_voxel": 0.96}
     ring = torus(16)[:, :, 8]
     pictures = {("torus", features, refinement): ring for features, refinement, _ in COLUMNS}
-    write_report({"model": "m", "size": 16, "clicks": 5, "shapes": [row], "details": [detail]}, pictures, tmp_path)
+    write_report(
+        {"model": "m", "machine": machine("cpu"), "size": 16, "clicks": 5, "shapes": [row], "details": [detail]},
+        pictures,
+        tmp_path,
+    )
     text = (tmp_path / "topology.md").read_text(encoding="utf-8")
     assert "| torus | 0 | three axes | bilateral | 0.9900 | 1 (0) | 1 | 0 | 0 | 5.0 |" in text
     summary = json.loads((tmp_path / "topology.json").read_text(encoding="utf-8"))["summary"]

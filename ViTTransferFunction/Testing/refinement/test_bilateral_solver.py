@@ -22,7 +22,9 @@ from ViTTransferFunction.Testing.support.bilateral_reference import (
     a_noisy_step,
     dense_map,
     dense_solution,
+    solve_by_cell,
     some_settings,
+    with_either_slice,
 )
 
 
@@ -40,7 +42,7 @@ def _one_thread():
 def test_solution_minimises_the_energy():
     target, luma = a_noisy_step()
     options = some_settings()
-    solution = solve_bilateral(target, luma, None, UNIT_SPACING, options)
+    solution = solve_by_cell(target, luma, None, UNIT_SPACING, options)
     expected = dense_map(target, luma, torch.ones_like(target), solution, options)
     np.testing.assert_allclose(solution.map, expected, atol=1e-5)
 
@@ -49,13 +51,13 @@ def test_solution_minimises_the_energy_where_confidence_varies():
     target, luma = a_noisy_step()
     confidence = torch.rand(target.shape, generator=torch.Generator().manual_seed(1)) ** 4 * 5.0
     options = some_settings()
-    solution = solve_bilateral(target, luma, confidence, UNIT_SPACING, options)
+    solution = solve_by_cell(target, luma, confidence, UNIT_SPACING, options)
     np.testing.assert_allclose(solution.map, dense_map(target, luma, confidence, solution, options), atol=1e-5)
 
 
 def test_multilinear_slice_interpolates_the_cells_around_a_voxel():
     target, luma = a_noisy_step()
-    options = some_settings(slicing="multilinear")
+    options = some_settings()
     solution = solve_bilateral(target, luma, None, UNIT_SPACING, options)
     occupied, _, values = dense_solution(target, luma, torch.ones_like(target), solution.cell_voxels, options)
     value_of = {tuple(cell): value for cell, value in zip(occupied, values, strict=True)}
@@ -78,14 +80,14 @@ def test_multilinear_slice_interpolates_the_cells_around_a_voxel():
 
 def test_map_steps_where_the_image_does():
     target, luma = a_noisy_step((12, 12, 24))
-    solution = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing="multilinear"))
+    solution = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
     structure = torch.arange(24).expand(12, 12, 24) >= 12
     assert float(solution.map[structure].min()) > float(solution.map[~structure].max()) + 0.3
 
 
 def test_result_does_not_depend_on_the_order_of_axes():
     target, luma = a_noisy_step((6, 9, 12))
-    options = some_settings(sigma_spatial_mm=3.0, slicing="multilinear")
+    options = some_settings(sigma_spatial_mm=3.0)
     straight = solve_bilateral(target, luma, None, (1.0, 1.5, 3.0), options)
     turned = solve_bilateral(target.permute(2, 0, 1), luma.permute(2, 0, 1), None, (3.0, 1.0, 1.5), options)
     np.testing.assert_allclose(turned.map.permute(1, 2, 0), straight.map, atol=1e-5)
@@ -94,7 +96,7 @@ def test_result_does_not_depend_on_the_order_of_axes():
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_result_does_not_depend_on_the_direction_of_axes(axis):
     target, luma = a_noisy_step((6, 9, 12))
-    options = some_settings(sigma_spatial_mm=3.0, slicing="multilinear")
+    options = some_settings(sigma_spatial_mm=3.0)
     straight = solve_bilateral(target, luma, None, UNIT_SPACING, options)
     mirrored = solve_bilateral(target.flip(axis), luma.flip(axis), None, UNIT_SPACING, options)
     np.testing.assert_allclose(mirrored.map.flip(axis), straight.map, atol=1e-5)
@@ -109,7 +111,7 @@ def test_result_does_not_depend_on_the_direction_of_axes(axis):
 )
 def test_map_stays_within_the_range_of_its_target(shape, smoothness, sigma_luma, seed):
     target, luma = torch.rand(2, *shape, generator=torch.Generator().manual_seed(seed))
-    options = some_settings(smoothness=smoothness, sigma_luma=sigma_luma, slicing="multilinear")
+    options = some_settings(smoothness=smoothness, sigma_luma=sigma_luma)
     refined = solve_bilateral(target, luma, None, UNIT_SPACING, options).map
     assert float(refined.min()) >= float(target.min()) - 1e-6
     assert float(refined.max()) <= float(target.max()) + 1e-6
@@ -160,11 +162,11 @@ def a_small_bright_region(n=30):
     return target, luma
 
 
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_far_from_the_threshold_the_target_is_kept(slicing):
+@with_either_slice
+def test_far_from_the_threshold_the_target_is_kept(solve):
     target, luma = a_small_bright_region()
     target += 0.1 * torch.rand(target.shape, generator=torch.Generator().manual_seed(5))
-    solution = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing), threshold=0.5)
+    solution = solve(target, luma, None, UNIT_SPACING, some_settings(), threshold=0.5)
     changed = solution.map != target
     assert bool(changed[12:18, 12:18, 12:18].all())
     assert not bool(changed[:9].any() | changed[21:].any() | changed[:, :9].any() | changed[:, :, 21:].any())
@@ -218,12 +220,12 @@ def test_repeated_runs_are_bitwise_equal():
     assert torch.equal(first.map, second.map)
 
 
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_number_of_threads_changes_no_bit(slicing):
+@with_either_slice
+def test_number_of_threads_changes_no_bit(solve):
     target, luma = a_noisy_step((40, 20, 20))
-    one = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    one = solve(target, luma, None, UNIT_SPACING, some_settings())
     torch.set_num_threads(3)
-    several = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    several = solve(target, luma, None, UNIT_SPACING, some_settings())
     assert torch.equal(one.map, several.map)
 
 
@@ -234,7 +236,7 @@ def test_number_of_threads_changes_no_bit(slicing):
 @pytest.mark.parametrize("threshold", [None, 0.5])
 def test_working_in_small_pieces_changes_no_bit(constant, value, threshold, monkeypatch):
     target, luma = a_noisy_step((9, 14, 20))
-    options = some_settings(slicing="multilinear")
+    options = some_settings()
     whole = solve_bilateral(target, luma, None, UNIT_SPACING, options, threshold)
     monkeypatch.setattr(f"ViTTransferFunction.Logic.refinement.{constant}", value)
     pieces = solve_bilateral(target, luma, None, UNIT_SPACING, options, threshold)
@@ -265,7 +267,6 @@ def test_inputs_are_not_changed():
         ({"smoothness": -1.0}, "smoothness is -1.0"),
         ({"tolerance": float("inf")}, "tolerance is inf"),
         ({"max_iterations": 0}, "max_iterations is 0"),
-        ({"slicing": "cubic"}, "slicing is 'cubic'; expected one of multilinear, nearest"),
     ],
 )
 def test_settings_that_cannot_be_used_are_refused(change, message):

@@ -10,20 +10,28 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
 from ViTTransferFunction.Logic.refinement.bilateral_solver import refine_map, solve_bilateral
 from ViTTransferFunction.Logic.refinement.bilateral_system import MAX_SMOOTHNESS, _conjugate_gradients
-from ViTTransferFunction.Testing.support.bilateral_reference import UNIT_SPACING, a_noisy_step, dense_map, some_settings
+from ViTTransferFunction.Testing.support.bilateral_reference import (
+    UNIT_SPACING,
+    a_noisy_step,
+    dense_map,
+    refine_by_cell,
+    solve_by_cell,
+    some_settings,
+    with_either_slice,
+)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_voxels_without_intensity_keep_their_target_and_change_no_other(bad, slicing):
+@with_either_slice
+def test_voxels_without_intensity_keep_their_target_and_change_no_other(bad, solve):
     target, luma = a_noisy_step()
     missing = torch.zeros(target.shape, dtype=torch.bool)
     missing[2:4, 3:5, 1:9] = True
     poisoned = torch.where(missing, bad, luma)
-    solution = solve_bilateral(target, poisoned, None, UNIT_SPACING, some_settings(slicing=slicing))
+    solution = solve(target, poisoned, None, UNIT_SPACING, some_settings())
     np.testing.assert_array_equal(solution.map[missing], target[missing])
     other_target = torch.where(missing, 0.5, target)
-    other = solve_bilateral(other_target, poisoned, None, UNIT_SPACING, some_settings(slicing=slicing))
+    other = solve(other_target, poisoned, None, UNIT_SPACING, some_settings())
     np.testing.assert_array_equal(solution.map[~missing], other.map[~missing])
 
 
@@ -31,7 +39,7 @@ def test_voxels_without_intensity_keep_their_target_and_change_no_other(bad, sli
 def test_voxels_without_target_have_no_confidence(bad):
     target, luma = a_noisy_step()
     missing = torch.rand(target.shape, generator=torch.Generator().manual_seed(6)) < 0.2
-    solution = solve_bilateral(torch.where(missing, bad, target), luma, None, UNIT_SPACING, some_settings())
+    solution = solve_by_cell(torch.where(missing, bad, target), luma, None, UNIT_SPACING, some_settings())
     expected = dense_map(target, luma, (~missing).float(), solution, some_settings())
     np.testing.assert_allclose(solution.map, expected, atol=1e-4)
 
@@ -55,20 +63,18 @@ def test_volume_without_any_finite_voxel_leaves_the_map_as_it_is():
     np.testing.assert_array_equal(solution.map, target)
 
 
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_constant_map_stays_constant(slicing):
+@with_either_slice
+def test_constant_map_stays_constant(solve):
     _, luma = a_noisy_step()
-    solution = solve_bilateral(torch.full(luma.shape, 0.3), luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    solution = solve(torch.full(luma.shape, 0.3), luma, None, UNIT_SPACING, some_settings())
     np.testing.assert_allclose(solution.map, 0.3, atol=1e-6)
     assert solution.converged
 
 
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_map_of_zeros_stays_zero(slicing):
+@with_either_slice
+def test_map_of_zeros_stays_zero(solve):
     _, luma = a_noisy_step()
-    assert not bool(
-        solve_bilateral(torch.zeros(luma.shape), luma, None, UNIT_SPACING, some_settings(slicing=slicing)).map.any()
-    )
+    assert not bool(solve(torch.zeros(luma.shape), luma, None, UNIT_SPACING, some_settings()).map.any())
 
 
 @pytest.mark.parametrize("magnitude", [1e-12, 1e12])
@@ -90,7 +96,7 @@ def test_cells_with_too_many_voxels_to_pack_their_sums_are_solved_alike(monkeypa
 @pytest.mark.parametrize("window", [(100.0, 100.0), (0.0, 200.0)])
 def test_constant_volume_is_smoothed_in_space_only(window):
     target, luma = a_noisy_step()
-    solution = refine_map(target, torch.full(target.shape, 100.0), window, UNIT_SPACING, some_settings())
+    solution = refine_by_cell(target, torch.full(target.shape, 100.0), window, UNIT_SPACING, some_settings())
     expected = dense_map(target, torch.full_like(luma, 0.5), torch.ones_like(target), solution, some_settings())
     np.testing.assert_allclose(solution.map, expected, atol=1e-5)
 
@@ -109,19 +115,19 @@ def test_metal_changes_nothing_beyond_its_own_voxels():
 def test_full_range_of_16_bits_is_used(dtype, low, high):
     target, luma = a_noisy_step()
     whole = (luma.double() * (high - low) + low).round()
-    solution = refine_map(target, whole.to(dtype), (float(low), float(high)), UNIT_SPACING, some_settings())
+    solution = refine_by_cell(target, whole.to(dtype), (float(low), float(high)), UNIT_SPACING, some_settings())
     rounded_luma = (whole - low) / (high - low)
     expected = dense_map(target, rounded_luma, torch.ones_like(target), solution, some_settings())
     np.testing.assert_allclose(solution.map, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 9, 10), (8, 1, 10), (8, 9, 1), (1, 1, 10)])
-@pytest.mark.parametrize("slicing", ["nearest", "multilinear"])
-def test_single_voxels_rows_and_slices_are_solved(shape, slicing):
+@with_either_slice
+def test_single_voxels_rows_and_slices_are_solved(shape, solve):
     target, luma = a_noisy_step(shape)
-    solution = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(slicing=slicing))
+    solution = solve(target, luma, None, UNIT_SPACING, some_settings())
     assert solution.converged
-    if slicing == "nearest":
+    if solve is solve_by_cell:
         expected = dense_map(target, luma, torch.ones_like(target), solution, some_settings())
         np.testing.assert_allclose(solution.map, expected, atol=1e-5)
     else:
@@ -172,7 +178,7 @@ def test_isolated_cell_without_confidence_takes_the_mean_of_the_target():
 
 def test_cells_are_equally_wide_in_millimetres_on_anisotropic_voxels():
     target, luma = a_noisy_step((4, 20, 20))
-    solution = solve_bilateral(target, luma, None, (5.0, 0.5, 0.5), some_settings(sigma_spatial_mm=5.0))
+    solution = solve_by_cell(target, luma, None, (5.0, 0.5, 0.5), some_settings(sigma_spatial_mm=5.0))
     assert solution.cell_voxels == (1, 10, 10)
     expected = dense_map(target, luma, torch.ones_like(target), solution, some_settings())
     np.testing.assert_allclose(solution.map, expected, atol=1e-5)
@@ -226,7 +232,7 @@ def test_float32_answer_agrees_with_float64_at_any_smoothness(smoothness, part_w
     if part_without_confidence:
         confidence[:, 4:] = 0.0
     options = some_settings(smoothness=smoothness)
-    solution = solve_bilateral(target, luma, confidence, UNIT_SPACING, options)
+    solution = solve_by_cell(target, luma, confidence, UNIT_SPACING, options)
     assert solution.converged
     np.testing.assert_allclose(solution.map, dense_map(target, luma, confidence, solution, options), atol=1e-4)
 
@@ -240,7 +246,7 @@ def test_long_chain_that_little_holds_is_solved_to_five_digits():
     confidence[..., 50:-50] = 0.0
     luma = torch.full_like(target, 0.5)
     options = some_settings(smoothness=1e3, sigma_spatial_mm=1.0)
-    solution = solve_bilateral(target, luma, confidence, UNIT_SPACING, options)
+    solution = solve_by_cell(target, luma, confidence, UNIT_SPACING, options)
     np.testing.assert_allclose(solution.map, dense_map(target, luma, confidence, solution, options), atol=1e-5)
 
 

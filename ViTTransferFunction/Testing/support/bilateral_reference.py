@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
-from ViTTransferFunction.Logic.refinement.bilateral_solver import BilateralSolution, BilateralSolverSettings
+from Benchmarks.solver.nearest_slice import nearest_slicing
+from ViTTransferFunction.Logic.refinement.bilateral_solver import (
+    BilateralSolution,
+    BilateralSolverSettings,
+    refine_map,
+    solve_bilateral,
+)
 from ViTTransferFunction.Logic.refinement.bilateral_system import (
     BISTOCHASTISATION_STEPS,
     CONFIDENCE_FLOOR,
@@ -14,10 +21,17 @@ from ViTTransferFunction.Logic.refinement.bilateral_system import (
 
 UNIT_SPACING = (1.0, 1.0, 1.0)
 
+solve_by_cell = nearest_slicing()(solve_bilateral)
+"""`solve_bilateral`, but each voxel has the value of its own cell: what the energy is about, before cells are interpolated."""
+refine_by_cell = nearest_slicing()(refine_map)
+"""`refine_map` in the same way."""
+with_either_slice = pytest.mark.parametrize("solve", [solve_by_cell, solve_bilateral], ids=["own cell", "multilinear"])
+"""Gives a test the solver in both ways."""
+
 
 def some_settings(**changes) -> BilateralSolverSettings:
     exact = {"sigma_spatial_mm": 3.0, "sigma_luma": 0.1, "smoothness": 8.0, "max_iterations": 2000, "tolerance": 1e-6}
-    return BilateralSolverSettings(**{**exact, "slicing": "nearest", **changes})
+    return BilateralSolverSettings(**{**exact, **changes})
 
 
 def a_noisy_step(shape=(8, 9, 10), seed=0):

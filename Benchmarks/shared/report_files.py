@@ -1,0 +1,43 @@
+"""The files that a benchmark leaves: what was measured for programs, and tables and pictures of it for people."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ViTTransferFunction.Logic.core.atomic_file import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def write_results(folder: Path, name: str, report: dict[str, Any], text: str) -> None:
+    """Write NAME.json with all of a report and NAME.md with its text, and print the text."""
+    write_text(folder / f"{name}.json", as_json(report))
+    write_text(folder / f"{name}.md", text)
+    print(text)
+
+
+def as_json(report: dict[str, Any]) -> str:
+    """One figure a line, but of `runs`, if there are any, one run a line: there are thousands of figures in them."""
+    rest = json.dumps({key: value for key, value in report.items() if key != "runs"}, indent=1)
+    if "runs" not in report:
+        return f"{rest}\n"
+    runs = ",\n".join(f"  {json.dumps(run)}" for run in report["runs"])
+    return f'{rest[:-2]},\n "runs": [\n{runs}\n ]\n}}\n'
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file that is there whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure to a PNG file, and close it."""
+    import matplotlib.pyplot as plt
+
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+    plt.close(figure)

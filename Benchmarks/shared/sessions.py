@@ -1,0 +1,54 @@
+"""Segmentation sessions as users have them, on labelled volumes and simulated clicks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
+from Benchmarks.shared.simulated_clicker import Click
+from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import choose_device
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS, Preset
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.weights.sources import WeightsFile
+
+
+def load_features(volume: Volume, weights: WeightsFile) -> FeatureVolume:
+    """The default preset's features, from the cache if they are there."""
+    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET], cache=FeatureCache())
+    with ProgressBar() as progress:
+        session.load_features(weights, choose_device("auto"), progress)
+    return session.features.source
+
+
+def open_session(volume: Volume, features: FeatureVolume, preset: Preset | None = None) -> SegmentationSession:
+    """A session on a volume whose features are at hand; of the default preset unless told."""
+    session = SegmentationSession(volume, preset or PRESETS[DEFAULT_PRESET])
+    session.use_features(features)
+    return session
+
+
+def labels_of(
+    session: SegmentationSession,
+    labelled: LabelledVolume,
+    clicks: Sequence[Sequence[Click]],
+    refinement: RefinementMethod = "bilateral",
+    with_negatives: bool = True,
+) -> np.ndarray:
+    """Labels (K, J, I) that the session makes of the clicks of each structure; without negatives, those are left out.
+
+    Args:
+        session: on the labelled volume, with features.
+        labelled: the volume, for the structures' names.
+        clicks: of each structure, at least one positive.
+        refinement: how maps are refined.
+        with_negatives: whether the session is told of negative clicks.
+    """
+    classes = classes_of(labelled.names, clicks, labelled.volume.geometry, with_negatives)
+    return session.segment(classes, refinement).labels

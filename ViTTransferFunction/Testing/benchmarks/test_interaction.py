@@ -1,0 +1,44 @@
+"""What the benchmark of interaction says of an update of the maps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from Benchmarks.interaction.update_cost import POINTS_BEFORE, measure_updates
+from Benchmarks.shared.machine import machine
+
+PACES = [{"pause_s": 0.1, "median_ms": 60.0, "worst_ms": 120.0}, {"pause_s": 1.0, "median_ms": 250.0, "worst_ms": 770.0}]
+
+
+@pytest.fixture
+def measured() -> dict[str, Any]:
+    clicks = {"paces": PACES, "blocked_ms": 50.0, "features_loaded_s": 4.0, "refined_after_s": 1.5}
+    updates = {"cells": 80, "classes": 5, "floor_ms": 10.0, "rows": [{"points": p, "update_ms": 30.0 + p} for p in (5, 10)]}
+    return {"machine": machine("cpu"), "volume": 256, "cells": 64, "classes": 5, "clicks": clicks, "updates": updates}
+
+
+def test_updates_are_measured_for_every_number_of_points() -> None:
+    updates = measure_updates(cells=8)
+    assert [row["points"] for row in updates["rows"]] == list(POINTS_BEFORE)
+    assert min(updates["floor_ms"], *(row["update_ms"] for row in updates["rows"])) > 0.0
+
+
+def test_the_slowest_update_is_what_is_tracked(measured: dict[str, Any]) -> None:
+    pytest.importorskip("trame_slicer")
+    from Benchmarks.interaction.run import summary
+
+    figures = summary(measured)
+    assert (figures["update_ms"], figures["update_floor_ratio"]) == (40.0, 4.0)
+    assert (figures["click_ms"], figures["click_worst_ms"], figures["blocked_ms"]) == (60.0, 770.0, 50.0)
+
+
+def test_the_report_has_what_the_user_waits_for_and_what_the_maps_cost(measured: dict[str, Any]) -> None:
+    pytest.importorskip("trame_slicer")
+    from Benchmarks.interaction.run import text
+
+    report = text({**measured, "extraction": {"grid": 32, "seconds": 2.0, "blocked_ms": 3.0}})
+    assert "median (slowest) | 250 ms (770 ms) |" in report
+    assert "2 s at grid 32 | 3 ms |" in report
+    assert "| 10 | 40 ms | 4.0 |" in report

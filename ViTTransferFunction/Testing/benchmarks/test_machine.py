@@ -1,0 +1,34 @@
+"""What is said of the machine that figures were measured on."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from Benchmarks.shared.machine import in_words, machine, processor_capability
+
+
+@pytest.mark.parametrize(
+    ("vectors", "bfloat16", "amx", "words"),
+    [
+        ("AVX512", True, False, "AVX-512 with bfloat16, no AMX"),
+        ("AVX512", True, True, "AVX-512 with bfloat16, AMX"),
+        ("AVX512", False, False, "AVX-512 without bfloat16, no AMX"),
+        ("AVX2", False, False, "AVX2 without bfloat16, no AMX"),
+        ("SVE256", False, False, "SVE256"),
+    ],
+)
+def test_a_processor_is_told_by_what_the_network_runs_on(
+    vectors: str, bfloat16: bool, amx: bool, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: vectors)
+    monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda: bfloat16)
+    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: amx)
+    assert processor_capability() == words
+
+
+def test_a_gpu_is_named_where_there_is_one() -> None:
+    without = machine("cpu")
+    assert "gpu" not in without
+    assert in_words({**without, "gpu": "a fast one"}) == f"{in_words(without)}, a fast one"
+    assert str(without["cores"]) in in_words(without)
