@@ -18,9 +18,9 @@ from Benchmarks.accuracy.body_mask import body_mask
 from Benchmarks.accuracy.local_features import LocalFeatures
 from Benchmarks.accuracy.seeds import Seeds
 from Benchmarks.accuracy.svm_scores import svm_scores
-from ViTTransferFunction.Logic.core.map_interpolation import cell_positions, interpolated
+from ViTTransferFunction.Logic.core.resampling import cell_positions, interpolated
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.whitening import ComparableFeatures
+from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures
 
 ClassifierKind = Literal["SVM", "RF"]
 COARSEST_MM = 3.2
@@ -70,7 +70,7 @@ class FeatureClassifier:
         kind: of classifier.
     """
 
-    def __init__(self, volume: Volume, features: ComparableFeatures, kind: ClassifierKind) -> None:
+    def __init__(self, volume: Volume, features: NormalisedFeatures, kind: ClassifierKind) -> None:
         self._volume, self._features = volume, features
         self._kind: ClassifierKind = kind
         self._between = [

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.background_tokens import air_cells
+from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
 
 
 def body_mask(volume: Volume) -> np.ndarray:
     """(K, J, I) bool: all but the cells that hold only the air around the body, as feature extraction finds them."""
     settings = FeatureSettings()
-    air = air_cells(volume.array, settings.windows_for(volume), grid_shape(volume.geometry, settings))
+    air = background_cells(volume.array, settings.windows_for(volume), grid_shape(volume.geometry, settings))
     nearest = [np.arange(voxels) * cells // voxels for cells, voxels in zip(air.shape, volume.shape, strict=True)]
     return ~air[np.ix_(*nearest)]

@@ -17,15 +17,15 @@ from Benchmarks.accuracy.baseline_grow_from_seeds import GrowFromSeeds
 from Benchmarks.accuracy.baseline_threshold import ClickedThreshold
 from Benchmarks.accuracy.seeds import Seeds, painted, seeds_of
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
-from Benchmarks.shared.sessions import labels_of, open_session
+from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.simulated_clicker import Clicks
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.whitening import Statistics, comparable_features
+from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.labels import keep_annotated_components
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.similarity.cosine import SimilarityMethod
+from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 
 Segment = Callable[[LabelledVolume, Clicks], np.ndarray]
 """From the clicks of each structure of a labelled volume to labels like its truth's. The truth is there for what a user would
@@ -73,7 +73,7 @@ class SessionMethod:
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
         """See `Method`."""
         preset = replace(PRESETS[DEFAULT_PRESET], similarity=self.similarity, statistics=self.statistics)
-        session = open_session(volume, features, preset)
+        session = session_on(volume, features, preset)
 
         def segment(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
             return labels_of(session, labelled, clicks, self.refinement, self.negatives)
@@ -124,7 +124,7 @@ def _on_local_features(kind: ClassifierKind) -> Baseline:
 def _on_network_features(kind: ClassifierKind) -> Baseline:
     return Baseline(
         f"{kind} on the network's features",
-        lambda volume, features: FeatureClassifier(volume, comparable_features(features, "whitened"), kind),
+        lambda volume, features: FeatureClassifier(volume, normalised_features(features, "whitened"), kind),
     )
 
 

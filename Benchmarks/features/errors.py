@@ -8,14 +8,15 @@ import numpy as np
 
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import mean_dice
-from Benchmarks.shared.sessions import labels_of, open_session
+from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.simulated_clicker import click_in_rounds
-from ViTTransferFunction.Logic.core.orientation import upright_orientation
+from ViTTransferFunction.Logic.core.orientation import canonical_orientation
+from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.background_tokens import air_cells
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.features.background_tokens import background_cells
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
-from ViTTransferFunction.Logic.features.whitening import Statistics, comparable_features, unit_vectors
+from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features, unit_vectors
 
 
 def cosine_errors(features: FeatureVolume, reference: FeatureVolume, volume: Volume) -> dict[str, float]:
@@ -23,27 +24,29 @@ def cosine_errors(features: FeatureVolume, reference: FeatureVolume, volume: Vol
 
     Features of another grid are interpolated at the reference's cells. Cells of air do not count: there is nothing to find.
     """
-    body = ~_air(volume, reference)
+    body = ~_background(volume, reference)
     centres = reference.geometry.voxel_centres_ras()[body.ravel()]
     vectors = sample_at(features.array, features.geometry, centres)
     return {statistics: _mean_error(vectors, reference, statistics, body) for statistics in ("centred", "whitened")}
 
 
 def _mean_error(vectors: np.ndarray, reference: FeatureVolume, statistics: Statistics, body: np.ndarray) -> float:
-    comparable = comparable_features(reference, statistics)
-    errors = 1.0 - np.sum(unit_vectors(comparable.transform.apply(vectors)) * comparable.array[body], axis=1)
+    normalised = normalised_features(reference, statistics)
+    errors = 1.0 - np.sum(unit_vectors(normalised.transform.apply(vectors)) * normalised.array[body], axis=1)
     return float(errors.mean())
 
 
-def _air(volume: Volume, features: FeatureVolume) -> np.ndarray:
-    orientation = upright_orientation(volume.geometry)
-    shape = orientation.upright_shape(features.geometry.shape)
-    air = air_cells(orientation.upright(volume.array), FeatureSettings().windows_for(volume), shape)
-    return orientation.restored(air[..., None])[..., 0]
+def _background(volume: Volume, features: FeatureVolume) -> np.ndarray:
+    orientation = canonical_orientation(volume.geometry)
+    shape = orientation.canonical_shape(features.geometry.shape)
+    background = np.empty(features.geometry.shape, dtype=bool)
+    windows = FeatureSettings().windows_for(volume)
+    orientation.to_canonical(background)[...] = background_cells(orientation.to_canonical(volume.array), windows, shape)
+    return background
 
 
 def dice_by_clicks(features: FeatureVolume, labelled: LabelledVolume) -> dict[str, float]:
     """Mean Dice of the structures after each number of clicks, with everything but the features as in the default."""
-    session = open_session(labelled.volume, features)
+    session = session_on(labelled.volume, features)
     states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled))
     return {str(state.number): mean_dice(state.labels, labelled.truth, len(labelled.names)) for state in states}

@@ -28,28 +28,28 @@ from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.progressive import progressive_features
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
-from ViTTransferFunction.Logic.features.whitening import comparable_features
+from ViTTransferFunction.Logic.features.whitening import normalised_features
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelSimilarity
+from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
 
 PUBLISHED = "published"
 REFERENCE = "every slice"
 _AT_GRID = "grid "
-_ONE_BY_ONE = FeatureSettings(thin_air=False, precision="float32")
+_ONE_BY_ONE = FeatureSettings(merge_background=False, precision="float32")
 SETTINGS = {
-    PUBLISHED: PRESETS["published"].features,
-    REFERENCE: FeatureSettings(every_slice=True, thin_air=False),
+    PUBLISHED: PRESETS["paper"].features,
+    REFERENCE: FeatureSettings(every_slice=True, merge_background=False),
     "one slice a layer, float32": _ONE_BY_ONE,
-    "one slice a layer": replace(_ONE_BY_ONE, precision="fastest"),
-    "thin air": FeatureSettings(),
-    "thin air, every 2nd layer": FeatureSettings(layer_step=2),
-    "thin air, float32": replace(_ONE_BY_ONE, thin_air=True),
-    **{f"thin air, {patches} patches": FeatureSettings(patches_per_cell=patches / 64) for patches in (24, 32, 40, 48)},
-    "thin air, 48 patches, every 2nd layer": FeatureSettings(patches_per_cell=48 / 64, layer_step=2),
-    "thin air, 40 patches, float32": FeatureSettings(patches_per_cell=40 / 64, precision="float32"),
+    "one slice a layer": replace(_ONE_BY_ONE, precision="bfloat16"),
+    "background merged": FeatureSettings(),
+    "background merged, every 2nd layer": FeatureSettings(layer_step=2),
+    "background merged, float32": replace(_ONE_BY_ONE, merge_background=True),
+    **{f"background merged, {patches} patches": FeatureSettings(patches_per_cell=patches / 64) for patches in (24, 32, 40, 48)},
+    "background merged, 48 patches, every 2nd layer": FeatureSettings(patches_per_cell=48 / 64, layer_step=2),
+    "background merged, 40 patches, float32": FeatureSettings(patches_per_cell=40 / 64, precision="float32"),
 }
 """What is compared: the levers one after the other, then together. All at the default grid."""
 
@@ -119,7 +119,7 @@ def _first_map(options: argparse.Namespace) -> dict[str, Any]:
     volume, network = _volume(options), _network(options)
     seconds = []
     for features in progressive_features(volume, network, PRESETS[DEFAULT_PRESET].features):
-        similarity = KernelSimilarity(comparable_features(features, PRESETS[DEFAULT_PRESET].statistics), volume)
+        similarity = KernelRidge(normalised_features(features, PRESETS[DEFAULT_PRESET].statistics), volume)
         similarity.maps(classes_of(["first"], [[click]], volume.geometry))
         seconds.append(time.perf_counter() - start)
     return {"voxels": list(volume.shape[::-1]), "first_map_s": seconds[0], "last_map_s": seconds[-1]}

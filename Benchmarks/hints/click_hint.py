@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 
 UNDECIDED_WIDTH = 0.5
@@ -29,7 +29,7 @@ REGION_CELLS = 1.5
 _LOWEST = 1e-3
 
 
-def click_hint(similarity: np.ndarray, iso: float, geometry: Geometry, classes: Sequence[AnnotatedClass]) -> np.ndarray:
+def click_hint(similarity: np.ndarray, iso: float, geometry: Geometry, classes: Sequence[ClassRequest]) -> np.ndarray:
     """The place to click next for a class: undecided, large, and away from all that was clicked.
 
     Args:
@@ -42,7 +42,7 @@ def click_hint(similarity: np.ndarray, iso: float, geometry: Geometry, classes: 
         (3,) RAS millimetres, a cell's centre.
     """
     undecided = np.exp(-0.5 * (np.log(np.maximum(similarity, _LOWEST) / iso) / UNDECIDED_WIDTH) ** 2)
-    points_ras = np.concatenate([points for annotated in classes for points in (annotated.positive, annotated.negative)])
+    points_ras = np.concatenate([points for request in classes for points in (request.positive, request.negative)])
     centres_ras = geometry.voxel_centres_ras()
     distance_mm = cKDTree(points_ras).query(centres_ras)[0].reshape(geometry.shape)
     untold = 1.0 - np.exp(-0.5 * (distance_mm / (TOLD_SHARE * geometry.extent_mm.max())) ** 2)

@@ -20,7 +20,7 @@ from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
 from Benchmarks.shared.segmentation_metrics import mean_dice
-from Benchmarks.shared.sessions import labels_of, load_features, open_session
+from Benchmarks.shared.sessions import labels_of, load_features, session_on
 from Benchmarks.shared.simulated_clicker import MOST_CLICKS, Click, Clicks, first_click, next_click
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
@@ -39,7 +39,7 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     for case in scans_of(options):
         labelled = case.read(options.volumes)
-        bench = HintBench(labelled, open_session(labelled.volume, load_features(labelled.volume, weights)))
+        bench = HintBench(labelled, session_on(labelled.volume, load_features(labelled.volume, weights)))
         rows += [{"case": case.name, **row} for row in kept.get(f"hints, {case.name}", bench.measure)["users"]]
     report = {"model": weights.model.name, "machine": machine(), "rows": rows}
     write_results(options.results, "hints", report, as_text(report))
@@ -85,7 +85,7 @@ class HintBench:
         geometry = self._labelled.volume.geometry
         classes = classes_of(self._labelled.names, clicks, geometry)
         coarse = self._session.low_resolution_maps(classes)[index]
-        hint = click_hint(coarse.similarity, coarse.iso, self._session.features.geometry, classes)
+        hint = click_hint(coarse.array, coarse.iso, self._session.features.geometry, classes)
         kji = np.clip(np.round(geometry.ras_to_ijk(hint)[0, ::-1]).astype(int), 0, np.array(geometry.shape) - 1)
         return self._click_at(kji, index)
 

@@ -28,6 +28,7 @@ from Benchmarks.shared.report_tables import paragraphs, table
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import feature_key
 from ViTTransferFunction.Logic.scene.session import SceneSession
@@ -128,7 +129,7 @@ def cache_features(volume: Volume) -> None:
     array += 0.5 * rng.standard_normal(array.shape, dtype=np.float32).astype(np.float16)
     preset = PRESETS[DEFAULT_PRESET]
     model = pretrained_model(preset.model)
-    key = feature_key(volume, model.name, model.sha256 or "", preset.features)
+    key = feature_key(volume, model.name, model.sha256 or "", preset.features, choose_device("auto"))
     FeatureCache().put(FeatureVolume(array, volume.geometry.resized((CELLS, CELLS, CELLS)), key))
 
 

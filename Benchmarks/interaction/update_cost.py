@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.shared.labelled_cases import classes_of
-from Benchmarks.shared.sessions import open_session
+from Benchmarks.shared.sessions import session_on
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -44,7 +44,7 @@ def made_up_session(cells: int) -> SegmentationSession:
     shape = (2 * cells,) * 3
     volume = Volume(rng.normal(0.0, 100.0, shape).astype(np.float32), Geometry(shape, np.eye(4)))
     array = rng.standard_normal((cells, cells, cells, CHANNELS), dtype=np.float32).astype(np.float16)
-    return open_session(volume, FeatureVolume(array, volume.geometry.resized((cells,) * 3), "made up"))
+    return session_on(volume, FeatureVolume(array, volume.geometry.resized((cells,) * 3), "made up"))
 
 
 def update_ms(session: SegmentationSession, points: int) -> float:

@@ -37,13 +37,15 @@ from Benchmarks.shared.report_tables import number, paragraphs, table
 from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
 from Benchmarks.shared.sessions import labels_of, load_features
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
 from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, sample_at
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import ClassMap, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 NOISE = 0.01
 """Differences of Dice that say nothing: so much it changes with small changes of anything."""
@@ -104,24 +106,26 @@ class CandidateSession(SegmentationSession):
     def refined_map(
         self,
         low: ClassMap,
-        classes: Sequence[AnnotatedClass],
+        requests: Sequence[ClassRequest],
         index: int,
         method: RefinementMethod,
         between: Callable[[], None] = lambda: None,
     ) -> ClassMap:
         """See `SegmentationSession`; the method is the candidate's."""
         if self.candidate is None:
-            return super().refined_map(low, classes, index, method, between)
-        positive = classes[index].positive
-        at_positives = float(np.median(sample_at(low.similarity[..., None], self.features.geometry, positive)))
-        coarse = CoarseMap(low.similarity, low.iso, at_positives, positive, self.volume, self.display_window)
+            return super().refined_map(low, requests, index, method, between)
+        positive = requests[index].positive
+        at_positives = float(np.median(sample_at(low.array[..., None], self.features.geometry, positive)))
+        coarse = CoarseMap(low.array, low.iso, at_positives, positive, self.volume, self.display_window)
         start = time.perf_counter()
         similarity = self.candidate.refine(coarse)
         self.seconds.append(time.perf_counter() - start)
-        iso = self.candidate.iso
+        iso: float | str = self.candidate.iso
         if iso == "coarse":
-            return ClassMap(similarity, low.iso)
-        return ClassMap(similarity, self._refined_iso(similarity, classes, index) if iso == "refined" else float(iso))
+            iso = low.iso
+        elif iso == "refined":
+            iso = self.rule.refined_iso(similarity, requests, index)
+        return ClassMap(similarity, self.volume.geometry, float(iso))
 
 
 class CaseBench:

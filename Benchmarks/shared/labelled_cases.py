@@ -11,7 +11,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.shared.shape_phantoms import phantom_volume, sphere, torus
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass, default_color
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -111,19 +111,14 @@ def merged_labels(path: Path, case: Case) -> np.ndarray:
 
 def classes_of(
     names: Sequence[str], clicks: Sequence[Sequence[Click]], geometry: Geometry, with_negatives: bool = True
-) -> list[AnnotatedClass]:
-    """The clicker's clicks as a user's annotations; without negatives, those clicks are left out."""
+) -> list[ClassRequest]:
+    """The clicker's clicks as a user's requests; without negatives, those clicks are left out."""
 
     def positions(of_class: Sequence[Click], positive: bool) -> np.ndarray:
         ijk = [click.kji[::-1] for click in of_class if click.positive == positive]
         return geometry.ijk_to_ras_points(np.array(ijk, dtype=float).reshape(-1, 3))
 
     return [
-        AnnotatedClass(
-            name,
-            default_color(index),
-            positions(of_class, True),
-            negative=positions(of_class if with_negatives else (), False),
-        )
-        for index, (name, of_class) in enumerate(zip(names, clicks, strict=True))
+        ClassRequest(name, positions(of_class, True), positions(of_class if with_negatives else (), False))
+        for name, of_class in zip(names, clicks, strict=True)
     ]

@@ -10,10 +10,9 @@ from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.cache import FeatureCache
-from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
+from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS, Preset
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
@@ -21,13 +20,14 @@ from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
 def load_features(volume: Volume, weights: WeightsFile) -> FeatureVolume:
     """The default preset's features, from the cache if they are there."""
-    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET], cache=FeatureCache())
+    settings = SessionSettings(model=weights.model.name, weights_path=str(weights.path))
+    session = open_session(volume, settings)
     with ProgressBar() as progress:
-        session.load_features(weights, choose_device("auto"), progress)
+        session.load_features(progress)
     return session.features.source
 
 
-def open_session(volume: Volume, features: FeatureVolume, preset: Preset | None = None) -> SegmentationSession:
+def session_on(volume: Volume, features: FeatureVolume, preset: Preset | None = None) -> SegmentationSession:
     """A session on a volume whose features are at hand; of the default preset unless told."""
     session = SegmentationSession(volume, preset or PRESETS[DEFAULT_PRESET])
     session.use_features(features)

@@ -23,7 +23,7 @@ from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
-from Benchmarks.shared.sessions import labels_of, open_session
+from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.shape_phantoms import BRIGHTNESS, phantom_volume, sphere, torus
 from Benchmarks.shared.simulated_clicker import click_in_rounds
 from Benchmarks.topology.report import write_report
@@ -32,11 +32,11 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import FeatureRun
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.features.networks import open_network
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import open_network
 
 SHAPES = {"sphere": sphere, "torus": torus}
 ALL_AXES = (0, 1, 2)
@@ -128,7 +128,7 @@ def measure_shape(
     start = time.perf_counter()
     extracted = features_of_axes(labelled.volume, network, axes)
     seconds = time.perf_counter() - start
-    session = open_session(labelled.volume, extracted)
+    session = session_on(labelled.volume, extracted)
     states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled), clicks)
     *_, placed = (state.clicks for state in states)
     rows, middle_slices = [], []
@@ -164,7 +164,7 @@ def features_of_axes(volume: Volume, network: VisionTransformer, axes: tuple[int
 def measure_detail(structure: FineStructure, folder: Path, network: VisionTransformer) -> dict[str, Any]:
     """How far the boundary is from the transfer function's, refined and not, after some clicks; in `rows`."""
     labelled = structure.read(folder)
-    session = open_session(labelled.volume, features_of_axes(labelled.volume, network, ALL_AXES))
+    session = session_on(labelled.volume, features_of_axes(labelled.volume, network, ALL_AXES))
     states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled), max(DETAIL_CLICKS))
     rows = []
     for state in states:

@@ -42,11 +42,6 @@ class Orientation:
         """The shape of `to_canonical`, of an array of `shape`."""
         return shape[self.order[0]], shape[self.order[1]], shape[self.order[2]]
 
-    def restored(self, array: np.ndarray) -> np.ndarray:
-        """A view of an upright array (…, …, …, C) with its first three axes as they were stored."""
-        unmirrored = np.flip(array, self._mirrored_axes)
-        return unmirrored.transpose(*np.argsort(self.order), 3)
-
 
 AS_STORED = Orientation((0, 1, 2), (False, False, False))
 

@@ -124,6 +124,13 @@ class SegmentationSession:
             raise RuntimeError("load_features comes first")
         return self._features
 
+    @property
+    def rule(self) -> SimilarityRule:
+        """From annotations to maps and thresholds. Raises RuntimeError before `load_features`."""
+        if self._rule is None:
+            raise RuntimeError("load_features comes first")
+        return self._rule
+
     @cached_property
     def display_window(self) -> IntensityWindow:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
@@ -132,7 +139,7 @@ class SegmentationSession:
     def low_resolution_maps(self, requests: Sequence[ClassRequest]) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds."""
         with self.watch.step("similarity"):
-            geometry, rule = self.features.geometry, self._the_rule
+            geometry, rule = self.features.geometry, self.rule
             maps = rule.maps(requests)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
@@ -162,7 +169,7 @@ class SegmentationSession:
             between()
             iso = low.iso
             if wanted != "none" and request.iso is None:
-                iso = self._the_rule.refined_iso(similarity, requests, index)
+                iso = self.rule.refined_iso(similarity, requests, index)
             return ClassMap(similarity, self.volume.geometry, iso)
 
     def segment(
@@ -215,12 +222,6 @@ class SegmentationSession:
         if self._source is None:
             raise RuntimeError("this session has no source of features; give it some by use_features")
         return self._source
-
-    @property
-    def _the_rule(self) -> SimilarityRule:
-        if self._rule is None:
-            raise RuntimeError("load_features comes first")
-        return self._rule
 
     def _results(self, requests: Sequence[ClassRequest], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
         counts = np.bincount(labels.ravel(), minlength=len(requests) + 1)

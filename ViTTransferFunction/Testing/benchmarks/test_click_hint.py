@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from Benchmarks.hints.click_hint import click_hint
-from ViTTransferFunction.Logic.core.annotations import AnnotatedClass
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 
 GEOMETRY = Geometry((20, 20, 20), np.array([[2.0, 0, 0, -5], [0, 2.0, 0, 3], [0, 0, 4.0, 8], [0, 0, 0, 1]]))
@@ -16,11 +16,11 @@ def at_cells(*cells_kji: tuple[int, int, int]) -> np.ndarray:
     return GEOMETRY.ijk_to_ras_points(np.array(cells_kji, dtype=float).reshape(-1, 3)[:, ::-1])
 
 
-def a_class(*cells_kji: tuple[int, int, int], refused: tuple[tuple[int, int, int], ...] = ()) -> AnnotatedClass:
-    return AnnotatedClass("a", (1, 0, 0), at_cells(*cells_kji), negative=at_cells(*refused))
+def a_class(*cells_kji: tuple[int, int, int], refused: tuple[tuple[int, int, int], ...] = ()) -> ClassRequest:
+    return ClassRequest("a", at_cells(*cells_kji), negative=at_cells(*refused))
 
 
-def hinted_cell(similarity: np.ndarray, *classes: AnnotatedClass) -> tuple[int, ...]:
+def hinted_cell(similarity: np.ndarray, *classes: ClassRequest) -> tuple[int, ...]:
     hint = click_hint(similarity, ISO, GEOMETRY, classes)
     return tuple(np.round(GEOMETRY.ras_to_ijk(hint)[0, ::-1]).astype(int).tolist())
 
