@@ -1,10 +1,11 @@
 """Set up and run everything, on a machine that has Python and pip.
 
     python dev.py demo     segment a chest CT from a few points and draw the result, in demo_output/
-    python dev.py test     run the tests; further arguments go to pytest
+    python dev.py test     run the tests; `--quick` leaves out the slow ones; further arguments go to pytest
     python dev.py lint     check style and types
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
     python dev.py screenshots    draw the Slicer module's panel and views; arguments go to it, `--help` names them
+    python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
 
 Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt.
 Only the standard library is used here, since nothing else is there yet.
@@ -35,20 +36,23 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("command", choices=["demo", "test", "lint", "bench", "screenshots"])
+    commands = {"demo": demo, "test": test, "lint": lint, "bench": bench, "screenshots": screenshots, "rooms": rooms}
+    parser.add_argument("command", choices=list(commands))
     command, rest = parser.parse_known_args()
-    return {"demo": demo, "test": test, "lint": lint, "bench": bench, "screenshots": screenshots}[command.command](rest)
+    return commands[command.command](rest)
 
 
 def demo(arguments: list[str]) -> int:
     """Run the demo."""
-    set_up()
+    set_up("demo")
     return run("-m", "ViTTransferFunction.CommandLine.demo", *arguments)
 
 
 def test(arguments: list[str]) -> int:
     """Run the tests."""
     set_up("test")
+    if "--quick" in arguments:
+        arguments = ["-m", "not slow", *(argument for argument in arguments if argument != "--quick")]
     return run("-m", "pytest", *arguments)
 
 
@@ -73,6 +77,12 @@ def screenshots(arguments: list[str]) -> int:
     """Draw the Slicer module."""
     set_up("test")
     return run("-m", "ViTTransferFunction.Testing.support.screenshots", *arguments)
+
+
+def rooms(arguments: list[str]) -> int:
+    """Print the drawing of the rooms."""
+    set_up("test")
+    return run("-m", "ViTTransferFunction.Testing.support.rooms", *arguments)
 
 
 def set_up(*extras: str) -> None:
