@@ -68,7 +68,7 @@ def from_message(message: Message) -> tuple[int, Any]:
 
 def holds(message: Message, kind: type) -> bool:
     """Whether a message's request or reply is of this type; nothing is made of it yet."""
-    return message.content["body"]["type"] == kind.__name__
+    return bool(message.content["body"]["type"] == kind.__name__)
 
 
 def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:

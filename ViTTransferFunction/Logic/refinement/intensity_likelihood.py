@@ -39,7 +39,7 @@ def weighed_by_intensity(similarity: np.ndarray, intensities: np.ndarray, window
     Returns:
         (K, J, I) float32 in [0, 1].
     """
-    weighed = similarity.copy()
+    weighed: np.ndarray = similarity.copy()
     inside, outside = np.zeros(_BINS), np.zeros(_BINS)
     # Slice by slice, so that nothing but the result has the volume's size.
     for similarities, plane in zip(weighed, intensities, strict=True):
@@ -63,11 +63,13 @@ def _near_voxels(
 
 
 def _log_ratio(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
+    """The logarithm log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
     ratio = np.log(_density(inside)) - np.log(_density(outside))
-    return np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
+    bounded: np.ndarray = np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
+    return bounded
 
 
 def _density(histogram: np.ndarray) -> np.ndarray:
     smooth = ndimage.gaussian_filter1d(histogram, 1.0)
-    return (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
+    density: np.ndarray = (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
+    return density

@@ -134,4 +134,5 @@ def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndar
 def _intensities_at(volume: Volume, points_ras: np.ndarray) -> np.ndarray:
     """Finite interpolated intensities at world points, (≤ N,)."""
     samples = sample_at(volume.array[..., None], volume.geometry, points_ras)
-    return samples[np.isfinite(samples)]
+    finite: np.ndarray = samples[np.isfinite(samples)]
+    return finite
