@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .geometry import Box
@@ -22,6 +24,12 @@ def bounding_box(mask: np.ndarray, margin: int = 0) -> Box | None:
     occupied = np.any(mask, axis=(1, 2)), np.any(projection, axis=1), np.any(projection, axis=0)
     k, j, i = (_extent(along, margin) for along in occupied)
     return None if k is None or j is None or i is None else (k, j, i)
+
+
+def common_box(boxes: Sequence[Box]) -> Box:
+    """The smallest box that holds all of `boxes`, of which there is at least one."""
+    k, j, i = (slice(min(e.start for e in extents), max(e.stop for e in extents)) for extents in zip(*boxes, strict=True))
+    return k, j, i
 
 
 def _extent(occupied: np.ndarray, margin: int) -> slice | None:
