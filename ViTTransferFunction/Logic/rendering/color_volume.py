@@ -1,7 +1,7 @@
 """All classes in one volume of colours, so that one volume rendering shows any number of them.
 
 A scalar volume takes one transfer function, and renderers show few volumes at once. So the transfer functions are applied here:
-every voxel gets the colour of its class and a code, from which a renderer takes opacity (`optical_density`) and normals.
+every voxel gets the colour of its class and a code, from which a renderer takes opacity (`optical_properties`) and normals.
 
     code   0 …………… SURFACE ……… SURFACE + (255 - SURFACE) × height ……… SURFACE
     where  a ramp outside   on the surface     a little below it     deep inside
@@ -24,15 +24,7 @@ from ..core.intensity_window import IntensityWindow
 from ..core.map_interpolation import interpolated
 from ..core.progress import Progress, no_progress
 from .class_membership import Shape, finest_shape, memberships, nearest_voxels
-
-SURFACE = 127
-"""Code on every surface."""
-
-LAYER_VOXELS = 2.0
-"""Thickness of the ramp inside the surface."""
-
-DEEPEST = 8.0
-"""Optical depth of an opaque class: a screen's 256 levels cannot tell it from infinity."""
+from .optical_properties import DEEPEST, LAYER_VOXELS, SURFACE
 
 VOXEL_BUDGET = 17_000_000
 """Voxels that a volume of colours has at most: those of 256³, which any graphics card takes."""
@@ -138,15 +130,6 @@ def transfer_function_rgba(
         tone = _tone(gray[membership.box], posterior)
         composition.add(membership.box, index, _codes(posterior, opacities[index], passes=1), tone)
     return composition.rgba(colors)
-
-
-def optical_density() -> np.ndarray:
-    """Optical depth that a ray gathers on each voxel of its way, at each code, (256,) float64.
-
-    On a ramp of height h, w voxels long, a ray gathers w/h ∫₀ʰ τ dx; with τ = 3 DEEPEST x² / w that is DEEPEST h².
-    """
-    height = np.clip((np.arange(256) - SURFACE) / (255.0 - SURFACE), 0.0, 1.0)
-    return 3.0 * DEEPEST * height**2 / LAYER_VOXELS
 
 
 def shape_within_budget(shape: Shape) -> Shape:

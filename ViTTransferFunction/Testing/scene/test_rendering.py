@@ -137,6 +137,19 @@ def test_a_translucent_class_alone_is_as_strong_as_its_two_walls(stage: Stage) -
     assert np.array(brightness) / brightness[0] == pytest.approx([1.0, 0.75, 0.36], abs=0.15)
 
 
+def test_a_translucent_class_is_as_strong_whatever_the_size_of_voxels(slicer_app: Any) -> None:
+    brightness = []
+    for spacing_mm in (0.3, 1.0, 5.0):
+        grid = Geometry(SHAPE, np.diag([spacing_mm] * 3 + [1.0]))
+        middle = grid.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
+        stage = Stage(slicer_app, grid, middle)
+        look_from(stage.view, middle, 60.0 * spacing_mm)
+        ((row, column),) = stage.at(middle)
+        stage.show([ball(SHAPE, (7.5, 9.5, 11.5), 5.0)], [RED], [0.5])
+        brightness.append(stage.picture()[row - 4 : row + 5, column - 4 : column + 5, 0].mean())
+    assert np.array(brightness) / brightness[1] == pytest.approx([1.0, 1.0, 1.0], abs=0.05)
+
+
 def test_hiding_brings_back_the_picture_and_the_views_settings(stage: Stage) -> None:
     node = stage.view.get_view_node()
     before = stage.picture()
