@@ -13,7 +13,7 @@ where normals are at their best; those of translucent ones fall off again, so th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
@@ -39,10 +39,17 @@ OPAQUE_RAMP = (0.02, 0.5, 0.93, 1.0)
 TRANSLUCENT_RAMP = (0.02, 0.5, 0.8, 0.97)
 """Memberships, of 1, where the code's ramp starts, crosses the surface, is highest, and has fallen off again, if it does."""
 
+SMOOTH_RAMP = (0.02, 0.3, 0.73, 1.0)
+"""Of an opaque class whose map is smooth: at a membership of 0.5 it is already opaque, so that it looks as large as it is, and
+thin parts are seen."""
+
 TRANSLUCENT_LAYER_VOXELS = 3.0
 """Thickness of a translucent class's layer, up and down: thinner, and it varies with how voxels happen to cut it."""
 
 OPAQUE_SOFTNESS_VOXELS, TRANSLUCENT_SOFTNESS_VOXELS = 1.5, 3.0
+
+SMOOTH_SOFTNESS_VOXELS = 1.9
+"""Of maps that are smooth, so that nothing else softens an opaque class."""
 
 CERTAIN, DOUBTFUL = 200, 55
 """Memberships from which on, and up to which, a voxel's intensity is taken as typical of the class and of what surrounds it."""
@@ -85,6 +92,38 @@ def similarity_rgba(
         progress(done, len(maps), RENDERING)
         if opacities[index] > 0.0:
             composition.add(membership.box, index, _codes(membership.values, opacities[index], passes=2))
+    return composition.rgba(colors)
+
+
+def smooth_map_rgba(
+    maps: Iterable[np.ndarray],
+    iso: float,
+    colors: Sequence[Color],
+    opacities: Sequence[float],
+    shape: Shape,
+    cell_sizes: Sequence[float],
+) -> np.ndarray:
+    """Every class as an iso-surface of its map, of maps that are smooth already: thin parts need not be smoothed away.
+
+    Classes do not compete as in `similarity_rgba`: each is all that its map says. Of two that overlap, the more opaque shows.
+
+    Args:
+        maps: (K, J, I) each, all of one shape; taken one after the other, so that not all of them need be in memory at once.
+        iso: the value at the surface, in (0, 1).
+        colors: of the surfaces.
+        opacities: of the surfaces, in [0, 1].
+        shape: (K', J', I') of the result, of about equally long voxels along all axes, not fewer than there are cells.
+        cell_sizes: of the maps along K, J, I, in any unit.
+
+    Returns:
+        (K', J', I', 4) uint8, colours and codes; fills the box of the maps.
+    """
+    composition = _Composition(shape, len(colors))
+    for index, (similarity, opacity) in enumerate(zip(maps, opacities, strict=True)):
+        softness = SMOOTH_SOFTNESS_VOXELS if opacity == 1.0 else TRANSLUCENT_SOFTNESS_VOXELS
+        for _, membership in memberships([similarity], [iso], [opacity], shape, [softness], cell_sizes):
+            if opacity > 0.0:
+                composition.add(membership.box, index, _codes(membership.values, opacity, passes=0, opaque_ramp=SMOOTH_RAMP))
     return composition.rgba(colors)
 
 
@@ -193,9 +232,11 @@ def _ambient_light(codes: np.ndarray) -> np.ndarray:
     return interpolated(light, [np.arange(count) / step for count in codes.shape]).astype(np.uint8)
 
 
-def _codes(values: np.ndarray, opacity: float, passes: int) -> np.ndarray:
+def _codes(
+    values: np.ndarray, opacity: float, passes: int, opaque_ramp: tuple[float, float, float, float] = OPAQUE_RAMP
+) -> np.ndarray:
     """The codes (k, j, i) uint8 of a class for its memberships, which are smoothed so that normals do not show the voxels."""
-    highest, lowest, ramp = 255.0, 255.0, OPAQUE_RAMP
+    highest, lowest, ramp = 255.0, 255.0, opaque_ramp
     if opacity < 1.0:
         values = (_binomial(np.pad(values, 2), passes=2) >> np.uint16(4)).astype(np.uint8)
         depth = min(-np.log1p(-opacity), DEEPEST)
@@ -207,7 +248,7 @@ def _codes(values: np.ndarray, opacity: float, passes: int) -> np.ndarray:
 
 
 def _binomial(values: np.ndarray, passes: int) -> np.ndarray:
-    """uint8 values smoothed `passes` (1 or 2) times by [1 2 1] along each axis, which shortens it by 2.
+    """uint8 values smoothed `passes` (0 to 2) times by [1 2 1] along each axis, which shortens it by 2.
 
     Returns:
         uint16, times 4 to the power of `passes`.

@@ -44,4 +44,5 @@ def opacity_points(lowest: float, highest: float) -> list[tuple[float, float]]:
     """
     # VTK spreads its table over the codes that occur, and then reads it as if that were all of 0 … 255.
     opacities = 1.0 - np.exp(-optical_density() * UNIT_VOXELS)
-    return [(lowest + (highest - lowest) * code / 255.0, float(opacities[code])) for code in (0, *range(SURFACE, 256))]
+    spread = max(highest - lowest, 1.0)
+    return [(lowest + spread * code / 255.0, float(opacities[code])) for code in (0, *range(SURFACE, 256))]
