@@ -1,7 +1,7 @@
 """All classes in one volume of colours, so that one volume rendering shows any number of them.
 
 A scalar volume takes one transfer function, and renderers show few volumes at once. So the transfer functions are applied here:
-every voxel gets the colour of its class and a code, from which a renderer takes opacity (`optical_density`) and normals.
+every voxel gets the colour of its class and a code, from which a renderer takes opacity (`optical_properties`) and normals.
 
     code   0 …………… SURFACE ……… SURFACE + (255 - SURFACE) × height ……… SURFACE
     where  a ramp outside   on the surface     a little below it     deep inside
@@ -13,7 +13,7 @@ where normals are at their best; those of translucent ones fall off again, so th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.ndimage import gaussian_filter, gaussian_filter1d
@@ -24,15 +24,7 @@ from ..core.intensity_window import IntensityWindow
 from ..core.progress import Progress, no_progress
 from ..core.resampling import interpolated
 from .class_membership import Shape, finest_shape, memberships, nearest_voxels
-
-SURFACE = 127
-"""Code on every surface."""
-
-LAYER_VOXELS = 2.0
-"""Thickness of the ramp inside the surface."""
-
-DEEPEST = 8.0
-"""Optical depth of an opaque class: a screen's 256 levels cannot tell it from infinity."""
+from .optical_properties import DEEPEST, LAYER_VOXELS, SURFACE
 
 VOXEL_BUDGET = 17_000_000
 """Voxels that a volume of colours has at most: those of 256³, which any graphics card takes."""
@@ -47,10 +39,17 @@ OPAQUE_RAMP = (0.02, 0.5, 0.93, 1.0)
 TRANSLUCENT_RAMP = (0.02, 0.5, 0.8, 0.97)
 """Memberships, of 1, where the code's ramp starts, crosses the surface, is highest, and has fallen off again, if it does."""
 
+SMOOTH_RAMP = (0.02, 0.3, 0.73, 1.0)
+"""Of an opaque class whose map is smooth: at a membership of 0.5 it is already opaque, so that it looks as large as it is, and
+thin parts are seen."""
+
 TRANSLUCENT_LAYER_VOXELS = 3.0
 """Thickness of a translucent class's layer, up and down: thinner, and it varies with how voxels happen to cut it."""
 
 OPAQUE_SOFTNESS_VOXELS, TRANSLUCENT_SOFTNESS_VOXELS = 1.5, 3.0
+
+SMOOTH_SOFTNESS_VOXELS = 1.9
+"""Of maps that are smooth, so that nothing else softens an opaque class."""
 
 CERTAIN, DOUBTFUL = 200, 55
 """Memberships from which on, and up to which, a voxel's intensity is taken as typical of the class and of what surrounds it."""
@@ -96,6 +95,38 @@ def similarity_rgba(
     return composition.rgba(colors)
 
 
+def smooth_map_rgba(
+    maps: Iterable[np.ndarray],
+    iso: float,
+    colors: Sequence[Color],
+    opacities: Sequence[float],
+    shape: Shape,
+    cell_sizes: Sequence[float],
+) -> np.ndarray:
+    """Every class as an iso-surface of its map, of maps that are smooth already: thin parts need not be smoothed away.
+
+    Classes do not compete as in `similarity_rgba`: each is all that its map says. Of two that overlap, the more opaque shows.
+
+    Args:
+        maps: (K, J, I) each, all of one shape; taken one after the other, so that not all of them need be in memory at once.
+        iso: the value at the surface, in (0, 1).
+        colors: of the surfaces.
+        opacities: of the surfaces, in [0, 1].
+        shape: (K', J', I') of the result, of about equally long voxels along all axes, not fewer than there are cells.
+        cell_sizes: of the maps along K, J, I, in any unit.
+
+    Returns:
+        (K', J', I', 4) uint8, colours and codes; fills the box of the maps.
+    """
+    composition = _Composition(shape, len(colors))
+    for index, (similarity, opacity) in enumerate(zip(maps, opacities, strict=True)):
+        softness = SMOOTH_SOFTNESS_VOXELS if opacity == 1.0 else TRANSLUCENT_SOFTNESS_VOXELS
+        for _, membership in memberships([similarity], [iso], [opacity], shape, [softness], cell_sizes):
+            if opacity > 0.0:
+                composition.add(membership.box, index, _codes(membership.values, opacity, passes=0, opaque_ramp=SMOOTH_RAMP))
+    return composition.rgba(colors)
+
+
 def transfer_function_rgba(
     intensities: np.ndarray,
     window: IntensityWindow,
@@ -138,15 +169,6 @@ def transfer_function_rgba(
         tone = _tone(gray[membership.box], posterior)
         composition.add(membership.box, index, _codes(posterior, opacities[index], passes=1), tone)
     return composition.rgba(colors)
-
-
-def optical_density() -> np.ndarray:
-    """Optical depth that a ray gathers on each voxel of its way, at each code, (256,) float64.
-
-    On a ramp of height h, w voxels long, a ray gathers w/h ∫₀ʰ τ dx; with τ = 3 DEEPEST x² / w that is DEEPEST h².
-    """
-    height = np.clip((np.arange(256) - SURFACE) / (255.0 - SURFACE), 0.0, 1.0)
-    return 3.0 * DEEPEST * height**2 / LAYER_VOXELS
 
 
 def shape_within_budget(shape: Shape) -> Shape:
@@ -210,9 +232,11 @@ def _ambient_light(codes: np.ndarray) -> np.ndarray:
     return interpolated(light, [np.arange(count) / step for count in codes.shape]).astype(np.uint8)
 
 
-def _codes(values: np.ndarray, opacity: float, passes: int) -> np.ndarray:
+def _codes(
+    values: np.ndarray, opacity: float, passes: int, opaque_ramp: tuple[float, float, float, float] = OPAQUE_RAMP
+) -> np.ndarray:
     """The codes (k, j, i) uint8 of a class for its memberships, which are smoothed so that normals do not show the voxels."""
-    highest, lowest, ramp = 255.0, 255.0, OPAQUE_RAMP
+    highest, lowest, ramp = 255.0, 255.0, opaque_ramp
     if opacity < 1.0:
         values = (_binomial(np.pad(values, 2), passes=2) >> np.uint16(4)).astype(np.uint8)
         depth = min(-np.log1p(-opacity), DEEPEST)
@@ -220,11 +244,12 @@ def _codes(values: np.ndarray, opacity: float, passes: int) -> np.ndarray:
         highest, lowest, ramp = SURFACE + (255 - SURFACE) * height, SURFACE, TRANSLUCENT_RAMP
     smooth = _binomial(np.pad(values, passes), passes)
     codes = np.interp(np.linspace(0.0, 1.0, 255 * 4**passes + 1), ramp, [0, SURFACE, highest, lowest])
-    return np.rint(codes).astype(np.uint8)[smooth]
+    of_class: np.ndarray = np.rint(codes).astype(np.uint8)[smooth]
+    return of_class
 
 
 def _binomial(values: np.ndarray, passes: int) -> np.ndarray:
-    """uint8 values smoothed `passes` (1 or 2) times by [1 2 1] along each axis, which shortens it by 2.
+    """uint8 values smoothed `passes` (0 to 2) times by [1 2 1] along each axis, which shortens it by 2.
 
     Returns:
         uint16, times 4 to the power of `passes`.
@@ -256,13 +281,15 @@ def _posterior(prior: np.ndarray, gray: np.ndarray) -> np.ndarray:
     # Where the map denies the class, intensities alone do not make it.
     possible = np.minimum(np.arange(256) / 26.0, 1.0)
     table = 255.0 * possible[:, None] / (1.0 + np.exp(-odds[:, None] - np.clip(likelihood, -4.0, 4.0)))
-    return np.rint(table).astype(np.uint8).ravel()[(prior.astype(np.uint16) << np.uint16(8)) | gray]
+    posterior: np.ndarray = np.rint(table).astype(np.uint8).ravel()[(prior.astype(np.uint16) << np.uint16(8)) | gray]
+    return posterior
 
 
 def _frequencies(gray: np.ndarray) -> np.ndarray:
     """How frequent each gray level is, (256,), evened out so that few voxels will do."""
     counts = gaussian_filter1d(np.bincount(gray, minlength=256).astype(float), sigma=5.0)
-    return counts / max(counts.sum(), 1.0) + 2e-4
+    frequencies: np.ndarray = counts / max(counts.sum(), 1.0) + 2e-4
+    return frequencies
 
 
 def _tone(gray: np.ndarray, membership: np.ndarray) -> np.ndarray:
@@ -276,4 +303,5 @@ def _tone(gray: np.ndarray, membership: np.ndarray) -> np.ndarray:
     typical = gray[membership >= CERTAIN]
     low, high = np.percentile(typical[:: max(1, typical.size // 100_000)], (3.0, 97.0)) if typical.size else (0.0, 255.0)
     tone = DARKEST + (1.0 - DARKEST) * (mean - low) / max(high - low, 16.0)
-    return np.clip(255.0 * tone, 255.0 * DARKEST, 255.0).astype(np.uint8)
+    brightness: np.ndarray = np.clip(255.0 * tone, 255.0 * DARKEST, 255.0).astype(np.uint8)
+    return brightness

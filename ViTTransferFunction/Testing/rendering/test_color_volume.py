@@ -7,13 +7,12 @@ import pytest
 
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.rendering.color_volume import (
-    SURFACE,
     VOXEL_BUDGET,
-    optical_density,
     shape_within_budget,
     similarity_rgba,
     transfer_function_rgba,
 )
+from ViTTransferFunction.Logic.rendering.optical_properties import SURFACE, optical_density
 from ViTTransferFunction.Testing.support.views import ball
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
