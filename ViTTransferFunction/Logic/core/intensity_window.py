@@ -88,7 +88,7 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
 
 
 def full_range_window(volume: Volume) -> IntensityWindow:
-    """From the smallest to the largest finite intensity: the published way, at the mercy of a single metal voxel."""
+    """From the smallest to the largest finite intensity: the paper's way, which one metal voxel can spoil."""
     return IntensityWindow(*finite_range(volume.array))
 
 

@@ -44,8 +44,8 @@ def memberships(
     """The index of each class, by increasing opacity, and its membership; not of those whose map is nowhere near its iso value.
 
     The surface of a class is where its map reaches its iso value, or, where classes overlap, where another class's map exceeds
-    its own iso value by as large a factor: as in `classification.compete`. But a class ignores those that are more opaque. So
-    one that encloses another does not wrap it in a second surface.
+    its own iso value by as large a factor: as in `session.labels.assign_labels`. But a class ignores those that are more
+    opaque. So one that encloses another does not wrap it in a second surface.
 
     Args:
         maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1; of the same box, but possibly of different shapes.

@@ -80,7 +80,7 @@ def similarity_rgba(
         isos: for each map, the value at its surface, in (0, 1).
         colors: of the surfaces.
         opacities: of the surfaces, in [0, 1]; a class of opacity 0 is not seen but keeps its place.
-        progress: told of classes done; may raise `Cancelled`.
+        progress: called with classes done; may raise `Cancelled`.
 
     Returns:
         (K', J', I', 4) uint8, colours and codes; fills the box of the maps (`Geometry.resized` says where it lies).
@@ -149,7 +149,7 @@ def transfer_function_rgba(
         isos: for each map, the value at its surface, in (0, 1).
         colors: of the classes.
         opacities: of the classes, in [0, 1].
-        progress: told of classes done; may raise `Cancelled`.
+        progress: called with classes done; may raise `Cancelled`.
 
     Returns:
         (K', J', I', 4) uint8, colours and codes; fills the box of the volume.
