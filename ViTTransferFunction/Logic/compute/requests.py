@@ -124,7 +124,7 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class ColorVolume:
-    """Colours and codes for the 3D views (`rendering.color_volume`).
+    """Colours and codes for the 3D views (`rendering.composition`).
 
     Attributes:
         rgba: (K, J, I, 4) uint8.

@@ -10,7 +10,7 @@ from ..core.bounding_box import bounding_box, common_box
 from ..core.colors import Color
 from ..core.geometry import Box, Geometry
 from .class_membership import Shape, nearest_voxels
-from .color_volume import smooth_map_rgba
+from .iso_surfaces import smooth_map_rgba
 from .mask_maps import ISO, mask_map
 
 VOXEL_BUDGET = 12_000_000

@@ -1,4 +1,4 @@
-"""The classes in 3D, in Slicer's views: one volume of colours (`rendering.color_volume`), by GPU volume rendering."""
+"""The classes in 3D, in Slicer's views: one volume of colours (`rendering.composition`), by GPU volume rendering."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ClassRendering:
 
         Args:
             volume_node: the volume that they are of; they move with it.
-            rgba: (K, J, I, 4) uint8, from `rendering.color_volume`.
+            rgba: (K, J, I, 4) uint8, colours and codes.
             ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
 
         Raises:

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.rendering import mask_volume
 from ViTTransferFunction.Logic.rendering.class_membership import memberships
-from ViTTransferFunction.Logic.rendering.color_volume import SMOOTH_RAMP
+from ViTTransferFunction.Logic.rendering.iso_surfaces import SMOOTH_RAMP
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
 from ViTTransferFunction.Logic.rendering.optical_properties import SURFACE, optical_density
 

@@ -13,7 +13,7 @@ from ViTTransferFunction.CommandLine.rendering_picture import color_volume_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.rendering.color_volume import similarity_rgba
+from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_rgba
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
