@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from ..core.intensity_window import IntensityWindow
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
-from ..features.device import choose_device
+from ..features.device import check_device_name
 from ..features.networks import Networks
 from ..features.settings import FeatureSettings
 from ..weights.models import pretrained_model
@@ -64,8 +64,9 @@ def open_session(
     features = settings.feature_settings()
     chosen = preset(settings.preset)
     model = pretrained_model(settings.model or identify_model(settings.weights_path) or chosen.model)
-    device = choose_device(settings.device)
+    # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
+    check_device_name(settings.device)
     source = FeatureSource(
-        volume, features, model, settings.weights_path, device, cache or FeatureCache(), networks or Networks()
+        volume, features, model, settings.weights_path, settings.device, cache or FeatureCache(), networks or Networks()
     )
     return SegmentationSession(volume, chosen, source)
