@@ -10,8 +10,8 @@ import numpy as np
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
-from ..session.feature_source import FeatureEstimate
-from ..session.opening import SessionSettings
+from ..session.feature_estimate import FeatureEstimate
+from ..session.settings import SessionSettings
 from . import requests
 from .messages import Message
 

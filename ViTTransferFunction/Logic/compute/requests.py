@@ -12,7 +12,7 @@ from ..core.class_request import ClassRequest
 from ..core.colors import Color
 from ..core.geometry import Geometry
 from ..refinement.refinement import RefinementMethod
-from ..session.opening import SessionSettings
+from ..session.settings import SessionSettings
 
 RenderingMode = Literal["similarity", "transfer function"]
 """Smooth surfaces alone, or the volume's own detail within them."""

@@ -21,26 +21,10 @@ from ..features.settings import FeatureSettings, feature_key
 from ..weights.models import PretrainedModel
 from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
+from .feature_estimate import FeatureEstimate
 
 if TYPE_CHECKING:
     import torch
-
-
-@dataclass(frozen=True)
-class FeatureEstimate:
-    """What features will cost.
-
-    Attributes:
-        cached: whether they only have to be loaded.
-        seconds: that computing them will take; None where that is not known.
-        memory_bytes: that is in use while they are computed; of the features alone where that is not known.
-        download_mb: of the model's weights, 0 where they are on this computer.
-    """
-
-    cached: bool
-    seconds: float | None
-    memory_bytes: int
-    download_mb: int
 
 
 @dataclass(frozen=True)

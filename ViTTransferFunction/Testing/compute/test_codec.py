@@ -16,8 +16,8 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
-from ViTTransferFunction.Logic.session.opening import SessionSettings
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 GEOMETRY = Geometry((2, 3, 4), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 ARRAY = np.arange(24, dtype=np.int16).reshape(2, 3, 4)

@@ -15,8 +15,9 @@ from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
 from ViTTransferFunction.Logic.session import feature_source
-from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres
