@@ -21,7 +21,7 @@ TYPICAL_CLICKS = "5"
 METRICS = ("precision", "recall", "dice", "iou", "surface_dice")
 
 _CAPTION = """Mean Dice over the structures. All methods are on the same clicks, which correct the default method's errors; in
-the last two columns, on clicks that correct their own. The baselines are told more than ours. All: what is there at a negative
+the last two columns, on clicks that correct their own. The baselines know more than ours. All: what is there at a negative
 click. Classifiers: 100 voxels of the true background. Grow from seeds: 4 mm around a click, as far as it belongs to the same,
 and 100 voxels from anywhere, as ours; or of the true background."""
 

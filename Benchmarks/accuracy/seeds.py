@@ -1,8 +1,8 @@
-"""Clicks as other methods want them: voxels of which is told what they belong to.
+"""Clicks as other methods want them: voxels with the class that each belongs to.
 
-Methods that know no "not this one" are told of a negative click what is really there, as their user would: another structure or
-background. That is more than a negative click says to ours. They also get random voxels as background, as many as our method
-takes random cells: from anywhere, as ours are, or from where the truth has none of the structures, as the paper does.
+Methods without negative clicks are given what is really at such a click, as their user would: another structure or background.
+That is more than a negative click says to ours. They also get random voxels as background, as many as our method takes random
+cells: from anywhere, as ours are, or from where the truth has none of the structures, as the paper does.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def _text(report: dict[str, Any]) -> str:
 
 
 def _volumes_compared(report: dict[str, Any]) -> str:
-    """What the summary's figures against the published way are over."""
+    """What the summary's figures against the published method are over."""
     published = report["published_cases"]
     volumes = f"over {', '.join(published)}" if published else "missing: it was not run"
     return f"Figures against *every slice* are over all volumes, those against *published* {volumes}."

@@ -1,7 +1,7 @@
 """Features' cost against what it loses: `python dev.py bench features --volumes DIR [--weights PATH]`.
 
 Every setting is run on every labelled volume in a process of its own (`runs`); then the same simulated clicks tell what its
-features are worth. The published way takes twenty minutes a volume, so it is run on the volumes named for it alone
+features are worth. The published method takes twenty minutes a volume, so it is run on the volumes named for it alone
 (`--published-cases`), and only the presets' settings are, unless others are named (`--settings`). The paper's §V-C compares
 renderings from grids of 64³, 80³ and 96³ features: the default setting is run at other grids where these are named, too
 (`python dev.py bench features --volumes DIR --grids 80 96`).
@@ -57,7 +57,7 @@ def main() -> None:
         nargs="*",
         choices=CASES,
         default=PUBLISHED_CASES,
-        help="volumes to run the published way on, too",
+        help="volumes to run the published method on, too",
     )
     options = parser.parse_args()
     weights = weights_of(options)

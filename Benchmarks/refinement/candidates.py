@@ -100,7 +100,7 @@ class Candidate:
     Attributes:
         name: in reports.
         in_crop: refines the map of a crop; None: interpolation alone.
-        temper: β of the intensity evidence; None: without.
+        temper: β of the intensity likelihood; None: without.
         iso: threshold of the refined map.
         rounds: at which it is measured.
     """
@@ -231,12 +231,12 @@ def _varied(name: str, **change: float) -> Candidate:
 DEFAULT = Candidate("bilateral (default)", bilateral(PRODUCT), rounds=ALL_ROUNDS)
 CANDIDATES: tuple[Candidate, ...] = (
     DEFAULT,
-    Candidate("bilateral, no evidence", bilateral(PRODUCT), temper=None, rounds=ALL_ROUNDS),
+    Candidate("bilateral, no likelihood", bilateral(PRODUCT), temper=None, rounds=ALL_ROUNDS),
     Candidate("trilinear", None, iso="coarse", rounds=ALL_ROUNDS),
     Candidate("trilinear, refined iso", None, rounds=ALL_ROUNDS),
-    Candidate("evidence alone", unchanged, rounds=ALL_ROUNDS),
+    Candidate("likelihood alone", unchanged, rounds=ALL_ROUNDS),
     Candidate("guided", guided, rounds=ALL_ROUNDS),
-    Candidate("guided, no evidence", guided, temper=None, rounds=ALL_ROUNDS),
+    Candidate("guided, no likelihood", guided, temper=None, rounds=ALL_ROUNDS),
     Candidate("bilateral as published", bilateral_as_published, temper=None, rounds=ALL_ROUNDS),
     *(Candidate(f"random walker, β {beta}", random_walker(beta), None, WALKER_ISO) for beta in (130, 1000, 10000)),
     *(Candidate(f"random walker, β {beta}, refined iso", random_walker(beta), None) for beta in (1000, 10000)),
@@ -244,5 +244,5 @@ CANDIDATES: tuple[Candidate, ...] = (
     *(_varied(f"σ_luma {value} of 255", luma=value) for value in (5, 20, 40)),
     *(_varied(f"σ_spatial {value} cells", cells=value) for value in (0.3, 1.0, 1.5)),
     *(_varied(f"iterations {value}", iterations=value) for value in (1, 2, 4, 8)),
-    *(Candidate(f"evidence β {value}", bilateral(PRODUCT), temper=value) for value in (0.25, 1.0)),
+    *(Candidate(f"likelihood β {value}", bilateral(PRODUCT), temper=value) for value in (0.25, 1.0)),
 )

@@ -59,18 +59,18 @@ clicks; `refinement.json` has each structure, and round {ALL_ROUNDS[0]} of the c
 clicks that corrected the default's errors, which favours it, if any of them: another candidate's errors would be elsewhere.
 Seconds are those of refining one class, interpolation included, without the choice of the iso value.
 
-- *bilateral (default)*: intensity evidence with β 0.5, then the bilateral solver with λ 32, σ_luma 10 of 255 and σ_spatial of
+- *bilateral (default)*: intensity likelihood with β 0.5, then the bilateral solver with λ 32, σ_luma 10 of 255 and σ_spatial of
   0.6 feature cells, at least 2 voxels. Rows named by a parameter change that one alone. The solver rounds σ_spatial to whole
   voxels, so that several of its values may come to the same.
 - *trilinear* keeps the iso value of the coarse map, as the session does for a class that is not refined; *refined iso* chooses
-  it anew, as for all others. *Evidence alone* interpolates and weighs by intensity, and smooths nothing.
-- *bilateral as published*: σ_spatial 7 voxels, σ_luma 5 of 255, λ 256, each voxel its cell's value, no evidence; solved as the
-  product does, and in its intensity window.
+  it anew, as for all others. *Likelihood alone* interpolates and weighs by intensity, and smooths nothing.
+- *bilateral as published*: σ_spatial 7 voxels, σ_luma 5 of 255, λ 256, each voxel its cell's value, no likelihood; solved as in
+  the product, and in its intensity window.
 - *random walker*: scikit-image's, on the box that is refined, made coarser where it has more than {WALKER_VOXELS:,} voxels.
   Seeds inside are where the map exceeds {WALKER_INSIDE} of its value at the positive points, seeds outside where it is below
   {WALKER_OUTSIDE} of the iso value. Its probability takes the map's place, with a threshold of {WALKER_ISO}, or with the one
   that is chosen for the other candidates' maps (*refined iso*). Its β 130 is scikit-image's default.
-- The bound of the evidence grows with its β: a map changes by a factor of e^(1.5 β) at most."""
+- The bound of the likelihood grows with its β: a map changes by a factor of e^(1.5 β) at most."""
 
 
 def main() -> None:

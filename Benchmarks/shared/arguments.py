@@ -20,7 +20,7 @@ def benchmark_parser(description: str | None) -> argparse.ArgumentParser:
 
 
 def network_parser(description: str | None, keep: Path | None = None) -> argparse.ArgumentParser:
-    """As `benchmark_parser`, and asks for volumes, weights and where to keep what was measured (`keep` unless told)."""
+    """As `benchmark_parser`, and asks for volumes, weights and where to keep what was measured (`keep` if not given)."""
     parser = benchmark_parser(description)
     parser.add_argument("--volumes", type=Path, required=True, help="folder with the volumes and their labels")
     parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
@@ -40,7 +40,7 @@ def scan_parser(
     keep: Path | None = None,
     cases: Sequence[Case | PhantomCase] = SCANS,
 ) -> argparse.ArgumentParser:
-    """As `network_parser`, and asks which of the labelled cases (`default` unless told)."""
+    """As `network_parser`, and asks which of the labelled cases (`default` if not given)."""
     parser = network_parser(description, keep)
     names = [case.name for case in cases]
     parser.add_argument("--cases", nargs="*", choices=names, default=list(default), help=f"default: {' '.join(default)}")

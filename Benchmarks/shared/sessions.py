@@ -29,7 +29,7 @@ def load_features(volume: Volume, weights: WeightsFile) -> FeatureVolume:
 
 
 def session_on(volume: Volume, features: FeatureVolume, preset: Preset | None = None) -> SegmentationSession:
-    """A session on a volume whose features are at hand; of the default preset unless told."""
+    """A session on a volume whose features are at hand; of the default preset if not given."""
     session = SegmentationSession(volume, preset or PRESETS[DEFAULT_PRESET])
     session.use_features(features)
     return session

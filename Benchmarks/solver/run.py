@@ -118,7 +118,7 @@ def speed(size: int, runs: int, against_published: bool) -> dict[str, Any]:
     solution = ways["nearest"]()
     row |= {"cells": solution.cells, "iterations": solution.iterations, "residual": solution.residual}
     if against_published:
-        # The published way once more, after the others, so that a busy spell does not count for one side only.
+        # The published method once more, after the others, so that a busy spell does not count for one side only.
         again = best_times({"published": lambda: published(phantom, 25)}, 1)["published"]
         row["published_s"], row["published_cpu_s"] = min((row["published_s"], row["published_cpu_s"]), again)
         row["rms"] = rms(solution.map, converged(phantom, SETTINGS.smoothness))

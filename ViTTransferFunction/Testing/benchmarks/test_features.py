@@ -26,7 +26,7 @@ def row(case: str, setting: str, seconds: float, dice: float, extra_bytes: int =
 
 @pytest.fixture
 def report() -> dict[str, Any]:
-    """Two volumes, one of which the published way was run on."""
+    """Two volumes, one of which the published method was run on."""
     rows = [
         row("chest", PUBLISHED, 900.0, 0.80),
         row("chest", REFERENCE, 200.0, 0.84),

@@ -53,7 +53,7 @@ def test_candidates_of_the_product_are_the_product(coarse: CoarseMap, name: str,
 
 def test_another_temper_is_used_and_then_gone(coarse: CoarseMap) -> None:
     before = intensity_likelihood.TEMPER
-    strong, default = _called("evidence β 1.0").refine(coarse), DEFAULT.refine(coarse)
+    strong, default = _called("likelihood β 1.0").refine(coarse), DEFAULT.refine(coarse)
     assert before == intensity_likelihood.TEMPER
     assert np.abs(strong - default).max() > 0.01
 
