@@ -13,11 +13,12 @@ from unittest.mock import patch
 
 import numpy as np
 
+from ViTTransferFunction.Logic.core.class_map import NEAR_SHARE_OF_ISO
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import with_intensity_likelihood
-from ViTTransferFunction.Logic.refinement.refinement import ACTIVE_SHARE_OF_ISO, SIGMA_SHARE_OF_CELL, active_box, class_window
+from ViTTransferFunction.Logic.refinement.refinement import SIGMA_SHARE_OF_CELL, active_box, class_window
 
 Iso = Literal["coarse", "refined"] | float
 """Threshold of the refined map: that of the coarse one, the one that the session chooses for a refined map, or a fixed one."""
@@ -119,7 +120,7 @@ class Candidate:
 
         volume, similarity = coarse.volume, coarse.similarity
         refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity)), volume.shape).numpy()
-        box = active_box(similarity > ACTIVE_SHARE_OF_ISO * coarse.iso, volume.shape)
+        box = active_box(similarity > NEAR_SHARE_OF_ISO * coarse.iso, volume.shape)
         if self.in_crop is None or box is None:
             return refined
         window = class_window(volume, coarse.display, coarse.positive_ras)
@@ -148,7 +149,7 @@ def bilateral(parameters: BilateralParameters) -> Callable[[Crop], np.ndarray]:
             max_iterations=parameters.iterations,
         )
         tensors = torch.from_numpy(crop.map), torch.from_numpy(crop.intensities)
-        bounds, threshold = (crop.window.low, crop.window.high), ACTIVE_SHARE_OF_ISO * crop.coarse.iso
+        bounds, threshold = (crop.window.low, crop.window.high), NEAR_SHARE_OF_ISO * crop.coarse.iso
         return refine_map(*tensors, bounds, crop.spacing_mm, settings, threshold).map.numpy()
 
     return in_crop

@@ -1,4 +1,4 @@
-"""`vittf features`: fill the feature cache beforehand, or look after it."""
+"""`vittf features`: fill the feature cache beforehand."""
 
 from __future__ import annotations
 

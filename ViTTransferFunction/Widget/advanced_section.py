@@ -77,7 +77,7 @@ class AdvancedSection(Section):
         self.ui.removeModelButton.enabled = weights is not None
 
     def _model(self) -> PretrainedModel:
-        """The model that the features are computed with."""
+        """The model of the settings, whose downloaded weights can be removed; the user's own file may be of another."""
         if self.session is None:
             return pretrained_model(preset(DEFAULT_PRESET).model)
         parameters = self.session.parameters

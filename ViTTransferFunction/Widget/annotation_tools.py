@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
-from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.place_mode import PlaceMode
 from ViTTransferFunction.Widget.section import Section
 from ViTTransferFunction.Widget.stroke_mode import StrokeMode
@@ -45,7 +44,7 @@ class AnnotationTools(Section):
 
     def refresh(self) -> None:
         """Enable what can work now, and have the tool in hand work on the selected class."""
-        selected, annotations = self._selected(), self.session.annotations if self.session else None
+        selected, annotations = self.selected, self.session.annotations if self.session else None
         if self.tool and selected is None:
             self.put_down()
         elif self.tool and selected and selected.id != self._used_on:
@@ -58,7 +57,7 @@ class AnnotationTools(Section):
 
     def toggle(self, tool: Tool) -> None:
         """Take a tool, or put it down if it is the one in hand."""
-        if tool == self.tool or self._selected() is None:
+        if tool == self.tool or self.selected is None:
             self.put_down()
         else:
             self.tool = tool
@@ -83,7 +82,7 @@ class AnnotationTools(Section):
 
     def remove_last(self) -> None:
         """Remove the point of the selected class that was placed last."""
-        selected = self._selected()
+        selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.remove_last_point(selected.id)
 
@@ -92,7 +91,7 @@ class AnnotationTools(Section):
 
     def _use(self) -> None:
         """Hand the mouse to the tool, for the selected class."""
-        selected = self._selected()
+        selected = self.selected
         assert self.session is not None
         assert selected is not None
         self._used_on = selected.id
@@ -108,7 +107,7 @@ class AnnotationTools(Section):
         self._check_buttons()
 
     def _paint(self, points_ras: np.ndarray, continued: bool) -> None:
-        selected = self._selected()
+        selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.add_points(selected.id, points_ras, self.tool == "brushOn", continued)
 
@@ -123,6 +122,3 @@ class AnnotationTools(Section):
     def _check_buttons(self) -> None:
         for tool, button in self._buttons.items():
             button.checked = tool == self.tool
-
-    def _selected(self) -> ClassState | None:
-        return self.session.selected_class if self.session else None

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 
@@ -22,7 +21,7 @@ class ClassSettings(Section):
 
     def refresh(self) -> None:
         """Show the settings of the selected class."""
-        ui, selected = self.ui, self._selected()
+        ui, selected = self.ui, self.selected
         widgets = (
             ui.opacitySlider,
             ui.thresholdSlider,
@@ -36,18 +35,12 @@ class ClassSettings(Section):
             return
         with signals_blocked(*widgets):
             ui.opacitySlider.value = selected.opacity
-            threshold = self._threshold(selected)
+            threshold = self.threshold(selected)
             if threshold is not None:
                 ui.thresholdSlider.value = threshold
             ui.thresholdAutomaticCheckBox.checked = selected.iso is None
             ui.proximitySlider.value = selected.proximity
             ui.refineCheckBox.checked = selected.refine
-
-    def _threshold(self, state: ClassState) -> float | None:
-        """The one in use, chosen or set; None where the class has no map yet."""
-        if state.iso is not None:
-            return state.iso
-        return self.session.chosen_iso(state.id) if self.session else None
 
     def _on_opacity(self) -> None:
         self._set(opacity=self.ui.opacitySlider.value)
@@ -66,9 +59,6 @@ class ClassSettings(Section):
         self._set(refine=self.ui.refineCheckBox.checked)
 
     def _set(self, **fields: Any) -> None:
-        selected = self._selected()
+        selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.set_class(selected.id, **fields)
-
-    def _selected(self) -> ClassState | None:
-        return self.session.selected_class if self.session else None

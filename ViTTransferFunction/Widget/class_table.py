@@ -76,7 +76,7 @@ class ClassTable(Section):
         shown.setCheckState(qt.Qt.Checked if state.visible else qt.Qt.Unchecked)
         _set_text(self._item(row, POSITIVE), str(len(state.positive)))
         _set_text(self._item(row, NEGATIVE), str(len(state.negative)))
-        _set_text(self._item(row, THRESHOLD), self._threshold(state))
+        _set_text(self._item(row, THRESHOLD), self._threshold_text(state))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""
@@ -90,11 +90,12 @@ class ClassTable(Section):
             self._table.setItem(row, column, item)
         return item
 
-    def _threshold(self, state: ClassState) -> str:
-        if state.iso is not None:
-            return f"{state.iso:.2f}"
-        chosen = self.session.chosen_iso(state.id) if self.session else None
-        return "–" if chosen is None else f"({chosen:.2f})"
+    def _threshold_text(self, state: ClassState) -> str:
+        """In brackets where it was chosen automatically."""
+        threshold = self.threshold(state)
+        if threshold is None:
+            return "–"
+        return f"({threshold:.2f})" if state.iso is None else f"{threshold:.2f}"
 
     def _on_cell_changed(self, row: int, column: int) -> None:
         if self.session is None or row >= len(self.session.classes):

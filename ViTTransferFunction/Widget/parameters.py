@@ -86,7 +86,7 @@ def _word_choices(ui: Any) -> None:
         "cuda": _("NVIDIA graphics card (CUDA)"),
         "mps": _("Apple graphics processor (MPS)"),
         "bilateral": _("Bilateral solver"),
-        "guided": _("Guided filter (faster)"),
+        "guided": _("Guided filter"),
         "none": _("None"),
         "off": _("Off"),
         "similarity": _("Similarity"),

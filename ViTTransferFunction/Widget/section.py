@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
 
@@ -25,6 +26,17 @@ class Section:
         self.report = report
         self.session: SceneSession | None = None
 
+    @property
+    def selected(self) -> ClassState | None:
+        """The class that is selected in the table."""
+        return self.session.selected_class if self.session else None
+
+    def threshold(self, state: ClassState) -> float | None:
+        """A class's threshold, set by the user or chosen from its map; None where the class has no map yet."""
+        if state.iso is not None:
+            return state.iso
+        return self.session.chosen_iso(state.id) if self.session else None
+
     def refresh(self) -> None:
         """Bring the widgets to what the session is now."""
         raise NotImplementedError
@@ -32,7 +44,7 @@ class Section:
 
 @contextmanager
 def signals_blocked(*widgets: Any) -> Iterator[None]:
-    """Change widgets from code without their telling of it, as they tell of a user's change."""
+    """Change widgets from code without the signals that they send when a user changes them."""
     were_blocked = [widget.blockSignals(True) for widget in widgets]
     try:
         yield

@@ -63,7 +63,7 @@ def _read(stream: BinaryIO, buffer: bytearray | memoryview) -> bytearray | memor
     view = memoryview(buffer)
     done = 0
     while done < len(view):
-        # Of a pipe, the system hands out only what is there.
+        # A read from a pipe may return fewer bytes than asked for.
         count = stream.readinto(view[done:])  # type: ignore[attr-defined]
         if not count:
             raise EOFError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,11 +11,11 @@ from .geometry import Box
 
 
 def bounding_box(mask: np.ndarray, margin: int | Sequence[int] = 0) -> Box | None:
-    """The smallest box that holds all true voxels of a mask, and so many voxels around them as far as there are any.
+    """The smallest box that holds all true voxels of a mask, and `margin` voxels on every side as far as the grid reaches.
 
     Args:
         mask: (K, J, I) bool.
-        margin: voxels on every side, at least 0; or so many along K, J and I.
+        margin: voxels, at least 0; one number, or one each for K, J and I.
 
     Returns:
         The box, or None where no voxel is true.
@@ -30,6 +31,21 @@ def bounding_box(mask: np.ndarray, margin: int | Sequence[int] = 0) -> Box | Non
 def common_box(boxes: Sequence[Box]) -> Box:
     """The smallest box that holds all of `boxes`, of which there is at least one."""
     k, j, i = (slice(min(e.start for e in extents), max(e.stop for e in extents)) for extents in zip(*boxes, strict=True))
+    return k, j, i
+
+
+def covering_box(box: Box, shape: Sequence[int], other_shape: Sequence[int]) -> Box:
+    """The smallest box of another grid over the same space that covers a box of a grid.
+
+    Args:
+        box: of the grid with `shape` (K, J, I).
+        shape: of that grid.
+        other_shape: of the grid whose box is asked for.
+    """
+    k, j, i = (
+        slice(math.floor(extent.start * (others / count)), min(math.ceil(extent.stop * (others / count)), others))
+        for extent, count, others in zip(box, shape, other_shape, strict=True)
+    )
     return k, j, i
 
 

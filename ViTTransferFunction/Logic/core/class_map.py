@@ -11,6 +11,8 @@ from .geometry import Box, Geometry
 
 FULL_SCALE = 255
 """The byte that stands for a similarity of 1."""
+NEAR_SHARE_OF_ISO = 0.5
+"""Below this share of its iso value, a map is far from the surface: nothing there is refined, learned from, kept or drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +41,11 @@ def in_units_of(array: np.ndarray, similarity: float) -> float:
 
 
 def box_above(array: np.ndarray, similarity: float, margin: int) -> Box | None:
-    """The smallest box of a map that holds all voxels of at least `similarity`, and some more; None if there are none.
+    """The smallest box of a map that holds all voxels of at least `similarity`, and a margin; None if there are none.
 
     Args:
         array: (K, J, I) float32 in [0, 1], or uint8 with 255 for 1.
         similarity: in [0, 1].
-        margin: voxels around, within the map.
+        margin: voxels on every side, as far as the map reaches.
     """
     return bounding_box(array >= in_units_of(array, similarity), margin)

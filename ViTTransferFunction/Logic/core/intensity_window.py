@@ -10,7 +10,7 @@ from .errors import InputError
 from .volume import Volume, finite_range
 
 SAMPLE_SIZE = 1_000_000
-"""Percentiles are taken over at most about this many voxels, spread evenly: more would change nothing but the time."""
+"""Percentiles are taken over at most about this many voxels, spread evenly: more would only take longer."""
 
 
 @dataclass(frozen=True)

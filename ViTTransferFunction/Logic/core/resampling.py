@@ -114,7 +114,7 @@ def _mitchell_netravali(distance: np.ndarray) -> np.ndarray:
 
 
 def _shifted_copy(labels: np.ndarray, first: Sequence[int], shape: tuple[int, int, int]) -> np.ndarray:
-    """The part of `labels` that starts at its voxel `first` (k, j, i), which may be outside of it as may be others."""
+    """The part of `labels` that starts at its voxel `first` (k, j, i), which may lie outside, as may others; 0 there."""
     copy = np.zeros(shape, dtype=labels.dtype)
     target = tuple(slice(max(-start, 0), max(size - start, 0)) for start, size in zip(first, labels.shape, strict=True))
     source = tuple(slice(max(start, 0), max(start + size, 0)) for start, size in zip(first, shape, strict=True))

@@ -32,7 +32,7 @@ class FeatureSums:
 
     def add(self, axis: int, sample: SliceSample, keys: Tensor) -> None:
         """Add the keys (rows, columns, C) of a slice across `axis` to the layers that it contributes to."""
-        # Rounded as the features will be, three of them add up exactly in float32: in whatever order they come.
+        # Rounded as the features will be, they add up exactly in float32, in any order: with weights of 1 and ½, not with 1/3.
         rounded = keys.to(self._sums.device).half().float()
         for layer, weight in sample.layers:
             self._sums.select(axis, layer).add_(rounded, alpha=weight)
@@ -54,7 +54,9 @@ class FeatureSums:
             yield ((layer + missing * other.to(layer)) / 3.0).half().cpu()
 
 
-def interpolated(layers: Iterable[Tensor], present: tuple[int, int, int], shape: tuple[int, int, int]) -> Iterator[Tensor]:
+def interpolated_layers(
+    layers: Iterable[Tensor], present: tuple[int, int, int], shape: tuple[int, int, int]
+) -> Iterator[Tensor]:
     """Layers of features interpolated trilinearly to another grid of cells that fills the same box.
 
     Args:

@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
-from .accumulation import interpolated
+from .accumulation import interpolated_layers
 from .buffer_pool import BufferPool
 from .extraction import features_size_bytes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
@@ -61,7 +61,7 @@ class NetworkSpeed:
     coefficients: np.ndarray
 
     def seconds(self, tokens_of_slices: list[int]) -> float:
-        """Seconds for slices of so many tokens."""
+        """Seconds for slices with these numbers of tokens."""
         return float((_powers(tokens_of_slices) @ self.coefficients).sum())
 
 
@@ -109,7 +109,7 @@ def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSe
     shape = plan.orientation.canonical_shape(grid_shape(volume.geometry, settings))
     start = time.perf_counter()
     np.empty((*shape[1:], model.embed_dim), dtype=np.float16)[...] = next(
-        interpolated(itertools.repeat(layer), plan.shape, shape)
+        interpolated_layers(itertools.repeat(layer), plan.shape, shape)
     ).numpy()
     return shape[0] * (time.perf_counter() - start)
 

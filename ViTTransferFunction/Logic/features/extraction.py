@@ -19,7 +19,7 @@ from ..core.geometry import Geometry
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
-from .accumulation import FeatureSums, interpolated
+from .accumulation import FeatureSums, interpolated_layers
 from .bounded_memory import BoundedMemory
 from .extraction_plan import ExtractionPlan, SliceBatch
 from .feature_volume import FeatureVolume
@@ -107,13 +107,13 @@ class FeatureRun:
 
     def features_so_far(self, coarse: FeatureRun) -> FeatureVolume:
         """Features in which a coarser, finished run of the same volume stands in for the slices not yet run."""
-        others = interpolated(coarse._sums.means(), coarse._plan.shape, self._plan.shape)
+        others = interpolated_layers(coarse._sums.means(), coarse._plan.shape, self._plan.shape)
         return self._feature_volume(self._sums.means_with(others), f"{self._key}-{self._done}-of-{self._total}")
 
     def _feature_volume(self, layers: Iterator[Tensor], key: str) -> FeatureVolume:
         """Features of canonical `layers`, each written where it belongs: there is never a second volume of them."""
         array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
         canonical = self._plan.orientation.to_canonical(array)
-        for place, layer in zip(canonical, interpolated(layers, self._plan.shape, canonical.shape[:3]), strict=True):
+        for place, layer in zip(canonical, interpolated_layers(layers, self._plan.shape, canonical.shape[:3]), strict=True):
             place[...] = layer.numpy()
         return FeatureVolume(array, self._geometry, key)

@@ -1,13 +1,12 @@
 """Features that can be used within seconds, and sharpen while the user works (coarse to fine).
 
 A coarse extraction comes first, on few patches, interpolated to the cells of the final features: maps of both have the same
-grid. Then slices of the final extraction take its place, those through the volume's middle first, and the last features are
-those that `extract_features` gives.
+grid. Then slices of the final extraction take its place, and the last features are those that `extract_features` gives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ import numpy as np
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from .extraction import FeatureRun, extract_features
+from .extraction_plan import SliceBatch
 from .feature_volume import FeatureVolume
 from .settings import FeatureSettings, patches_along
 
@@ -57,8 +57,7 @@ def progressive_features(
         coarse.run(batch)
     fine = FeatureRun(volume, network, settings)
     yield fine.features_so_far(coarse)
-    centre_ras = _centre_ras(volume)
-    batches = sorted(fine.batches, key=lambda batch: fine.distance_mm(batch, centre_ras))
+    batches = _in_order(fine, settings, volume)
     for number, batch in enumerate(batches, start=1):
         fine.report(progress)
         fine.run(batch)
@@ -66,6 +65,17 @@ def progressive_features(
             yield fine.features_so_far(coarse)
     fine.report(progress)
     yield fine.features()
+
+
+def _in_order(fine: FeatureRun, settings: FeatureSettings, volume: Volume) -> Sequence[SliceBatch]:
+    """The batches, those through the middle first; as they come where every slice counts.
+
+    Pooled slices have weights such as 1/3, and then the last bit of a sum depends on its order (`FeatureSums`).
+    """
+    if settings.every_slice:
+        return fine.batches
+    centre_ras = _centre_ras(volume)
+    return sorted(fine.batches, key=lambda batch: fine.distance_mm(batch, centre_ras))
 
 
 def _coarse(settings: FeatureSettings) -> FeatureSettings:

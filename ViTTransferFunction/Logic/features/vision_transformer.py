@@ -251,5 +251,5 @@ def _check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> 
         raise InputError(
             f"The weights are not those of '{model.name}': {len(differing)} entries differ, first '{first}': expected "
             f"{expected.get(first, 'no such entry')}, got {got.get(first, 'no such entry')}. "
-            "Name the model that the file belongs to with --model, or choose another file."
+            "Choose the model that the file belongs to (Model in the panel, or --model), or choose another file."
         )

@@ -1,4 +1,4 @@
-"""The guided filter in 3D: what the bilateral solver is compared with.
+"""The guided filter in 3D, the alternative to the bilateral solver.
 
 Within a window around each voxel the map is taken to be a linear function of the intensity, a · luma + b, fitted by least
 squares with a penalty of ε a². Where the intensity varies by much more than √ε the map follows its edges; where by less, the

@@ -14,10 +14,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
+from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.intensity_window import IntensityWindow
 
-NEAR_SHARE_OF_ISO = 0.5
-"""Voxels whose map exceeds this share of the iso value are near enough to the structure to learn from, and to be changed."""
 TEMPER = 0.5
 """β."""
 LARGEST_LOG_RATIO = 1.5

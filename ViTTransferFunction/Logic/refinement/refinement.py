@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Literal, get_args
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, covering_box
+from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.errors import InputError
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
@@ -19,8 +19,6 @@ from .intensity_likelihood import with_intensity_likelihood
 RefinementMethod = Literal["bilateral", "guided", "none"]
 REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
 
-ACTIVE_SHARE_OF_ISO = 0.5
-"""Voxels whose map stays below this share of the iso value are far from the surface and are not refined."""
 SIGMA_SHARE_OF_CELL = 0.6
 """Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
 
@@ -58,7 +56,7 @@ def refine(
     if method not in REFINEMENT_METHODS:
         raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
     refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
-    box = active_box(similarity > ACTIVE_SHARE_OF_ISO * iso, volume.shape)
+    box = active_box(similarity > NEAR_SHARE_OF_ISO * iso, volume.shape)
     if method == "none" or box is None:
         return refined
     window = class_window(volume, display, positive_ras)
@@ -69,7 +67,7 @@ def refine(
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, ACTIVE_SHARE_OF_ISO * iso)
+        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, NEAR_SHARE_OF_ISO * iso)
     else:
         refined[box] = _filtered(target, intensities, window, spacing_mm)
     return refined
@@ -78,16 +76,7 @@ def refine(
 def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
     """The smallest box of a volume's voxels, `shape`, that holds all active cells and one cell around them; None for none."""
     cells = bounding_box(active, margin=1)
-    if cells is None:
-        return None
-    k, j, i = (_voxels_of(*extent_and_numbers) for extent_and_numbers in zip(cells, active.shape, shape, strict=True))
-    return k, j, i
-
-
-def _voxels_of(cells: slice, cell_count: int, voxel_count: int) -> slice:
-    """The voxels along an axis that lie in some of its cells, be it in part."""
-    voxels_per_cell = voxel_count / cell_count
-    return slice(math.floor(cells.start * voxels_per_cell), min(math.ceil(cells.stop * voxels_per_cell), voxel_count))
+    return None if cells is None else covering_box(cells, active.shape, shape)
 
 
 def _solved(
@@ -122,7 +111,7 @@ def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWind
 def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:
     """The window in which a structure's edges show: as wide as the display's, centred on the annotated intensities.
 
-    So lung is told from the chest wall and from outside air although a soft-tissue window shows it as plain black.
+    This separates lung from the chest wall and from outside air, although a soft-tissue window shows it as plain black.
     """
     annotated = _intensities_at(volume, positive_ras)
     if not annotated.size:

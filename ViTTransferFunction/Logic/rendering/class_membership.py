@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.class_map import box_above
+from ..core.bounding_box import covering_box
+from ..core.class_map import NEAR_SHARE_OF_ISO, box_above
 from ..core.geometry import Box
 from ..core.resampling import cell_positions, interpolated
 
@@ -16,9 +17,6 @@ Shape = tuple[int, int, int]
 
 UNIT = 4096
 """A ratio of 1 between a map and its iso value, as an integer."""
-
-LEAST_RATIO = 0.5
-"""Where a map stays below this share of its iso value, memberships are 0 and nothing is computed."""
 
 
 class Membership(NamedTuple):
@@ -67,7 +65,7 @@ def memberships(
         near: dict[int, tuple[Box, np.ndarray]] = {}
         for index in equals:
             similarity = _on_grid(maps[index], grid)
-            box = box_above(similarity, LEAST_RATIO * isos[index], margin=2)
+            box = box_above(similarity, NEAR_SHARE_OF_ISO * isos[index], margin=2)
             if box is not None:
                 ratios = _ratios(similarity[box], isos[index])
                 np.maximum(second[box], np.minimum(largest[box], ratios), out=second[box])
@@ -125,7 +123,7 @@ def _ratios(similarity: np.ndarray, iso: float) -> np.ndarray:
 def _rise(ratios: np.ndarray, softness: float, cell_sizes: Sequence[float]) -> np.ndarray:
     """The membership for every ratio, (65536,) uint8: a rise over a distance of `softness` to either side of the surface."""
     half = softness * _slope(ratios, cell_sizes)
-    below = max(min(half, (1.0 - LEAST_RATIO) * UNIT), 1.0)
+    below = max(min(half, (1.0 - NEAR_SHARE_OF_ISO) * UNIT), 1.0)
     inside = ratios[ratios >= UNIT]
     # What is typical well inside must be reached.
     above = max(min(half, 0.8 * (float(np.percentile(inside[::5], 95)) - UNIT)), 1.0) if inside.size else below
@@ -154,11 +152,9 @@ def _pairs(array: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _refined(ratios: np.ndarray, box: Box, grid: Shape, shape: Shape) -> tuple[Box, np.ndarray]:
     """Ratios in a box of the grid, at the voxels of the volume that it covers: smooth, so that surfaces have no facets."""
-    fine_box, positions = [], []
-    for extent, cells, voxels in zip(box, grid, shape, strict=True):
-        scale = voxels / cells
-        fine = slice(int(np.floor(extent.start * scale)), min(int(np.ceil(extent.stop * scale)), voxels))
-        fine_box.append(fine)
-        positions.append(cell_positions(cells, voxels, fine) - extent.start)
-    k, j, i = fine_box
-    return (k, j, i), np.clip(interpolated(ratios, positions, cubic=True), 0.0, 65535.0).astype(np.uint16)
+    fine_box = covering_box(box, grid, shape)
+    positions = [
+        cell_positions(cells, voxels, fine) - extent.start
+        for extent, fine, cells, voxels in zip(box, fine_box, grid, shape, strict=True)
+    ]
+    return fine_box, np.clip(interpolated(ratios, positions, cubic=True), 0.0, 65535.0).astype(np.uint16)

@@ -27,7 +27,7 @@ SHADOW_REACHES = (0.02, 0.05)
 """How far surfaces shade each other, of the volume's longest side."""
 
 SHADOW_STEPS = 85
-"""Shadows are soft: so many voxels along the longest side show them."""
+"""Shadows are soft: a grid of this many voxels along the longest side shows them."""
 
 
 class Composition:

@@ -23,16 +23,17 @@ SMOOTHING_OF_COARSEST_VOXEL = 0.3
 borders jump."""
 
 LEAST_HEIGHT, MOST_LIFTED = 0.03, 0.1
-"""Heights over the surface, in voxels along the finest axis, that voxels are lifted to if smoothing took them just below the
-first, and if it took them far below."""
+"""Heights over the surface, in voxels along the finest axis, to which voxels are lifted that smoothing took below the first:
+LEAST_HEIGHT for those just below it, up to MOST_LIFTED for those far below."""
 
 SHOWN_FROM_NEIGHBOURS = (1 / 18, 1 / 9)
-"""What each of a voxel's two neighbours along an axis has in what interpolation makes of it: at its centre, and half-way to its
-border. Renderers sample thick slices near their centre and otherwise there."""
+"""Weight of each of a voxel's two neighbours along an axis in its interpolated value: at its centre, and half-way to a border.
+Renderers sample thick slices near their centres, others half-way to the border."""
 
 LIFTS = 4
 LIFT_GAIN = 1.4
-"""How often, and how much more than lacks, voxels are lifted: their neighbours on the other side pull them down again."""
+"""Number of times that voxels are lifted, and the factor by which each lift exceeds what is missing: neighbours on the other
+side pull them down again."""
 
 
 def mask_map(mask: np.ndarray, spacing_mm: np.ndarray, similarity: np.ndarray | None = None, iso: float = ISO) -> np.ndarray:

@@ -119,7 +119,7 @@ class ClassRendering:
     def _smooth_surfaces(self) -> None:
         """Let rays start at random depths, so that their steps leave no rings on translucent surfaces."""
         for view in nodes_of_class(self._scene, "vtkMRMLViewNode"):
-            # Who switches it off while the colours are shown does not want it.
+            # A user who switches it off while the colours are shown does not want it back.
             if view.GetID() not in self._smoothed_view_ids and not view.GetVolumeRenderingSurfaceSmoothing():
                 view.SetVolumeRenderingSurfaceSmoothing(True)
                 self._smoothed_view_ids.add(view.GetID())

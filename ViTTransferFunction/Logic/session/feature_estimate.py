@@ -1,4 +1,4 @@
-"""What features will cost, as it is told to the user."""
+"""What features will cost, as shown to the user."""
 
 from __future__ import annotations
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, common_box
-from ..core.class_map import FULL_SCALE
+from ..core.bounding_box import common_box
+from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, box_above
 from ..core.geometry import Box
 
-SHARE_OF_ISO = 0.5
-"""Voxels whose map stays below this share of the iso value may be cut off: nothing of them is shown."""
 MARGIN_VOXELS = 2
 
 
@@ -38,7 +36,7 @@ class MapCrop:
 def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
     """Cut the map (K, J, I) in [0, 1] down to the box of its iso-surface and two voxels around it."""
     # Where nothing is above, a box all the same: two voxels, so that it has an extent.
-    box = bounding_box(similarity >= SHARE_OF_ISO * iso, MARGIN_VOXELS) or (slice(0, 2),) * 3
+    box = box_above(similarity, NEAR_SHARE_OF_ISO * iso, MARGIN_VOXELS) or (slice(0, 2),) * 3
     array = np.rint(similarity[box] * np.float32(FULL_SCALE)).astype(np.uint8)
     return MapCrop(array, box, iso)
 

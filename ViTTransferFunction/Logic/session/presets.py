@@ -39,7 +39,7 @@ PRESETS = {
         "three patches for eight cells along an edge: a first look within seconds", FeatureSettings(patches_per_cell=0.375)
     ),
     "fast": _whitened(
-        "five patches for eight cells along an edge, near what the network was trained on: half the time of balanced",
+        "five patches for eight cells along an edge, near what the network was trained on: two fifths of the time of balanced",
         FeatureSettings(patches_per_cell=0.625),
     ),
     "balanced": _whitened(
@@ -69,7 +69,7 @@ def preset(name: str) -> Preset:
     """The preset called `name`.
 
     Raises:
-        InputError: no preset is called so.
+        InputError: no preset has this name.
     """
     if name not in PRESETS:
         raise InputError(f"Unknown preset '{name}'; expected one of {', '.join(PRESETS)}.")

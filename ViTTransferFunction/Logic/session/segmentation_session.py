@@ -115,7 +115,7 @@ class SegmentationSession:
 
     @property
     def has_features(self) -> bool:
-        """Whether there are features, be they coarse."""
+        """Whether there are features, even if only coarse ones."""
         return self._features is not None
 
     @property

@@ -30,7 +30,7 @@ REFINED_SOFTNESS = 0.1
 STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
 STABILITY_SAMPLES = 2_000_000
-"""A refined map is looked at in so many voxels at most, spread evenly."""
+"""At most this many voxels of a refined map are looked at, spread evenly."""
 LOWEST_LEVEL = 0.01
 SMALLEST_ISO, LARGEST_ISO = 0.02, 0.98
 ISO_WITHOUT_NEGATIVES = 0.5
@@ -42,7 +42,7 @@ _LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
 
 
 def prior_iso(positive_count: int) -> float:
-    """The iso value of a class with so many different positive points, before the image is looked at."""
+    """The iso value of a class with this many different positive points, before the image is looked at."""
     return 0.5 * positive_count / (positive_count + POINTS_TO_HALF)
 
 

@@ -48,7 +48,7 @@ BACKGROUND_LIMIT = 0.5
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
 ISO_CELLS = 100_000
-"""The iso value is chosen from so many cells at most, spread evenly: more would change nothing but the time."""
+"""The iso value is chosen from at most this many cells, spread evenly: more would only take longer."""
 
 
 class KernelRidge:

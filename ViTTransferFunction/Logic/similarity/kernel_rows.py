@@ -10,7 +10,7 @@ import numpy as np
 from ..features.precision import device_precision
 
 ROWS_AT_ONCE = 32
-"""Rows are made room for, and multiplied, in blocks of so many."""
+"""Room for rows is made, and rows are multiplied, in blocks of this many."""
 
 
 class KernelRows:
@@ -62,5 +62,5 @@ class KernelRows:
 
 
 def _whole_blocks(rows: int) -> int:
-    """So many rows, in whole blocks: for every new number of them the processor's matrix kernels would be compiled anew."""
+    """`rows` rounded up to whole blocks: for every new number of rows the processor's matrix kernels would be compiled anew."""
     return -(-rows // ROWS_AT_ONCE) * ROWS_AT_ONCE

@@ -56,7 +56,7 @@ def pretrained_model(name: str) -> PretrainedModel:
     """The model called `name`.
 
     Raises:
-        InputError: no model is called so.
+        InputError: no model has this name.
     """
     model = PRETRAINED_MODELS.get(name)
     if model is None:

@@ -63,7 +63,7 @@ _DAMAGED = (
     AssertionError,
     struct.error,
 )
-"""What `torch.load` raises on damaged files. It documents nothing; these came of feeding it thousands."""
+"""What `torch.load` raises on damaged files. It documents none; these were found by feeding it thousands of them."""
 
 
 def _check_is_state_dict(content: object, path: Path) -> None:

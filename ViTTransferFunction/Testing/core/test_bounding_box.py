@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box, covering_box
 
 masks = arrays(np.bool_, array_shapes(min_dims=3, max_dims=3, min_side=0, max_side=7), fill=st.just(False))
 
@@ -42,3 +42,16 @@ def test_one_voxel_has_a_box_of_one_voxel() -> None:
     mask[2, 0, 4] = True
     assert bounding_box(mask) == (slice(2, 3), slice(0, 1), slice(4, 5))
     assert bounding_box(mask, margin=1) == (slice(1, 3), slice(0, 2), slice(3, 5))
+
+
+@given(masks, st.tuples(*[st.integers(1, 23)] * 3))
+def test_the_covering_box_holds_what_shares_space_with_the_box_and_no_more(
+    mask: np.ndarray, shape: tuple[int, int, int]
+) -> None:
+    box = bounding_box(mask)
+    if box is None:
+        return
+    for extent, covering, count, others in zip(box, covering_box(box, mask.shape, shape), mask.shape, shape, strict=True):
+        # In units in which both grids have whole numbers.
+        shares = [at for at in range(others) if (at + 1) * count > extent.start * others and at * count < extent.stop * others]
+        assert (covering.start, covering.stop) == (shares[0], shares[-1] + 1)

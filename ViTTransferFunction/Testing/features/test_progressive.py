@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -23,11 +26,13 @@ def few_coarse_patches_and_small_batches(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 1000)
 
 
+@pytest.mark.parametrize("of_layers", [{}, {"layer_step": 2}, {"every_slice": True, "grid": 12}], ids=["layers", "half", "all slices"])
 def test_the_last_features_are_those_of_a_direct_extraction(
-    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, of_layers: dict[str, Any]
 ) -> None:
-    *_, last = progressive_features(spheres[0], tiny_network, SETTINGS)
-    direct = extract_features(spheres[0], tiny_network, SETTINGS)
+    settings = replace(SETTINGS, **of_layers)
+    *_, last = progressive_features(spheres[0], tiny_network, settings)
+    direct = extract_features(spheres[0], tiny_network, settings)
     np.testing.assert_array_equal(last.array, direct.array)
     assert last.key == direct.key
 

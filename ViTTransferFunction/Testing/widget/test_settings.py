@@ -23,7 +23,7 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
     ui.presetComboBox.setCurrentText("As in the paper (many times slower)")
     ui.modelComboBox.setCurrentText("dino_vits8")
     ui.deviceComboBox.setCurrentText("Processor (CPU)")
-    ui.refinementComboBox.setCurrentText("Guided filter (faster)")
+    ui.refinementComboBox.setCurrentText("Guided filter")
     ui.renderingComboBox.setCurrentText("Transfer function")
     ui.gridSpinBox.setValue(48)
     ui.overlayOpacitySlider.value = 0.25
