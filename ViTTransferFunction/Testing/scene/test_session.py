@@ -131,6 +131,8 @@ def test_the_point_placed_last_is_removed_first_whatever_its_polarity(
     session.annotations.remove_last_point(state.id)
     assert session.classes[0].positive == ()
     session.annotations.remove_last_point(state.id)
+    assert (session.classes[0].positive, session.classes[0].negative) == ((), ())
+    assert session.take_error() is None
 
 
 def test_a_removed_class_comes_back_with_its_points_and_settings(

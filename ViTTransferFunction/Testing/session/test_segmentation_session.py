@@ -10,6 +10,7 @@ import pytest
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -51,14 +52,17 @@ def test_an_iso_value_that_the_user_set_is_used_as_it_is(session: SegmentationSe
 
 
 def test_parts_without_a_click_are_dropped_unless_asked_for(session: SegmentationSession, spheres: Spheres) -> None:
-    both = np.isin(spheres[1], (1, 2))
-    volume = spheres[0]
-    # Sphere 2's click belongs to no class here, so that spheres 1 and 2, whose features differ, need two clicks.
-    points = np.concatenate([centre_ras(spheres, 1), centre_ras(spheres, 2)])
-    labels = session.segment([ClassRequest("both", points)]).labels
-    assert dice(labels > 0, both) > 0.9
-    corner = volume.geometry.ijk_to_ras_points(np.array([[1.0, 1.0, 1.0]]))
-    assert session.volume.geometry.contains(corner).all()
+    source = session.features.source
+    array = source.array.copy()
+    # Spheres 1 and 2 become equal to the network, so that a click on one finds both.
+    array[..., 1] += array[..., 2]
+    array[..., 2] = 0.0
+    session.use_features(FeatureVolume(array, source.geometry, source.key))
+    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
+    dropped = session.segment(clicked).labels > 0
+    kept = session.segment(clicked, only_annotated_components=False).labels > 0
+    assert dice(dropped, spheres[1] == 1) > 0.9
+    assert dice(kept, np.isin(spheres[1], (1, 2))) > 0.9
 
 
 def test_maps_are_shown_one_by_one_as_they_are_made(session: SegmentationSession, spheres: Spheres) -> None:
