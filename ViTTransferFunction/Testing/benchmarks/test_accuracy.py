@@ -16,13 +16,6 @@ from Benchmarks.shared.labelled_cases import LabelledVolume, PhantomCase, classe
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from Benchmarks.topology.topology import Topology, topology_of
-from ViTTransferFunction.Logic.core.volume import Volume
-
-
-@pytest.fixture
-def labelled(spheres: tuple[Volume, np.ndarray]) -> LabelledVolume:
-    volume, labels = spheres
-    return LabelledVolume(volume, labels, ("left", "right", "dark"))
 
 
 def balls_around_clicks(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:

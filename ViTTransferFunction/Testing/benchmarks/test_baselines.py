@@ -10,21 +10,17 @@ from Benchmarks.accuracy.baseline_threshold import ClickedThreshold
 from Benchmarks.accuracy.local_features import COUNT, LocalFeatures
 from Benchmarks.accuracy.seeds import BACKGROUND_VOXELS, Seeds, painted, random_seeds, random_voxels, seeds_of
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import normalised_features
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
-Spheres = tuple[Volume, np.ndarray]
 CENTRES = ((16, 20, 12), (16, 20, 36), (8, 10, 24))
 
 
 def clicks_on_the_centres() -> list[list[Click]]:
     return [[Click(centre, positive=True)] for centre in CENTRES]
-
-
-def dice(found: np.ndarray, truth: np.ndarray) -> float:
-    return 2.0 * np.count_nonzero(found & truth) / (np.count_nonzero(found) + np.count_nonzero(truth))
 
 
 def test_a_negative_click_says_what_is_there(spheres: Spheres) -> None:
@@ -66,7 +62,7 @@ def test_local_features_are_the_intensity_its_neighbours_the_gradient_and_the_pl
     # A step along I: features are standardised, so only their order can be told.
     array = np.zeros((6, 7, 8), dtype=np.float32)
     array[..., 4:] = 100.0
-    volume = Volume(array, Geometry(array.shape, np.eye(4)))
+    volume = volume_of(array)
     features = LocalFeatures(volume).of(np.arange(array.size)).reshape(*array.shape, COUNT)
     np.testing.assert_allclose(features.mean(axis=(0, 1, 2)), 0.0, atol=1e-5)
     dark, bright = features[2, 3, 3], features[2, 3, 4]

@@ -14,17 +14,11 @@ from Benchmarks.refinement.run import CandidateSession, CaseBench, mean_surface_
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood as intensity_evidence
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod, refine
 
 SPACING_MM = (3.0, 2.0, 2.0)
-
-
-@pytest.fixture
-def labelled(spheres: tuple[Volume, np.ndarray]) -> LabelledVolume:
-    return LabelledVolume(*spheres, ("left", "right", "dark"))
 
 
 @pytest.fixture

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
 from Benchmarks.shared.segmentation_metrics import segmentation_metrics, surface_dice, surface_distances_mm
+from ViTTransferFunction.Testing.support.masks import box_mask
 
 CUBE_MM = (1.0, 1.0, 1.0)
 
-
-def a_box(k: slice, j: slice, i: slice) -> np.ndarray:
-    mask = np.zeros((12, 12, 12), dtype=bool)
-    mask[k, j, i] = True
-    return mask
+a_box = functools.partial(box_mask, (12, 12, 12))
 
 
 def test_overlap_is_counted_in_voxels():

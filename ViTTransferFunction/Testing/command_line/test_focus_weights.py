@@ -41,12 +41,6 @@ def _package_index_answers() -> bool:
     return asked.returncode == 0
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
-
-
 @pytest.fixture
 def index_of_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Let pip see a folder, empty so far, and no network."""

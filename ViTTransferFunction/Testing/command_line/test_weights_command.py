@@ -20,10 +20,8 @@ NAME = "dino_vits8"
 
 
 @pytest.fixture(autouse=True)
-def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The cached file of one model, in a cache that is not the real user's."""
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+def cached(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The cached file of one model."""
     monkeypatch.setitem(PRETRAINED_MODELS, NAME, dataclasses.replace(PRETRAINED_MODELS[NAME], sha256=SHA256))
     path = weights_folder() / f"{NAME}.pth"
     path.parent.mkdir()

@@ -20,8 +20,8 @@ from ViTTransferFunction.Logic.features.progressive import COARSE_PATCHES
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import array_from_node
+from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_segment, add_volume, segment_masks
-from ViTTransferFunction.Testing.support.spheres import dice
 
 GRID = 20
 LIVER, SPLEEN, LEFT_KIDNEY = 5, 1, 3
@@ -71,8 +71,8 @@ def test_an_afternoon_and_the_morning_after(
     segmentation = slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "of a colleague")
     lesion = np.zeros(volume.shape, dtype=bool)
     lesion[tuple(slice(c - 4, c + 4) for c in np.argwhere(labels == LIVER).mean(axis=0).astype(int))] = True
-    add_segment(segmentation, node, "lesion", lesion)
-    add_segment(segmentation, node, "left kidney", labels == LEFT_KIDNEY)
+    add_segment(segmentation, "lesion", lesion, volume.geometry.ijk_to_ras)
+    add_segment(segmentation, "left kidney", labels == LEFT_KIDNEY, volume.geometry.ijk_to_ras)
     colleague = segment_masks(segmentation, node)
 
     session.set_volume(node)

@@ -7,11 +7,11 @@ import pytest
 from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, weighed_by_intensity
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, refine
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
 LARGEST_FACTOR = np.exp(TEMPER * LARGEST_LOG_RATIO)
@@ -28,14 +28,6 @@ def ball_and_its_map(edge: int = 40, radius: float = 9.0) -> tuple[np.ndarray, n
 def coarse(similarity: np.ndarray, factor: int = 4) -> np.ndarray:
     edge = similarity.shape[0] // factor
     return similarity.reshape(edge, factor, edge, factor, edge, factor).mean(axis=(1, 3, 5))
-
-
-def dice(a: np.ndarray, b: np.ndarray) -> float:
-    return 2.0 * (a & b).sum() / (a.sum() + b.sum())
-
-
-def volume_of(array: np.ndarray) -> Volume:
-    return Volume(array, Geometry(array.shape, np.eye(4)))
 
 
 def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod, iso: float = 0.35) -> np.ndarray:

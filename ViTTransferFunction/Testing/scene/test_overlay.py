@@ -14,7 +14,8 @@ from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.contours import Contours, ShownMap, iso_surface
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
-from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.scenes import put_under
 from ViTTransferFunction.Testing.support.views import Views, ball, pixels, slice_pixel
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -61,9 +62,7 @@ def is_green(picture: np.ndarray) -> np.ndarray:
 def under_transform(views: Views) -> np.ndarray:
     """Put the volume under a rotation and a shift; returns the matrix."""
     matrix = np.array([[0.8, -0.6, 0, 12], [0.6, 0.8, 0, -7], [0, 0, 1, 30], [0, 0, 0, 1]])
-    transform = views.scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
-    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
-    views.volume.SetAndObserveTransformNodeID(transform.GetID())
+    put_under(views.volume, matrix)
     return matrix
 
 

@@ -21,8 +21,9 @@ from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
+from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_volume, open_spheres, segment_masks
-from ViTTransferFunction.Testing.support.spheres import centre_ras, dice
+from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
 @pytest.fixture

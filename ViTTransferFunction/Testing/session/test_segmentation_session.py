@@ -16,7 +16,8 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
-from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, dice, requests_of
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
 
 
 @pytest.fixture

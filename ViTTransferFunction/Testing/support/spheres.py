@@ -1,4 +1,4 @@
-"""What tests ask about the three spheres of conftest, and how well they were found."""
+"""Where the three spheres of conftest lie, and requests for them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,3 @@ def centre_ras(spheres: Spheres, label: int) -> np.ndarray:
 def requests_of(spheres: Spheres, **fields: object) -> tuple[ClassRequest, ...]:
     """A class with one point for each sphere, and further fields for all."""
     return tuple(ClassRequest(f"sphere {n}", centre_ras(spheres, n), **fields) for n in (1, 2, 3))  # type: ignore[arg-type]
-
-
-def dice(a: np.ndarray, b: np.ndarray) -> float:
-    """How well two masks agree, 0 to 1."""
-    return 2.0 * float((a & b).sum()) / float(a.sum() + b.sum())

@@ -20,12 +20,6 @@ SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
 NAME = "dino_vits8"
 
 
-@pytest.fixture(autouse=True)
-def _no_variable_of_the_real_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
-
-
 @pytest.fixture
 def hashed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the hash of `WEIGHTS` be published."""

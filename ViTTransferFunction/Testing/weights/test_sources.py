@@ -66,11 +66,9 @@ def site(monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
         thread.join()
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The cache's folder of weights, empty; no variable of the real user reaches a test."""
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+@pytest.fixture
+def folder() -> Path:
+    """The cache's folder of weights, empty."""
     return weights_folder()
 
 
@@ -195,6 +193,7 @@ class TestDownload:
     @pytest.mark.usefixtures("hashed")
     def test_a_cache_that_cannot_be_written_is_an_input_error(self, folder: Path) -> None:
         folder.parent.parent.mkdir(exist_ok=True)
+        folder.parent.rmdir()
         folder.parent.write_text("a file where the cache's folder should be")
 
         with pytest.raises(InputError, match="Cannot write"):

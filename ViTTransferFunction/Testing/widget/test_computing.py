@@ -20,9 +20,9 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import add_volume
-from ViTTransferFunction.Testing.support.spheres import centre_ras
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
-from ViTTransferFunction.Testing.support.widgets import Spheres, add_class, place, text, wait_until
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
