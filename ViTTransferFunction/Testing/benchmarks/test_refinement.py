@@ -78,6 +78,7 @@ def test_the_random_walker_always_has_seeds_of_both_kinds() -> None:
     assert walker_seeds(steep, at_positives=0.9, iso=0.5).tolist() == [[[2, 2, 0, 1, 1]]]
 
 
+@pytest.mark.slow
 def test_shifted_slabs_are_apart_by_what_their_faces_are() -> None:
     truth, predicted = np.zeros((2, 20, 400, 400), dtype=bool)
     truth[5:10], predicted[7:12] = True, True
@@ -91,6 +92,7 @@ def test_nothing_predicted_is_as_far_away_as_the_structure_is_large() -> None:
     assert mean_surface_distance_mm(np.zeros_like(truth), truth, SPACING_MM) == pytest.approx(np.sqrt(12**2 + 4**2 + 2**2))
 
 
+@pytest.mark.slow
 def test_a_candidate_is_given_the_clicks_that_were_kept(
     labelled: LabelledVolume, features: FeatureVolume, tmp_path: Path
 ) -> None:

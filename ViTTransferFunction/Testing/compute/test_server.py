@@ -80,6 +80,7 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
         assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
 
 
+@pytest.mark.slow
 def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
     volume = spheres[0]
     constant = TakeVolume(np.zeros_like(volume.array), volume.geometry, "empty")
@@ -90,6 +91,7 @@ def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClien
     open_spheres(client, spheres)
 
 
+@pytest.mark.slow
 def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClient, spheres: Spheres) -> None:
     open_spheres(client, spheres)
     requests = requests_of(spheres)
@@ -116,6 +118,7 @@ def test_a_death_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
     assert "Labels" in client.last_words()
 
 
+@pytest.mark.slow
 def test_closing_ends_the_process_whatever_it_does(spheres: Spheres) -> None:
     client = ComputeClient()
     open_spheres(client, spheres)

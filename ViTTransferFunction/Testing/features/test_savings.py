@@ -30,8 +30,6 @@ from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
 FULL = FeatureSettings(grid=16, merge_background=False, precision="float32")
 MERGED = replace(FULL, merge_background=True)
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(scope="module")
 def kept() -> dict[FeatureSettings, np.ndarray]:

@@ -28,7 +28,10 @@ TIMM_NAMES = {
 }
 
 
-@pytest.mark.parametrize("name", TIMM_NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "dinov2_vits14_reg" else pytest.param(name, marks=pytest.mark.slow) for name in TIMM_NAMES],
+)
 def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> None:
     model = pretrained_model(name)
     state = random_state_dict(model)

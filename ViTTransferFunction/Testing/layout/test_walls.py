@@ -79,6 +79,7 @@ def test_a_file_loads_on_a_bare_slicer(path: Path) -> None:
         assert name in SHIPPED_WITH_SLICER or name in sys.stdlib_module_names, f"{path.name} imports {name}"
 
 
+@pytest.mark.slow
 def test_the_logic_loads_where_pytorch_is_missing() -> None:
     modules = [".".join(dotted(path)) for path in FILES]
     program = f"import sys; sys.modules['torch'] = None\nimport importlib\nfor name in {modules}: importlib.import_module(name)"

@@ -21,6 +21,7 @@ from ViTTransferFunction.Logic.scene.volume import (
     world_to_local,
 )
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 OBLIQUE = np.array([[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]])
 """IJK to RAS with spacing 1.0×1.2×3.0 mm, rotated about two axes."""
@@ -45,7 +46,7 @@ def add_parameter_node(scene: Any) -> Any:
     return added
 
 
-def open_spheres(app: Any, spheres: tuple[Volume, np.ndarray]) -> SceneSession:
+def open_spheres(app: Any, spheres: Spheres) -> SceneSession:
     """A session on the spheres of conftest, ready for clicks."""
     cache_known_features(*spheres)
     session = SceneSession(app.scene, app.app_logic, add_parameter_node(app.scene))
@@ -54,6 +55,16 @@ def open_spheres(app: Any, spheres: tuple[Volume, np.ndarray]) -> SceneSession:
     session.wait()
     assert session.phase == "ready", session.take_error()
     return session
+
+
+def annotate(session: SceneSession, spheres: Spheres) -> list[str]:
+    """One class with a click for each of the three spheres; returns their ids."""
+    ids = []
+    for label in (1, 2, 3):
+        ids.append(session.annotations.add_class(f"sphere {label}").id)
+        session.annotations.add_points(ids[-1], centre_ras(spheres, label), positive=True)
+    session.wait()
+    return ids
 
 
 def put_under(node: Any, matrix: np.ndarray) -> Any:

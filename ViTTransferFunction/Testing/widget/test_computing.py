@@ -30,6 +30,7 @@ POLL_MS = 20
 SLOW_BEATS = 100
 
 
+@pytest.mark.slow
 def test_buttons_are_enabled_as_they_become_useful(ready: Any, spheres: Spheres) -> None:
     ui = ready.ui
     assert not ui.writeSegmentsButton.isEnabled()
@@ -45,6 +46,7 @@ def test_buttons_are_enabled_as_they_become_useful(ready: Any, spheres: Spheres)
     assert ui.writeSegmentsButton.isEnabled()
 
 
+@pytest.mark.slow
 def test_what_features_cost_is_shown_before_they_are_computed(widget: Any, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     wait_until(lambda: widget.panel.session.estimate is not None)
@@ -52,6 +54,7 @@ def test_what_features_cost_is_shown_before_they_are_computed(widget: Any, volum
     assert widget.ui.extractButton.isEnabled()
 
 
+@pytest.mark.slow
 def test_a_running_extraction_shows_its_progress_and_can_be_cancelled(widget: Any, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.extractButton.click()
@@ -73,6 +76,7 @@ def test_an_error_is_shown_once_in_the_panel(widget: Any, slicer_app: Any, spher
     assert not widget.ui.messageFrame.isVisible()
 
 
+@pytest.mark.slow
 def test_the_threshold_is_automatic_until_it_is_touched_and_can_become_so_again(ready: Any, spheres: Spheres) -> None:
     ui, session = ready.ui, ready.panel.session
     state = add_class(ready)
@@ -118,6 +122,7 @@ def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, v
     assert len(widget.panel.session.classes) == 1
 
 
+@pytest.mark.slow
 def test_features_arrive_also_while_the_user_is_in_another_module(widget: Any, host: Host, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     host.representation.exit()

@@ -60,6 +60,7 @@ def test_the_folder_of_the_panel_does_not_claim_its_name_for_itself() -> None:
     assert not (MODULE / "Widget" / "__init__.py").exists()
 
 
+@pytest.mark.slow
 def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: Path) -> None:
     program = (
         "import sys\nsys.modules['torch'] = None\n" + OPEN + "assert ui.pytorchFrame.isVisible()\n"
@@ -71,6 +72,7 @@ def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: P
     run(program, tmp_path)
 
 
+@pytest.mark.slow
 def test_reloading_loads_all_files_anew_ends_the_old_panel_and_never_imports_torch(tmp_path: Path) -> None:
     program = OPEN + (
         "assert not ui.pytorchFrame.isVisible()\n"
