@@ -40,7 +40,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(autouse=True)
 def a_cache_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No test reads or fills the cache of whoever runs it."""
+    """No test reads or fills the real user's cache."""
     folder = tmp_path_factory.mktemp("cache")
     monkeypatch.setenv("VITTF_CACHE", str(folder))
     return folder

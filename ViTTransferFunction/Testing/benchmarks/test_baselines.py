@@ -36,8 +36,8 @@ def test_background_is_drawn_from_where_it_is_or_from_anywhere() -> None:
     truth = np.zeros((10, 10, 10), dtype=np.uint8)
     truth[:, :, :5] = 1
     clicks = [[Click((5, 5, 2), positive=True)]]
-    told, blind = (seeds_of(clicks, truth, true_background) for true_background in (True, False))
-    assert not truth[tuple(told.of_class(0).T)].any()
+    informed, blind = (seeds_of(clicks, truth, true_background) for true_background in (True, False))
+    assert not truth[tuple(informed.of_class(0).T)].any()
     assert truth[tuple(blind.of_class(0).T)].any()
 
 
@@ -59,7 +59,7 @@ def test_random_voxels_differ_and_are_the_same_each_time() -> None:
 
 
 def test_local_features_are_the_intensity_its_neighbours_the_gradient_and_the_place() -> None:
-    # A step along I: features are standardised, so only their order can be told.
+    # A step along I: features are standardised, so only their order is known.
     array = np.zeros((6, 7, 8), dtype=np.float32)
     array[..., 4:] = 100.0
     volume = volume_of(array)
@@ -67,7 +67,7 @@ def test_local_features_are_the_intensity_its_neighbours_the_gradient_and_the_pl
     np.testing.assert_allclose(features.mean(axis=(0, 1, 2)), 0.0, atol=1e-5)
     dark, bright = features[2, 3, 3], features[2, 3, 4]
     assert bright[0] > dark[0]
-    # The bright voxel lies one further along I, so its neighbour before is the dark one; across I they are alike.
+    # The bright voxel lies one further along I, so its neighbour before is the dark one; across I they are equal.
     assert bright[5] < features[2, 3, 5, 5]
     assert dark[6] > features[2, 3, 2, 6]
     assert dark[7] == bright[7] > features[2, 3, 0, 7]

@@ -45,7 +45,7 @@ def test_candidates_of_the_product_are_the_product(coarse: CoarseMap, name: str,
     np.testing.assert_array_equal(_called(name).refine(coarse), refined)
 
 
-def test_another_temper_is_used_and_then_gone(coarse: CoarseMap) -> None:
+def test_another_temper_is_used_and_then_restored(coarse: CoarseMap) -> None:
     before = intensity_evidence.TEMPER
     strong, default = _called("evidence β 1.0").refine(coarse), DEFAULT.refine(coarse)
     assert before == intensity_evidence.TEMPER

@@ -25,20 +25,20 @@ def test_overlap_is_counted_in_voxels():
     assert metrics.recall == pytest.approx(0.5)
 
 
-def test_a_perfect_prediction_has_full_marks():
+def test_a_perfect_prediction_scores_one():
     truth = a_box(slice(2, 6), slice(3, 9), slice(0, 12))
     metrics = segmentation_metrics(truth, truth, CUBE_MM)
     assert vars(metrics) == dict.fromkeys(vars(metrics), 1.0)
 
 
-def test_nothing_predicted_where_nothing_is_has_full_marks():
+def test_nothing_predicted_where_nothing_is_scores_one():
     nothing = np.zeros((4, 4, 4), dtype=bool)
     metrics = segmentation_metrics(nothing, nothing, CUBE_MM)
     assert vars(metrics) == dict.fromkeys(vars(metrics), 1.0)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_one_empty_mask_has_no_marks(swapped):
+def test_one_empty_mask_scores_zero(swapped):
     nothing, something = np.zeros((12, 12, 12), dtype=bool), a_box(slice(2, 6), slice(2, 6), slice(2, 6))
     predicted, truth = (something, nothing) if swapped else (nothing, something)
     metrics = segmentation_metrics(predicted, truth, CUBE_MM)

@@ -276,7 +276,7 @@ def test_a_full_cache_disk_is_refused_before_any_work(
     assert not output.exists()
 
 
-def test_nan_infinite_and_metal_voxels_are_worked_around(tmp_path: Path, scan: Path, real_weights: Path) -> None:
+def test_nan_infinite_and_metal_voxels_do_not_prevent_a_segmentation(tmp_path: Path, scan: Path, real_weights: Path) -> None:
     image = sitk.ReadImage(str(scan))
     array = sitk.GetArrayFromImage(image)
     array[0, 0, 0], array[11, 15, 19], array[0, 15, 0] = np.nan, np.inf, 30_000.0

@@ -62,7 +62,7 @@ def test_getting_says_terms_place_and_hash(cached: Path, capsys: pytest.CaptureF
         assert part in out
 
 
-def test_removing_names_what_is_gone(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_removing_names_what_was_removed(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vittf("weights", "remove", NAME) == 0
 
     assert capsys.readouterr().out == f"removed {cached}\n"

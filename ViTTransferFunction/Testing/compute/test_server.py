@@ -81,7 +81,7 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
 
 
 @pytest.mark.slow
-def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
+def test_bad_input_is_explained_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
     volume = spheres[0]
     constant = TakeVolume(np.zeros_like(volume.array), volume.geometry, "empty")
     refused = reply_to(client, client.request(constant))
@@ -107,8 +107,9 @@ def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClien
     assert isinstance(replies[after], Maps)
 
 
-def test_a_death_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
-    # A reply is no request: nobody serves it.
+@pytest.mark.slow
+def test_the_end_of_the_process_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
+    # A reply is no request: no service answers it.
     client.request(Labels(np.zeros(1)))
     until = time.monotonic() + 60.0
     while client.alive and time.monotonic() < until:

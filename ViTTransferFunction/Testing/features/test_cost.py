@@ -21,7 +21,7 @@ SETTINGS = FeatureSettings(grid=24, merge_background=False)
 
 
 @pytest.mark.parametrize(
-    "from_cheap_to_dear",
+    "from_cheap_to_expensive",
     [
         [replace(SETTINGS, grid=grid) for grid in (8, 12, 16, 24, 32)],
         [replace(SETTINGS, patches_per_cell=share) for share in (0.4, 0.6, 0.8, 1.0)],
@@ -31,13 +31,13 @@ SETTINGS = FeatureSettings(grid=24, merge_background=False)
     ids=["grid", "patches", "layers", "slices"],
 )
 def test_whatever_makes_more_tokens_costs_more(
-    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, from_cheap_to_dear: list[FeatureSettings]
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, from_cheap_to_expensive: list[FeatureSettings]
 ) -> None:
-    costs = [feature_cost(spheres[0], settings, tiny_network, SPEED) for settings in from_cheap_to_dear]
-    for cheap, dear in itertools.pairwise(costs):
-        assert cheap.tokens < dear.tokens
-        assert cheap.seconds < dear.seconds
-        assert cheap.peak_bytes <= dear.peak_bytes
+    costs = [feature_cost(spheres[0], settings, tiny_network, SPEED) for settings in from_cheap_to_expensive]
+    for cheap, expensive in itertools.pairwise(costs):
+        assert cheap.tokens < expensive.tokens
+        assert cheap.seconds < expensive.seconds
+        assert cheap.peak_bytes <= expensive.peak_bytes
 
 
 def test_merge_background_saves_time_and_takes_no_more_memory(

@@ -28,10 +28,8 @@ TIMM_NAMES = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name == "dinov2_vits14_reg" else pytest.param(name, marks=pytest.mark.slow) for name in TIMM_NAMES],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TIMM_NAMES)
 def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> None:
     model = pretrained_model(name)
     state = random_state_dict(model)
@@ -175,7 +173,7 @@ def test_a_patch_that_counts_twice_is_two_equal_patches(tiny_network: VisionTran
 
 
 def slices_of(*lengths: int) -> list[PatchTokens]:
-    """Slices of 3 × 4 patches, of which so many are there; each stands for one or two."""
+    """Slices of 3 × 4 patches, with so many of them given; each counts once or twice."""
     generator = torch.Generator().manual_seed(4)
     return [
         PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n), 1 + torch.arange(n) % 2) for n in lengths

@@ -38,7 +38,7 @@ def ramp(shape: tuple[int, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
-def test_array_and_geometry_survive_every_format(tmp_path: Path, ending: str) -> None:
+def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending: str) -> None:
     source = image(ramp((4, 5, 6)))
     source.SetSpacing([2.0, 1.5, 5.0])
     source.SetOrigin([30.0, -20.0, 7.0])
@@ -207,7 +207,7 @@ def test_one_metal_voxel_does_not_move_the_window() -> None:
     assert abs(after.low - before.low) < 1.0
 
 
-def test_a_window_maps_to_zero_and_one_and_survives_what_is_not_finite() -> None:
+def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> None:
     window = IntensityWindow(-100.0, 300.0)
     mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
     np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])

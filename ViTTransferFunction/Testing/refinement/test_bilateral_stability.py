@@ -86,7 +86,7 @@ def test_tiny_and_huge_targets_are_solved_as_precisely(magnitude):
     np.testing.assert_allclose(scaled.map / magnitude, plain.map, atol=1e-5)
 
 
-def test_cells_with_too_many_voxels_to_pack_their_sums_are_solved_alike(monkeypatch):
+def test_cells_with_too_many_voxels_to_pack_their_sums_have_the_same_solution(monkeypatch):
     target, luma = a_noisy_step()
     packed = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
     monkeypatch.setattr("ViTTransferFunction.Logic.refinement.bilateral_cells.MAX_PACKED_VOXELS", 0)
@@ -163,8 +163,8 @@ def test_isolated_cells_keep_their_own_mean():
     target = torch.rand(3, 3, 3, generator=torch.Generator().manual_seed(8))
     solution = solve_bilateral(target, luma, None, UNIT_SPACING, some_settings())
     for value in (0.0, 0.8):
-        alike = torch.isclose(luma, torch.tensor(value))
-        np.testing.assert_allclose(solution.map[alike], float(target[alike].mean()), atol=1e-6)
+        of_value = torch.isclose(luma, torch.tensor(value))
+        np.testing.assert_allclose(solution.map[of_value], float(target[of_value].mean()), atol=1e-6)
 
 
 def test_isolated_cell_without_confidence_takes_the_mean_of_the_target():
@@ -211,7 +211,7 @@ def test_grid_of_a_600_cubed_volume_fits_at_5_voxels_and_not_at_1():
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_600_cells_along_an_axis_are_told_apart(axis):
+def test_600_cells_along_an_axis_are_different_cells(axis):
     shape = [3, 3, 3]
     shape[axis] = 600
     target, luma = torch.rand(2, *shape, generator=torch.Generator().manual_seed(9))
@@ -286,7 +286,7 @@ def test_smoothness_beyond_the_limit_is_reported_as_capped():
     assert solve_bilateral(target, luma, None, UNIT_SPACING, some_settings(smoothness=1e8)).smoothness == MAX_SMOOTHNESS
 
 
-def test_scaling_smoothness_and_confidence_alike_changes_nothing():
+def test_scaling_smoothness_and_confidence_by_the_same_factor_changes_nothing():
     target, luma = a_noisy_step()
     plain = solve_bilateral(target, luma, torch.ones_like(target), UNIT_SPACING, some_settings(smoothness=8.0))
     scaled = solve_bilateral(target, luma, torch.full_like(target, 1e-6), UNIT_SPACING, some_settings(smoothness=8e-6))

@@ -54,7 +54,7 @@ def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_voxels_without_a_finite_intensity_keep_their_map_and_do_not_teach(value: float) -> None:
+def test_voxels_without_a_finite_intensity_keep_their_map_and_change_no_other(value: float) -> None:
     intensities, _, similarity = ball_and_its_map()
     damaged = intensities.copy()
     damaged[18:22] = value
@@ -67,7 +67,7 @@ def test_voxels_without_a_finite_intensity_keep_their_map_and_do_not_teach(value
 def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
     flat = np.full((6, 6, 6), similarity, dtype=np.float32)
     weighed = weighed_by_intensity(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
-    # One intensity alone tells nothing apart.
+    # One intensity alone distinguishes nothing.
     np.testing.assert_allclose(weighed, flat, atol=1e-6)
     assert np.isfinite(weighed_by_intensity(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
 

@@ -1,4 +1,4 @@
-"""Masks as segments, in Slicer's real segmentations: ours are right, and nobody else's change."""
+"""Masks as segments, in Slicer's real segmentations: ours are right, and those of others do not change."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def test_classes_share_one_labelmap_where_they_do_not_overlap(a_segmentation: An
         assert voxels_of(a_segmentation, segment_id) == positions_of(mask, a_volume)
 
 
-def test_more_classes_than_a_byte_counts_are_told_apart(a_segmentation: Any, a_volume: Any) -> None:
+def test_more_classes_than_a_byte_can_count_have_labels_of_their_own(a_segmentation: Any, a_volume: Any) -> None:
     segments = []
     for number, place in enumerate(np.ndindex(SHAPE)):
         mask = np.zeros(SHAPE, dtype=bool)
@@ -237,7 +237,7 @@ def test_voxels_of_other_segments_are_left_out(
     assert voxels_of(a_segmentation, ours) == positions_of(everywhere, a_volume)
 
 
-def test_the_finished_segment_of_a_class_that_is_gone_counts_as_another(a_segmentation: Any, a_volume: Any) -> None:
+def test_the_segment_of_a_removed_class_counts_as_somebody_elses(a_segmentation: Any, a_volume: Any) -> None:
     (finished,) = write_segments(a_segmentation, a_volume, [output(block(1, 4), "old")], respect_others=True)
     (new,) = write_segments(a_segmentation, a_volume, [output(block(2, 6), "new")], respect_others=True)
     assert voxels_of(a_segmentation, finished) == positions_of(block(1, 4), a_volume)
@@ -307,7 +307,9 @@ def test_a_class_that_is_renamed_and_recoloured_passes_both_on(a_segmentation: A
     assert segment.GetColor() == pytest.approx(GREEN)
 
 
-def test_identity_survives_saving_and_loading(slicer_app: Any, a_segmentation: Any, a_volume: Any, tmp_path: Path) -> None:
+def test_identity_is_the_same_after_saving_and_loading(
+    slicer_app: Any, a_segmentation: Any, a_volume: Any, tmp_path: Path
+) -> None:
     """With a name that holds the very characters by which the file separates tags."""
     name = "Rein|raus: Größe 50%"
     segments = [output(block(1, 4), name=name), output(block(4, 5), "b", "b")]
@@ -361,7 +363,7 @@ def test_codes_follow_the_classes_name_unless_the_user_chose_others(
     assert "^Mass~" in write("spleen").GetTerminology()
 
 
-def test_surfaces_are_made_anew_where_the_voxels_changed(
+def test_surfaces_are_made_again_where_the_voxels_changed(
     a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
 ) -> None:
     segmentation = a_segmentation.GetSegmentation()

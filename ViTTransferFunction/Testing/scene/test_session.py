@@ -42,7 +42,7 @@ def test_points_placed_in_a_view_count_as_those_placed_by_the_session(
 
 
 @pytest.mark.slow
-def test_a_point_that_hangs_on_the_mouse_does_not_count(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+def test_a_point_that_is_still_being_placed_does_not_count(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     state = session.annotations.add_class("sphere")
     node = session.annotations.points_node(state.id, positive=True)
     node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, 1)[0]))
@@ -133,6 +133,7 @@ def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
     assert dice(mask, spheres[1] == 1) > 0.9
 
 
+@pytest.mark.slow
 def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSession) -> None:
     bent = slicer_app.scene.AddNewNodeByClass("vtkMRMLBSplineTransformNode")
     bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
@@ -158,9 +159,9 @@ def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[
 
 @pytest.mark.slow
 @pytest.mark.parametrize("moment", ["at rest", "while maps are computed", "while segments are computed"])
-@pytest.mark.parametrize("victim", ["volume", "positive", "negative", "segmentation", "parameter node"])
+@pytest.mark.parametrize("deleted", ["volume", "positive", "negative", "segmentation", "parameter node"])
 def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
-    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], victim: str, moment: str
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], deleted: str, moment: str
 ) -> None:
     ids = annotate(session, spheres)
     session.write_segments()
@@ -178,11 +179,11 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
         "segmentation": session.parameters.segmentation,
         "parameter node": session.parameters.node,
     }
-    slicer_app.scene.RemoveNode(nodes[victim])
+    slicer_app.scene.RemoveNode(nodes[deleted])
     session.wait()
     assert session.take_error() is None
-    assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(victim, 3)
-    assert session.phase == ("no volume" if victim in ("volume", "parameter node") else "ready")
+    assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(deleted, 3)
+    assert session.phase == ("no volume" if deleted in ("volume", "parameter node") else "ready")
     if session.phase == "ready":
         session.write_segments()
         session.wait()
@@ -191,7 +192,7 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
 
 
 @pytest.mark.slow
-def test_a_process_that_dies_costs_nothing_but_time(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+def test_after_the_process_died_features_are_loaded_again(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     ids = annotate(session, spheres)
     assert session.compute_pid is not None
     os.kill(session.compute_pid, signal.SIGTERM)
@@ -206,7 +207,7 @@ def test_a_process_that_dies_costs_nothing_but_time(session: SceneSession, spher
     assert session.chosen_iso(ids[0]) is not None
 
 
-def test_nothing_to_segment_is_said_and_nothing_written(session: SceneSession) -> None:
+def test_nothing_to_segment_is_reported_and_nothing_written(session: SceneSession) -> None:
     session.write_segments()
     session.wait()
     assert "nothing to segment" in (session.take_error() or "")
@@ -239,6 +240,7 @@ def test_closing_the_scene_while_features_are_loaded_stops_that(
     assert (session.phase, session.progress) == ("no volume", None)
 
 
+@pytest.mark.slow
 def test_a_saved_scene_carries_on_where_it_was_left(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], tmp_path: Path
 ) -> None:

@@ -22,7 +22,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, req
 
 @pytest.fixture
 def session(spheres: Spheres) -> SegmentationSession:
-    """A session on the spheres whose features, in the cache, tell exactly how much of each label a cell holds."""
+    """A session on the spheres whose cached features are the share of each label in a cell."""
     cache_known_features(*spheres)
     session = open_session(spheres[0], SessionSettings(grid=GRID))
     assert session.load_features().cached

@@ -16,7 +16,7 @@ from ViTTransferFunction.Testing.support.widgets import wait_until
 
 @pytest.fixture
 def host(slicer_app: Any) -> Iterator[Host]:
-    """Slicer with our module, which nobody has opened yet."""
+    """Slicer with our module, not opened yet."""
     host = Host(slicer_app)
     yield host
     host.close()

@@ -230,9 +230,9 @@ class TestTrust:
     def test_removing_the_weights_forgets_the_hash(self, site: Site) -> None:
         find_weights(NAME)
         remove_weights(NAME)
-        site.content = b"published anew"
+        site.content = b"published again"
 
-        assert find_weights(NAME).path.read_bytes() == b"published anew"
+        assert find_weights(NAME).path.read_bytes() == b"published again"
 
     @pytest.mark.usefixtures("unhashed")
     @pytest.mark.parametrize("file_name", ["dino_deitsmall8_pretrain.pth", "dino_vits8.pt", "dino_vits8.pth"])

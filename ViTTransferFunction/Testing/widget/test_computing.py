@@ -1,4 +1,4 @@
-"""The panel while the compute process works for it: progress, cancelling, results, and a window that never stands still."""
+"""The panel while the compute process works for it: progress, cancelling, results, and a window that always reacts."""
 
 from __future__ import annotations
 
