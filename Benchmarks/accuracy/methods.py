@@ -43,16 +43,20 @@ class Method(Protocol):
     """
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """See above."""
 
     @property
-    def negatives(self) -> bool: ...
+    def negatives(self) -> bool:
+        """See above."""
 
     @property
-    def own_clicks(self) -> bool: ...
+    def own_clicks(self) -> bool:
+        """See above."""
 
     @property
-    def one_by_one(self) -> bool: ...
+    def one_by_one(self) -> bool:
+        """See above."""
 
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
         """Prepare the method for a volume: what is done once, and not counted as the time of a click."""

@@ -1,5 +1,7 @@
-"""What the paper reports (Engel, Sick & Ropinski 2024) on CT-ORG: another data set, with its own user, so no comparison of
-methods, but what ours is to be seen beside."""
+"""What the paper reports (Engel, Sick & Ropinski 2024) on CT-ORG.
+
+Another data set, with its own user: no comparison of methods, but what ours is to be seen beside.
+"""
 
 from __future__ import annotations
 

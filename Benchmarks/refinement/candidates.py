@@ -16,7 +16,7 @@ import numpy as np
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood
-from ViTTransferFunction.Logic.refinement.intensity_likelihood import weighed_by_intensity
+from ViTTransferFunction.Logic.refinement.intensity_likelihood import with_intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import ACTIVE_SHARE_OF_ISO, SIGMA_SHARE_OF_CELL, active_box, class_window
 
 Iso = Literal["coarse", "refined"] | float
@@ -126,7 +126,7 @@ class Candidate:
         intensities, target = np.ascontiguousarray(volume.array[box]), np.ascontiguousarray(refined[box])
         if self.temper is not None:
             with patch.object(intensity_likelihood, "TEMPER", self.temper):
-                target = weighed_by_intensity(target, intensities, window, coarse.iso)
+                target = with_intensity_likelihood(target, intensities, window, coarse.iso)
         spacing_mm = volume.geometry.spacing_mm[::-1]
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
         refined[box] = self.in_crop(Crop(target, intensities, window, tuple(spacing_mm.tolist()), cell_edge_mm, coarse))

@@ -12,9 +12,10 @@ from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS, Preset
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
 

@@ -159,6 +159,7 @@ def converged(phantom: Phantom, smoothness: float) -> np.ndarray:
 
 
 def rms(refined: torch.Tensor, exact: np.ndarray) -> float:
+    """Root mean square of the differences."""
     return float(np.sqrt(np.mean((refined.numpy().astype(np.float64) - exact) ** 2)))
 
 

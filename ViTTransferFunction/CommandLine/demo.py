@@ -20,8 +20,9 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
 
 ANNOTATIONS = Path(__file__).parents[1] / "Resources" / "Annotations" / "ct_chest.json"

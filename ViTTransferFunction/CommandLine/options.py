@@ -11,9 +11,10 @@ from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
-from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 
 # Its name is private, but it is the documented return value of add_subparsers.

@@ -1,7 +1,7 @@
-"""A picture of segments in 3D, by GPU volume rendering: each class an iso-surface in its colour and opacity.
+"""A picture of segments in 3D, by GPU volume rendering: each segment a surface in its colour and opacity.
 
-All classes share one volume of colours (`classified_volume`), so there may be any number of them. Without a GPU, software
-OpenGL (Mesa) draws the same picture in some seconds.
+What is rendered is what Slicer's 3D views show of such classes: one volume of colours for all of them (`mask_rgba`), with the
+same optical properties. Without a GPU, software OpenGL (Mesa) draws the same picture in some seconds.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from scipy.ndimage import binary_dilation, label
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
     vtkCamera,
     vtkLight,
@@ -35,9 +36,19 @@ from ViTTransferFunction.CommandLine.canvas import (
     draw_legend,
     legend_height,
 )
-from ViTTransferFunction.CommandLine.classified_volume import ClassifiedVolume, classify, surface_opacity
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
+from ViTTransferFunction.Logic.rendering.optical_properties import (
+    AMBIENT,
+    CODE_COMPONENT,
+    DIFFUSE,
+    SPECULAR,
+    SPECULAR_POWER,
+    UNIT_VOXELS,
+    opacity_points,
+)
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -52,11 +63,8 @@ SMALLEST_CONTEXT_MM3 = 5000.0
 BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
 ELEVATION_DEGREES = 8.0
 VIEW_ANGLE_DEGREES = 20.0
-STEP_VOXELS = 0.9
-"""Length of a ray's steps."""
-
-CODE_COMPONENT = 3
-"""The component of a classified volume that opacity is taken from."""
+STEP_VOXELS = 0.7
+"""Length of a ray's steps: a third of the layer in which opacity gathers."""
 
 
 def render_3d(
@@ -82,7 +90,7 @@ def render_3d(
     shown = [segment for segment in segments if segment.mask.any()]
     if shown and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
         shown.append(_context(volume, shown, context_above))
-    rendered = _render(classify(volume.geometry, shown), height) if shown else _nothing_to_show(height)
+    rendered = _render(*_colors_of(volume.geometry, shown), height) if shown else _nothing_to_show(height)
 
     text_size = max(10, round(0.02 * height))
     canvas = Canvas(rendered.shape[1], height + legend_height(segments, rendered.shape[1], text_size) + text_size)
@@ -107,15 +115,29 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
-def _render(classified: ClassifiedVolume, height: int) -> np.ndarray:
-    """Pixels (height, W, 3) uint8 of a classified volume, framed by what it holds."""
-    camera, width = _camera(classified, height)
+def _colors_of(geometry: Geometry, segments: Sequence[PictureSegment]) -> tuple[np.ndarray, Geometry]:
+    """The segments' volume of colours and codes, (K, J, I, 4) uint8, and where its voxels lie."""
+    return mask_rgba(
+        geometry,
+        [segment.mask for segment in segments],
+        [segment.color for segment in segments],
+        [segment.opacity for segment in segments],
+        [
+            None if segment.similarity is None or segment.iso is None else (segment.similarity, segment.iso)
+            for segment in segments
+        ],
+    )
+
+
+def _render(rgba: np.ndarray, grid: Geometry, height: int) -> np.ndarray:
+    """Pixels (height, W, 3) uint8 of a volume of colours, framed by what it holds."""
+    camera, width = framing(rgba, grid, height)
     renderer = vtkRenderer()
     renderer.SetBackground(*BACKGROUND)
     renderer.SetBackground2(*BACKGROUND_ABOVE)
     renderer.GradientBackgroundOn()
     renderer.SetActiveCamera(camera)
-    renderer.AddVolume(_volume(classified))
+    renderer.AddVolume(color_volume_prop(rgba, grid.ijk_to_ras))
     _add_lights(renderer)
     renderer.ResetCameraClippingRange()
     with _vtk_warnings_off():
@@ -152,18 +174,20 @@ def _vtk_warnings_off() -> Iterator[None]:
         vtkObject.SetGlobalWarningDisplay(before)
 
 
-def _camera(classified: ClassifiedVolume, height: int) -> tuple[vtkCamera, int]:
+def framing(rgba: np.ndarray, grid: Geometry, height: int) -> tuple[vtkCamera, int]:
     """A camera in front of and slightly above the patient that sees all of the volume, and the picture's width for it."""
     elevation = np.radians(ELEVATION_DEGREES)
     towards = np.array([0.0, np.cos(elevation), np.sin(elevation)])
     up = np.array([0.0, -np.sin(elevation), np.cos(elevation)])
-    middle = (classified.origin_ras + classified.far_corner_ras) / 2
-    # A few of the voxels that are seen will do to know how far they reach; ramps are wide enough not to be stepped over.
-    seen = np.argwhere(classified.rgba[::4, ::4, ::4, CODE_COMPONENT] > 0)[:, ::-1] * 4 * classified.spacing_mm
-    seen += classified.origin_ras - middle
-    if not len(seen):
+    # Some of the voxels will do to know how far they reach.
+    step = 1 + max(grid.shape) // 100
+    seen_ijk = step * np.argwhere(rgba[::step, ::step, ::step, CODE_COMPONENT] > 0)[:, ::-1]
+    if not len(seen_ijk):
         # Everything is transparent.
-        seen = (classified.far_corner_ras - middle)[None]
+        seen_ijk = np.array([np.zeros(3), grid.shape[::-1]])
+    seen = grid.ijk_to_ras_points(seen_ijk)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    seen -= middle
     across, along = abs(seen[:, 0]), abs(seen @ up)
     # Neither a strip nor a panorama.
     aspect = float(np.clip(across.max() / along.max(), 0.75, 1.6))
@@ -177,48 +201,43 @@ def _camera(classified: ClassifiedVolume, height: int) -> tuple[vtkCamera, int]:
     return camera, round(aspect * height)
 
 
-def _volume(classified: ClassifiedVolume) -> vtkVolume:
+def color_volume_prop(rgba: np.ndarray, ijk_to_ras: np.ndarray) -> vtkVolume:
+    """A volume of colours and codes (K, J, I, 4) uint8 to be added to a renderer, as Slicer's 3D views show it."""
     image = vtkImageData()
-    image.SetDimensions(*classified.rgba.shape[2::-1])
-    image.SetOrigin(*classified.origin_ras)
-    image.SetSpacing(*[classified.spacing_mm] * 3)
-    image.GetPointData().SetScalars(numpy_to_vtk(classified.rgba.reshape(-1, 4), deep=True))
+    image.SetDimensions(*rgba.shape[2::-1])
+    image.GetPointData().SetScalars(numpy_to_vtk(rgba.reshape(-1, 4), deep=True))
     mapper = vtkGPUVolumeRayCastMapper()
     mapper.SetInputData(image)
     mapper.SetAutoAdjustSampleDistances(0)
-    mapper.SetSampleDistance(STEP_VOXELS * classified.spacing_mm)
+    mapper.SetSampleDistance(STEP_VOXELS)
     # Rays that start at random depths turn the rings that steps leave on translucent surfaces into faint grain.
     mapper.UseJitteringOn()
-    # Else the tables span the codes that occur, and are then read as if they spanned all of 0 … 255.
-    mapper.SetScalarOpacityRangeType(vtkGPUVolumeRayCastMapper.NATIVE)
-    mapper.SetGradientOpacityRangeType(vtkGPUVolumeRayCastMapper.NATIVE)
+    matrix = vtkMatrix4x4()
+    matrix.DeepCopy(ijk_to_ras.ravel().tolist())
     volume = vtkVolume()
     volume.SetMapper(mapper)
-    volume.SetProperty(_material(classified))
+    # Voxels are 1 apart, and only this places them: VTK measures steps and the unit of opacity before.
+    volume.SetUserMatrix(matrix)
+    codes = rgba[..., CODE_COMPONENT]
+    volume.SetProperty(_material(float(codes.min()), float(codes.max())))
     return volume
 
 
-def _material(classified: ClassifiedVolume) -> vtkVolumeProperty:
-    unit_mm = classified.ramp_mm / 4
+def _material(lowest_code: float, highest_code: float) -> vtkVolumeProperty:
     opacity = vtkPiecewiseFunction()
-    for code, value in enumerate(surface_opacity(classified, unit_mm)):
-        opacity.AddPoint(code, value)
-    # Only where codes change is a surface; the inside of a translucent class is clear. In codes per voxel.
-    edges = vtkPiecewiseFunction()
-    for slope, value in ((0.0, 0.0), (1.5, 0.0), (5.0, 1.0), (255.0, 1.0)):
-        edges.AddPoint(slope, value)
+    for position, value in opacity_points(lowest_code, highest_code):
+        opacity.AddPoint(position, value)
     material = vtkVolumeProperty()
     material.IndependentComponentsOff()
     material.SetInterpolationTypeToLinear()
     material.SetScalarOpacity(opacity)
-    material.SetGradientOpacity(edges)
-    # VTK takes the functions from component 0, their unit from the component that they are applied to.
-    material.SetScalarOpacityUnitDistance(CODE_COMPONENT, unit_mm)
+    # VTK takes the function from component 0, its unit from the component that it is applied to.
+    material.SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS)
     material.ShadeOn()
-    material.SetAmbient(0.32)
-    material.SetDiffuse(0.85)
-    material.SetSpecular(0.16)
-    material.SetSpecularPower(22.0)
+    material.SetAmbient(AMBIENT)
+    material.SetDiffuse(DIFFUSE)
+    material.SetSpecular(SPECULAR)
+    material.SetSpecularPower(SPECULAR_POWER)
     return material
 
 
@@ -226,9 +245,9 @@ def _add_lights(renderer: vtkRenderer) -> None:
     """A warm key light from the upper left, a cool fill from the right, a faint one from below; they move with the camera."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in (
-        ((-0.5, 0.7, 1.0), 0.95, (1.0, 0.98, 0.95)),
-        ((0.9, 0.1, 0.6), 0.35, (0.88, 0.93, 1.0)),
-        ((0.0, -0.7, 0.4), 0.15, (1.0, 1.0, 1.0)),
+        ((-0.5, 0.7, 1.0), 1.3, (1.0, 0.98, 0.95)),
+        ((0.9, 0.1, 0.6), 0.5, (0.88, 0.93, 1.0)),
+        ((0.0, -0.7, 0.4), 0.2, (1.0, 1.0, 1.0)),
     ):
         light = vtkLight()
         light.SetLightTypeToCameraLight()

@@ -9,7 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.section import Section, signals_blocked

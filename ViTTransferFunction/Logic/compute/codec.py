@@ -10,8 +10,8 @@ import numpy as np
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
-from ..session.feature_source import FeatureEstimate
-from ..session.opening import SessionSettings
+from ..session.feature_estimate import FeatureEstimate
+from ..session.settings import SessionSettings
 from . import requests
 from .messages import Message
 
@@ -68,7 +68,7 @@ def from_message(message: Message) -> tuple[int, Any]:
 
 def holds(message: Message, kind: type) -> bool:
     """Whether a message's request or reply is of this type; nothing is made of it yet."""
-    return message.content["body"]["type"] == kind.__name__
+    return bool(message.content["body"]["type"] == kind.__name__)
 
 
 def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:

@@ -14,8 +14,8 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.colors import Color
 from ..core.progress import WorkProgress
-from ..session.feature_source import FeatureEstimate
-from ..session.opening import SessionSettings
+from ..session.feature_estimate import FeatureEstimate
+from ..session.settings import SessionSettings
 from .client import ComputeClient
 from .requests import (
     UNFINISHED,

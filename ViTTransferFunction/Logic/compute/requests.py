@@ -12,7 +12,7 @@ from ..core.class_request import ClassRequest
 from ..core.colors import Color
 from ..core.geometry import Geometry
 from ..refinement.refinement import RefinementMethod
-from ..session.opening import SessionSettings
+from ..session.settings import SessionSettings
 
 RenderingMode = Literal["similarity", "transfer function"]
 """Smooth surfaces alone, or the volume's own detail within them."""
@@ -124,7 +124,7 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class ColorVolume:
-    """Colours and codes for the 3D views (`rendering.color_volume`).
+    """Colours and codes for the 3D views (`rendering.composition`).
 
     Attributes:
         rgba: (K, J, I, 4) uint8.

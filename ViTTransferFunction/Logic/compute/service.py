@@ -13,8 +13,9 @@ from ..core.geometry import Box
 from ..core.progress import Progress
 from ..core.volume import Volume
 from ..features.networks import Networks
-from ..rendering.color_volume import similarity_rgba, transfer_function_rgba
-from ..session.feature_source import FeatureEstimate
+from ..rendering.iso_surfaces import similarity_rgba
+from ..rendering.transfer_function import transfer_function_rgba
+from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, crop_map, on_common_box, restricted
 from ..session.opening import open_session
 from ..session.segmentation_session import Segmentation, SegmentationSession

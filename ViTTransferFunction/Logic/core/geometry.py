@@ -44,12 +44,14 @@ class Geometry:
     @property
     def spacing_mm(self) -> np.ndarray:
         """Distance between voxel centres along (I, J, K), (3,) float64, millimetres."""
-        return np.linalg.norm(self.ijk_to_ras[:3, :3], axis=0)
+        spacing: np.ndarray = np.linalg.norm(self.ijk_to_ras[:3, :3], axis=0)
+        return spacing
 
     @property
     def extent_mm(self) -> np.ndarray:
         """Edge lengths of the grid's box, voxels' own width included, along (I, J, K), (3,) float64, millimetres."""
-        return self.spacing_mm * self.shape[::-1]
+        extent: np.ndarray = self.spacing_mm * self.shape[::-1]
+        return extent
 
     @property
     def voxel_volume_mm3(self) -> float:
@@ -74,7 +76,8 @@ class Geometry:
         # A point that was rounded to the box's face when it was saved is still a point of this volume.
         tolerance = 1e-3
         inside = (ijk >= -0.5 - tolerance) & (ijk <= np.array(self.shape[::-1]) - 0.5 + tolerance)
-        return np.all(inside, axis=1)
+        contained: np.ndarray = np.all(inside, axis=1)
+        return contained
 
     def resized(self, shape: tuple[int, int, int]) -> Geometry:
         """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""
@@ -95,4 +98,5 @@ class Geometry:
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Apply a homogeneous (4, 4) matrix to points (N, 3)."""
     points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    transformed: np.ndarray = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return transformed

@@ -42,9 +42,11 @@ class IntensityCdf:
         return self._cdf(np.where(count > 0.0, total / np.maximum(count, 1.0), -np.inf))
 
     def _sample(self, ijk: np.ndarray) -> np.ndarray:
-        return ndimage.map_coordinates(
+        samples: np.ndarray = ndimage.map_coordinates(
             self._volume.array, ijk[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
         )
+        return samples
 
     def _cdf(self, intensities: np.ndarray) -> np.ndarray:
-        return np.interp(intensities, self._levels, np.linspace(0.0, 1.0, len(self._levels))).astype(np.float32)
+        cdf: np.ndarray = np.interp(intensities, self._levels, np.linspace(0.0, 1.0, len(self._levels))).astype(np.float32)
+        return cdf

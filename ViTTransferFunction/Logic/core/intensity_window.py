@@ -36,7 +36,8 @@ class IntensityWindow:
     def apply(self, intensities: np.ndarray) -> np.ndarray:
         """Intensities of any shape to float32 in [0, 1]; +inf becomes 1, NaN and -inf become 0."""
         scaled = (np.asarray(intensities, dtype=np.float32) - np.float32(self.low)) / np.float32(self.width)
-        return np.clip(np.nan_to_num(scaled, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+        shown: np.ndarray = np.clip(np.nan_to_num(scaled, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+        return shown
 
 
 ChannelWindows = tuple[IntensityWindow, IntensityWindow, IntensityWindow]
@@ -87,7 +88,7 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
 
 
 def full_range_window(volume: Volume) -> IntensityWindow:
-    """From the smallest to the largest finite intensity: the published way, at the mercy of a single metal voxel."""
+    """From the smallest to the largest finite intensity: the paper's way, which one metal voxel can spoil."""
     return IntensityWindow(*finite_range(volume.array))
 
 
@@ -97,4 +98,5 @@ def finite_sample(array: np.ndarray) -> np.ndarray:
     flat = flat[:: max(1, flat.size // SAMPLE_SIZE)]
     finite = flat[np.isfinite(flat)]
     # Where finite voxels are so few that the stride missed them all, look at every one.
-    return (finite if finite.size else array[np.isfinite(array)]).astype(np.float64)
+    sample: np.ndarray = (finite if finite.size else array[np.isfinite(array)]).astype(np.float64)
+    return sample

@@ -49,7 +49,8 @@ def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool
     k, j, i = (_weights(position, count, cubic) for position, count in zip(positions, array.shape, strict=True))
     # In an order in which nothing has to be transposed.
     fine = j @ (array.astype(np.float32, copy=False) @ i.T)
-    return (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
+    values: np.ndarray = (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
+    return values
 
 
 def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.ndarray:
@@ -89,7 +90,8 @@ def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) ->
     resampled = ndimage.affine_transform(
         integers, matrix, offset, output_shape=target.shape, order=0, mode="grid-constant", prefilter=False
     )
-    return resampled.view(labels.dtype)
+    nearest: np.ndarray = resampled.view(labels.dtype)
+    return nearest
 
 
 def _weights(position: np.ndarray, count: int, cubic: bool) -> np.ndarray:

@@ -18,6 +18,7 @@ def choose_device(name: str) -> torch.device:
     Raises:
         InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing.
     """
+    check_device_name(name)
     try:
         import torch
     except ImportError as error:
@@ -28,8 +29,12 @@ def choose_device(name: str) -> torch.device:
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if name == "auto":
         return torch.device(next(device for device, there in available.items() if there))
-    if name not in available:
-        raise InputError(f"Unknown device '{name}'; expected one of {', '.join(DEVICE_NAMES)}.")
     if not available[name]:
         raise InputError(f"PyTorch finds no {name} device on this computer; choose the device cpu, or auto.")
     return torch.device(name)
+
+
+def check_device_name(name: str) -> None:
+    """Raise InputError unless a device may be called so; whether this computer has it is not looked at."""
+    if name not in DEVICE_NAMES:
+        raise InputError(f"Unknown device '{name}'; expected one of {', '.join(DEVICE_NAMES)}.")

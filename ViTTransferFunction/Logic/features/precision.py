@@ -1,5 +1,7 @@
-"""In what precision a device computes: decided by what the device is, never by a race, so that the same command gives the
-same bits."""
+"""In what precision a device computes.
+
+It follows from what the device is, and not from a race on it, so that the same command gives the same bits.
+"""
 
 from __future__ import annotations
 

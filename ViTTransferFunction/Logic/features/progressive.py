@@ -80,4 +80,5 @@ def _coarse(settings: FeatureSettings) -> FeatureSettings:
 
 
 def _centre_ras(volume: Volume) -> np.ndarray:
-    return volume.geometry.ijk_to_ras_points((np.array(volume.shape[::-1]) - 1.0) / 2.0)[0]
+    centre: np.ndarray = volume.geometry.ijk_to_ras_points((np.array(volume.shape[::-1]) - 1.0) / 2.0)[0]
+    return centre

@@ -78,7 +78,8 @@ class FeatureSettings:
         """The precision to use on `device`."""
         import torch
 
-        return getattr(torch, self.on(device).precision)
+        dtype: torch.dtype = getattr(torch, self.on(device).precision)
+        return dtype
 
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:

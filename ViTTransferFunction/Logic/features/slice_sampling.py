@@ -56,7 +56,8 @@ def slice_at(array: np.ndarray, axis: int, position: float) -> np.ndarray:
     fraction = np.float32(position - lower)
     # Not `take`, which copies a whole mirrored or transposed volume first.
     layers = np.moveaxis(array, axis, 0)
-    first = layers[lower].astype(np.float32)
+    first: np.ndarray = layers[lower].astype(np.float32)
     if fraction == 0.0:
         return first
-    return first * (1 - fraction) + layers[lower + 1].astype(np.float32) * fraction
+    between: np.ndarray = first * (1 - fraction) + layers[lower + 1].astype(np.float32) * fraction
+    return between

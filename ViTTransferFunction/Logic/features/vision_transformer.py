@@ -201,7 +201,8 @@ def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor
 
     Args:
         table: (1, 1 + n², C), the class token's entry first.
-        rows, columns: patch grid to resize to.
+        rows: of the patch grid to resize to.
+        columns: of it.
 
     Returns:
         (1, 1 + rows·columns, C); `table` itself where the grid is n × n already.

@@ -42,7 +42,8 @@ class FeatureTransform:
     def apply(self, vectors: np.ndarray) -> np.ndarray:
         """Map vectors (…, C) to (…, C') float32."""
         centred = np.asarray(vectors, dtype=np.float32) - self.mean
-        return centred if self.projection is None else centred @ self.projection
+        mapped: np.ndarray = centred if self.projection is None else centred @ self.projection
+        return mapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,8 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
     """Vectors (…, C) scaled to length 1; zero vectors stay zero."""
     norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return vectors / np.maximum(norms, SMALLEST_NORM)
+    unit: np.ndarray = vectors / np.maximum(norms, SMALLEST_NORM)
+    return unit
 
 
 def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransform:

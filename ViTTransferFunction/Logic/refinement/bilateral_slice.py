@@ -85,7 +85,7 @@ class _Band(NamedTuple):
 
     @property
     def voxel_rows(self) -> int:
-        return self.rows.stop - self.rows.start
+        return int(self.rows.stop - self.rows.start)
 
 
 def _bands(layout: GridLayout, device: torch.device) -> Iterator[_Band]:

@@ -17,7 +17,7 @@ from scipy import ndimage
 from ..core.intensity_window import IntensityWindow
 
 NEAR_SHARE_OF_ISO = 0.5
-"""Voxels whose map exceeds this share of the iso value are near enough to the structure to learn from, and to be weighed."""
+"""Voxels whose map exceeds this share of the iso value are near enough to the structure to learn from, and to be changed."""
 TEMPER = 0.5
 """β."""
 LARGEST_LOG_RATIO = 1.5
@@ -27,7 +27,9 @@ _SMALLEST_SHARE = 0.08
 """Share of voxels spread over all bins, so that intensities hardly seen do not decide."""
 
 
-def weighed_by_intensity(similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float) -> np.ndarray:
+def with_intensity_likelihood(
+    similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float
+) -> np.ndarray:
     """A class's map with each voxel's odds changed by its intensity.
 
     Args:
@@ -39,19 +41,19 @@ def weighed_by_intensity(similarity: np.ndarray, intensities: np.ndarray, window
     Returns:
         (K, J, I) float32 in [0, 1].
     """
-    weighed = similarity.copy()
+    result: np.ndarray = similarity.copy()
     inside, outside = np.zeros(_BINS), np.zeros(_BINS)
     # Slice by slice, so that nothing but the result has the volume's size.
-    for similarities, plane in zip(weighed, intensities, strict=True):
+    for similarities, plane in zip(result, intensities, strict=True):
         near, bins = _near_voxels(similarities, plane, window, iso)
         probability = similarities[near] ** 2 / (similarities[near] ** 2 + np.float32(iso) ** 2)
         inside += np.bincount(bins, probability, _BINS)
         outside += np.bincount(bins, 1.0 - probability, _BINS)
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
-    for similarities, plane in zip(weighed, intensities, strict=True):
+    for similarities, plane in zip(result, intensities, strict=True):
         near, bins = _near_voxels(similarities, plane, window, iso)
         similarities[near] = np.minimum(similarities[near] * factors[bins], 1.0)
-    return weighed
+    return result
 
 
 def _near_voxels(
@@ -63,11 +65,13 @@ def _near_voxels(
 
 
 def _log_ratio(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
+    """The logarithm log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
     ratio = np.log(_density(inside)) - np.log(_density(outside))
-    return np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
+    bounded: np.ndarray = np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
+    return bounded
 
 
 def _density(histogram: np.ndarray) -> np.ndarray:
     smooth = ndimage.gaussian_filter1d(histogram, 1.0)
-    return (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
+    density: np.ndarray = (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
+    return density

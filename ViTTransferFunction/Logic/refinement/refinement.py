@@ -14,7 +14,7 @@ from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.resampling import sample_at
 from ..core.volume import Volume
-from .intensity_likelihood import weighed_by_intensity
+from .intensity_likelihood import with_intensity_likelihood
 
 RefinementMethod = Literal["bilateral", "guided", "none"]
 REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
@@ -36,8 +36,8 @@ def refine(
 ) -> np.ndarray:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
-    First every voxel near the structure is weighed by its own intensity (`intensity_evidence`), then smoothed along with those
-    like it.
+    First the map of every voxel near the structure is multiplied by the likelihood ratio of its intensity
+    (`intensity_likelihood`), then smoothed along with that of voxels like it.
 
     Args:
         similarity: S_L, (K', J', I') float32 in [0, 1], on cells that fill the volume's box.
@@ -64,14 +64,14 @@ def refine(
     window = class_window(volume, display, positive_ras)
     intensities = np.ascontiguousarray(volume.array[box])
     between()
-    weighed = weighed_by_intensity(refined[box], intensities, window, iso)
+    target = with_intensity_likelihood(refined[box], intensities, window, iso)
     between()
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(weighed, intensities, window, spacing_mm, cell_edge_mm, ACTIVE_SHARE_OF_ISO * iso)
+        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, ACTIVE_SHARE_OF_ISO * iso)
     else:
-        refined[box] = _filtered(weighed, intensities, window, spacing_mm)
+        refined[box] = _filtered(target, intensities, window, spacing_mm)
     return refined
 
 
@@ -134,4 +134,5 @@ def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndar
 def _intensities_at(volume: Volume, points_ras: np.ndarray) -> np.ndarray:
     """Finite interpolated intensities at world points, (≤ N,)."""
     samples = sample_at(volume.array[..., None], volume.geometry, points_ras)
-    return samples[np.isfinite(samples)]
+    finite: np.ndarray = samples[np.isfinite(samples)]
+    return finite

@@ -39,12 +39,13 @@ def memberships(
     opacities: Sequence[float],
     shape: Shape,
     softness_voxels: Sequence[float],
+    cell_sizes: Sequence[float] = (1.0, 1.0, 1.0),
 ) -> Iterator[tuple[int, Membership]]:
     """The index of each class, by increasing opacity, and its membership; not of those whose map is nowhere near its iso value.
 
     The surface of a class is where its map reaches its iso value, or, where classes overlap, where another class's map exceeds
-    its own iso value by as large a factor: as in `classification.compete`. But a class ignores those that are more opaque. So
-    one that encloses another does not wrap it in a second surface.
+    its own iso value by as large a factor: as in `session.labels.assign_labels`. But a class ignores those that are more
+    opaque. So one that encloses another does not wrap it in a second surface.
 
     Args:
         maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1; of the same box, but possibly of different shapes.
@@ -53,11 +54,13 @@ def memberships(
         shape: (K', J', I') of the volume that memberships are for, of the same box.
         softness_voxels: for each class half the distance over which its membership rises from 0 to 255, in voxels of that
             volume. It is less where the map is too low or too steep.
+        cell_sizes: along K, J, I, of the finest map, in any unit; where its cells are not cubes, and maps' slopes therefore not
+            alike along all axes.
     """
     grid = finest_shape(maps)
     if np.prod(grid) > np.prod(shape):
         grid = shape
-    cells_per_voxel = min(cells / voxels for cells, voxels in zip(grid, shape, strict=True))
+    voxel_size = min(size * cells / voxels for size, cells, voxels in zip(cell_sizes, grid, shape, strict=True))
     largest, second = np.zeros(grid, dtype=np.uint16), np.zeros(grid, dtype=np.uint16)
     by_opacity = sorted(range(len(maps)), key=lambda index: opacities[index])
     for _, equals in groupby(by_opacity, key=lambda index: opacities[index]):
@@ -74,7 +77,7 @@ def memberships(
             others = np.where(ratios == largest[box], second[box], largest[box])
             # What others are above their iso values counts against the class.
             ratios -= np.minimum(ratios, np.maximum(others, UNIT) - UNIT)
-            rise = _rise(ratios, softness_voxels[index] * cells_per_voxel)
+            rise = _rise(ratios, softness_voxels[index] * voxel_size, cell_sizes)
             if grid != shape:
                 box, ratios = _refined(ratios, box, grid, shape)
             yield index, Membership(box, rise[ratios])
@@ -113,13 +116,15 @@ def _ratios(similarity: np.ndarray, iso: float) -> np.ndarray:
     # An iso value of 0 takes in whatever is above 0.
     unit = UNIT / max(iso, 1e-3)
     if similarity.dtype == np.uint8:
-        return np.minimum(np.arange(256) * (unit / 255.0), 65535.0).astype(np.uint16)[similarity]
-    return np.clip(similarity * np.float32(unit), 0.0, 65535.0).astype(np.uint16)
+        of_bytes: np.ndarray = np.minimum(np.arange(256) * (unit / 255.0), 65535.0).astype(np.uint16)[similarity]
+        return of_bytes
+    ratios: np.ndarray = np.clip(similarity * np.float32(unit), 0.0, 65535.0).astype(np.uint16)
+    return ratios
 
 
-def _rise(ratios: np.ndarray, softness: float) -> np.ndarray:
-    """The membership for every ratio, (65536,) uint8: a rise as long as `softness` cells to either side of the surface."""
-    half = softness * _slope(ratios)
+def _rise(ratios: np.ndarray, softness: float, cell_sizes: Sequence[float]) -> np.ndarray:
+    """The membership for every ratio, (65536,) uint8: a rise over a distance of `softness` to either side of the surface."""
+    half = softness * _slope(ratios, cell_sizes)
     below = max(min(half, (1.0 - LEAST_RATIO) * UNIT), 1.0)
     inside = ratios[ratios >= UNIT]
     # What is typical well inside must be reached.
@@ -128,14 +133,14 @@ def _rise(ratios: np.ndarray, softness: float) -> np.ndarray:
     return rise.astype(np.uint8)
 
 
-def _slope(ratios: np.ndarray) -> float:
-    """How much ratios typically change from one cell to the next, across the surface."""
+def _slope(ratios: np.ndarray, cell_sizes: Sequence[float]) -> float:
+    """How much ratios typically change over a distance of 1, across the surface."""
     inside = ratios >= UNIT
     differences = []
     for axis in range(3):
         near, far = _pairs(ratios, axis)
         crossing = np.logical_xor(*_pairs(inside, axis))
-        differences.append(np.abs(near[crossing].astype(np.int32) - far[crossing]))
+        differences.append(np.abs(near[crossing].astype(np.int32) - far[crossing]) / cell_sizes[axis])
     across = np.concatenate(differences)
     # Along an axis, a slope in a random direction shows with 0.7 of its size, weighted by how often it crosses.
     return float(np.median(across)) / 0.7 if across.size else 0.0
@@ -152,7 +157,7 @@ def _refined(ratios: np.ndarray, box: Box, grid: Shape, shape: Shape) -> tuple[B
     fine_box, positions = [], []
     for extent, cells, voxels in zip(box, grid, shape, strict=True):
         scale = voxels / cells
-        fine = slice(int(np.floor(extent.start * scale)), int(np.ceil(extent.stop * scale)))
+        fine = slice(int(np.floor(extent.start * scale)), min(int(np.ceil(extent.stop * scale)), voxels))
         fine_box.append(fine)
         positions.append(cell_positions(cells, voxels, fine) - extent.start)
     k, j, i = fine_box

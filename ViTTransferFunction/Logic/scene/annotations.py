@@ -1,6 +1,6 @@
 """The classes of a scene as the user edits them: by this object or in the views, with undo and redo for either.
 
-It watches the point lists that `scene_classes` describes, so that a point placed, dragged or deleted anywhere in the
+It watches the point lists that `classes` describes, so that a point placed, dragged or deleted anywhere in the
 application counts as one placed here.
 """
 

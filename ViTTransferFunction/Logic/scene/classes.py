@@ -36,7 +36,7 @@ class ClassState:
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
         iso: threshold in [0, 1]; None: chosen from the annotations.
-        proximity: in [0, 1]; see `AnnotatedClass`.
+        proximity: in [0, 1]; see `ClassRequest`.
         refine: whether its map is sharpened.
         visible: whether it is shown.
         positive: points on the structure, in the scene's coordinates.

@@ -13,8 +13,8 @@ import slicer
 from ..compute.requests import Refinement, RenderingMode
 from ..core.intensity_window import IntensityWindow
 from ..refinement.refinement import REFINEMENT_METHODS
-from ..session.opening import SessionSettings
 from ..session.presets import DEFAULT_PRESET, PRESETS
+from ..session.settings import SessionSettings
 
 RENDERINGS: tuple[str, ...] = ("off", *get_args(RenderingMode))
 

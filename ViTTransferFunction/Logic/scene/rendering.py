@@ -1,4 +1,4 @@
-"""The classes in 3D, in Slicer's views: one volume of colours (`colorized_volume`), by GPU volume rendering."""
+"""The classes in 3D, in Slicer's views: one volume of colours (`rendering.composition`), by GPU volume rendering."""
 
 from __future__ import annotations
 
@@ -8,8 +8,16 @@ import numpy as np
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
 
 from ..core.errors import InputError
-from ..core.geometry import Geometry
-from ..rendering.color_volume import SURFACE, optical_density
+from ..rendering.optical_properties import (
+    AMBIENT,
+    CODE_COMPONENT,
+    DIFFUSE,
+    SPECULAR,
+    SPECULAR_POWER,
+    SURFACE,
+    UNIT_VOXELS,
+    opacity_points,
+)
 from .derived_nodes import DerivedNodes, nodes_of_class
 from .volume import set_image
 
@@ -20,11 +28,6 @@ VOLUME_NAME = "Class rendering"
 DISPLAY_NAME = "Class rendering display"
 PROPERTY_NAME = "Class rendering property"
 DISPLAY_CLASS = "vtkMRMLGPURayCastVolumeRenderingDisplayNode"
-
-CODE_COMPONENT = 3
-
-UNIT_VOXELS = 0.1
-"""The distance that opacities are for, short enough for the highest of them to stay below 1."""
 
 
 class ClassRendering:
@@ -49,7 +52,7 @@ class ClassRendering:
 
         Args:
             volume_node: the volume that they are of; they move with it.
-            rgba: (K, J, I, 4) uint8, from `colorized_volume`.
+            rgba: (K, J, I, 4) uint8, colours and codes.
             ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
 
         Raises:
@@ -63,7 +66,7 @@ class ClassRendering:
         material = self._nodes.find(PROPERTY_NAME) or self._add_property()
         set_image(volume, rgba, ijk_to_ras)
         codes = volume.GetImageData().GetPointData().GetScalars().GetFiniteRange(CODE_COMPONENT)
-        _set_opacity(material, codes, float(np.cbrt(Geometry(rgba.shape[:3], ijk_to_ras).voxel_volume_mm3)))
+        _set_opacity(material, codes)
         volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
         display.SetAndObserveVolumePropertyNodeID(material.GetID())
         if not volume.HasNodeReferenceID(volume.GetDisplayNodeReferenceRole(), display.GetID()):
@@ -107,10 +110,10 @@ class ClassRendering:
         material.IndependentComponentsOff()
         material.SetInterpolationTypeToLinear()
         material.ShadeOn()
-        material.SetAmbient(0.35)
-        material.SetDiffuse(0.65)
-        material.SetSpecular(0.2)
-        material.SetSpecularPower(20.0)
+        material.SetAmbient(AMBIENT)
+        material.SetDiffuse(DIFFUSE)
+        material.SetSpecular(SPECULAR)
+        material.SetSpecularPower(SPECULAR_POWER)
         return node
 
     def _smooth_surfaces(self) -> None:
@@ -122,16 +125,14 @@ class ClassRendering:
                 self._smoothed_view_ids.add(view.GetID())
 
 
-def _set_opacity(node: Any, codes: tuple[float, float], voxel_mm: float) -> None:
-    """The opacity of each code in a volume with voxels `voxel_mm` apart, whose codes range from the one to the other."""
-    # VTK spreads its table over the codes that occur, and then reads it as if that were all of 0 … 255.
-    low, high = codes
-    opacities = 1.0 - np.exp(-optical_density() * UNIT_VOXELS)
+def _set_opacity(node: Any, codes: tuple[float, float]) -> None:
+    """The opacity of each code in a volume whose codes range from the one to the other."""
     opacity = vtkPiecewiseFunction()
-    for code in (0, *range(SURFACE, 256)):
-        opacity.AddPoint(low + (high - low) * code / 255.0, opacities[code])
+    for position, value in opacity_points(*codes):
+        opacity.AddPoint(position, value)
     was_modifying = node.StartModify()
     node.SetScalarOpacity(opacity)
     # VTK takes the function from component 0, its unit from the component that it is applied to.
-    node.GetVolumeProperty().SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS * voxel_mm)
+    # Slicer hands it voxels that are 1 apart, and VTK measures the unit there, not in millimetres.
+    node.GetVolumeProperty().SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS)
     node.EndModify(was_modifying)

@@ -16,7 +16,7 @@ import numpy as np
 import slicer
 from vtkmodules.vtkCommonCore import reference
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, common_box
 from ..core.colors import Color
 from ..core.errors import InputError
 from ..core.geometry import Box, Geometry
@@ -27,6 +27,8 @@ from .volume import geometry_from_node, matrix_to_world
 CLASS_TAG = "ViTTransferFunction.class"
 NAME_TAG = "ViTTransferFunction.name"
 COLOR_TAG = "ViTTransferFunction.color"
+
+_EMPTY: Box = (slice(0, 0), slice(0, 0), slice(0, 0))
 
 REFERENCE_GEOMETRY = slicer.vtkSegmentationConverter.GetReferenceImageGeometryParameterName()
 
@@ -81,7 +83,8 @@ def write_segments(
 
     ids = _ids_of_classes(segmentation, {segment.class_id for segment in segments})
     others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ids.values()]
-    box = _common_box(segments)
+    boxes = [box for segment in segments if (box := bounding_box(segment.mask)) is not None]
+    box = common_box(boxes) if boxes else _EMPTY
     masks = [segment.mask[box] for segment in segments]
     if respect_others:
         free = ~occupied_voxels(segmentation, others, grid, box)
@@ -133,15 +136,6 @@ def _check_masks(segments: Sequence[OutputSegment], grid: Geometry) -> None:
     for segment in segments:
         if segment.mask.shape != grid.shape or segment.mask.dtype != bool:
             raise ValueError(f"expected a bool mask {grid.shape}, got {segment.mask.dtype} {segment.mask.shape}")
-
-
-def _common_box(segments: Sequence[OutputSegment]) -> Box:
-    """The smallest box around all voxels of all segments; of no voxels where there are none."""
-    boxes = [box for segment in segments if (box := bounding_box(segment.mask)) is not None]
-    if not boxes:
-        return slice(0, 0), slice(0, 0), slice(0, 0)
-    k, j, i = (slice(min(e.start for e in extents), max(e.stop for e in extents)) for extents in zip(*boxes, strict=True))
-    return k, j, i
 
 
 def _ids_of_classes(segmentation: Any, class_ids: Collection[str]) -> dict[str, str]:

@@ -23,8 +23,8 @@ from ..core.class_request import ClassRequest
 from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.progress import WorkProgress
-from ..session.feature_source import FeatureEstimate
-from ..session.opening import SessionSettings
+from ..session.feature_estimate import FeatureEstimate
+from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
 from .classes import ClassState
 from .contours import ShownMap

@@ -12,6 +12,7 @@ from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.cost import feature_cost
+from ..features.device import choose_device
 from ..features.extraction import extract_features, features_size_bytes
 from ..features.feature_volume import FeatureVolume
 from ..features.networks import Networks
@@ -20,26 +21,10 @@ from ..features.settings import FeatureSettings, feature_key
 from ..weights.models import PretrainedModel
 from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
+from .feature_estimate import FeatureEstimate
 
 if TYPE_CHECKING:
     import torch
-
-
-@dataclass(frozen=True)
-class FeatureEstimate:
-    """What features will cost.
-
-    Attributes:
-        cached: whether they only have to be loaded.
-        seconds: that computing them will take; None where that is not known.
-        memory_bytes: that is in use while they are computed; of the features alone where that is not known.
-        download_mb: of the model's weights, 0 where they are on this computer.
-    """
-
-    cached: bool
-    seconds: float | None
-    memory_bytes: int
-    download_mb: int
 
 
 @dataclass(frozen=True)
@@ -67,7 +52,7 @@ class FeatureSource:
         settings: grid and sampling.
         model: to compute the features with.
         weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
-        device: to compute on.
+        device_name: one of `DEVICE_NAMES`, to compute on.
         cache: where features are kept between sessions.
         networks: that are open already.
 
@@ -81,7 +66,7 @@ class FeatureSource:
         settings: FeatureSettings,
         model: PretrainedModel,
         weights_path: str | Path | None,
-        device: torch.device,
+        device_name: str,
         cache: FeatureCache,
         networks: Networks,
     ) -> None:
@@ -89,7 +74,7 @@ class FeatureSource:
         self._settings = settings
         self._model = model
         self._weights_path = weights_path
-        self._device = device
+        self._device_name = device_name
         self._cache = cache
         self._networks = networks
         self.provenance: FeatureProvenance | None = None
@@ -98,7 +83,7 @@ class FeatureSource:
         """What the features will cost; a second or two of work where they have to be computed.
 
         Raises:
-            InputError: the weights are not those of the model.
+            InputError: the weights are not those of the model, or this computer has no such device.
         """
         weights = self._known_weights
         cached = weights is not None and self._key(weights) in self._cache
@@ -120,7 +105,7 @@ class FeatureSource:
             Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends.
 
         Raises:
-            InputError: the weights are not to be had or do not fit, or the cache's disk is full.
+            InputError: weights or device are not to be had, the weights do not fit, or the cache's disk is full.
             Cancelled: by the progress callback.
         """
         weights = self._known_weights
@@ -142,6 +127,10 @@ class FeatureSource:
             features = extract_features(self._volume, network, self._settings, progress)
             yield features
         self._cache.put(features)
+
+    @cached_property
+    def _device(self) -> torch.device:
+        return choose_device(self._device_name)
 
     @cached_property
     def _known_weights(self) -> WeightsFile | None:

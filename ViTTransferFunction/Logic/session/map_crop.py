@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, common_box
 from ..core.class_map import FULL_SCALE
 from ..core.geometry import Box
 
@@ -45,15 +45,14 @@ def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
 
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
     """The crops' arrays, 0 where they were cut off, on the smallest box that holds them all; and that box."""
-    starts = np.min([[extent.start for extent in crop.box] for crop in crops], axis=0)
-    stops = np.max([[extent.stop for extent in crop.box] for crop in crops], axis=0)
+    box = common_box([crop.box for crop in crops])
     arrays = []
     for crop in crops:
-        array = np.zeros(stops - starts, dtype=np.uint8)
-        array[tuple(slice(e.start - s, e.stop - s) for e, s in zip(crop.box, starts, strict=True))] = crop.array
+        array = np.zeros([extent.stop - extent.start for extent in box], dtype=np.uint8)
+        k, j, i = (slice(e.start - c.start, e.stop - c.start) for e, c in zip(crop.box, box, strict=True))
+        array[k, j, i] = crop.array
         arrays.append(array)
-    k, j, i = (slice(int(start), int(stop)) for start, stop in zip(starts, stops, strict=True))
-    return arrays, (k, j, i)
+    return arrays, box
 
 
 def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:

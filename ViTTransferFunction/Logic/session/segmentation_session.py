@@ -22,7 +22,8 @@ from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, refine
 from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import SimilarityRule, similarity_rule
-from .feature_source import FeatureEstimate, FeatureProvenance, FeatureSource
+from .feature_estimate import FeatureEstimate
+from .feature_source import FeatureProvenance, FeatureSource
 from .labels import assign_labels, keep_annotated_components
 from .presets import Preset
 

@@ -66,7 +66,8 @@ def mean_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
     Returns:
         (K', J', I') in [-1, 1].
     """
-    return cells @ queries.mean(axis=0)
+    similarity: np.ndarray = cells @ queries.mean(axis=0)
+    return similarity
 
 
 def mean_clamped_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:

@@ -71,7 +71,10 @@ def choose_refined_iso(
 
     Args:
         refined: the map of any shape, in [0, 1].
-        similarity, edge_strength, at_positives, prior: as for `choose_iso_by_edges`, of the refined map.
+        similarity: as for `choose_iso_by_edges`, of the refined map.
+        edge_strength: at the same places.
+        at_positives: (P,) values of the refined map at the class's positive points, P ≥ 1.
+        prior: from `prior_iso`.
 
     Returns:
         A value in (0, 1).
@@ -99,7 +102,8 @@ def _log_instability(refined: np.ndarray) -> np.ndarray:
     enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
     near = _near(STABILITY_WIDTH)
     per_unit = (near @ count) / near.sum(axis=1) * (_BINS - 1) / -np.log(LOWEST_LEVEL)
-    return np.log(per_unit / (enclosed + 1e-9) + STABILITY_FLOOR)
+    instability: np.ndarray = np.log(per_unit / (enclosed + 1e-9) + STABILITY_FLOOR)
+    return instability
 
 
 def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> float:
@@ -112,7 +116,8 @@ def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> 
 def _bins(similarity: np.ndarray) -> np.ndarray:
     """The logarithmic level, an index to `_LEVELS`, of values above `LOWEST_LEVEL`."""
     depth = -np.log(LOWEST_LEVEL)
-    return np.clip((np.log(similarity) + depth) / depth * (_BINS - 1), 0, _BINS - 1).astype(int)
+    bins: np.ndarray = np.clip((np.log(similarity) + depth) / depth * (_BINS - 1), 0, _BINS - 1).astype(int)
+    return bins
 
 
 @cache

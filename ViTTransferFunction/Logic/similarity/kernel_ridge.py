@@ -103,7 +103,8 @@ class KernelRidge:
 
     def _row(self, points: _Places, index: int) -> np.ndarray:
         """Kernel of the index-th point with all cells, (cells,) float32."""
-        return self._kernel(points.subset(np.array([index])), self._cells)[0]
+        row: np.ndarray = self._kernel(points.subset(np.array([index])), self._cells)[0]
+        return row
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
         """See `SimilarityRule`."""
@@ -139,7 +140,7 @@ class KernelRidge:
         return weights[: len(targets)], weights[len(targets) :]
 
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
-        """k of every place of `a` with every place of `b`, (len a, len b) float32."""
+        """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
         exponent = np.float32(FEATURE_SHARPNESS) * (_product(a.features, b.features) - np.float32(1.0))
         exponent -= (a.cdf[:, None] - b.cdf[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
         sigma_mm = POSITION_SIGMA * self._longest_edge_mm
@@ -199,11 +200,12 @@ def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     squared = _product(-2.0 * a, b)
     squared += np.einsum("nc,nc->n", a, a)[:, None]
     squared += np.einsum("nc,nc->n", b, b)
-    return np.maximum(squared, 0.0, out=squared)
+    distances: np.ndarray = np.maximum(squared, 0.0, out=squared)
+    return distances
 
 
 def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a · bᵀ by PyTorch, like all large products here: NumPy's threads would stay in the way of PyTorch's."""
+    """The product a · bᵀ by PyTorch, like all large products here: NumPy's threads would stay in the way of PyTorch's."""
     import torch
 
     return (torch.from_numpy(a) @ torch.from_numpy(b).T).numpy()

@@ -22,7 +22,8 @@ def proximity(geometry: Geometry, points_ras: np.ndarray, strength: float) -> np
         (K', J', I') float32 in (0, 1].
     """
     distance_mm = np.sqrt(_smallest_squared_distance(geometry, points_ras))
-    return np.exp(-10.0 * strength * distance_mm / geometry.extent_mm.max()).astype(np.float32)
+    fading: np.ndarray = np.exp(-10.0 * strength * distance_mm / geometry.extent_mm.max()).astype(np.float32)
+    return fading
 
 
 def _smallest_squared_distance(geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.refinement import intensity_likelihood as intensity_evidence
+from ViTTransferFunction.Logic.refinement import intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod, refine
 
 SPACING_MM = (3.0, 2.0, 2.0)
@@ -46,9 +46,9 @@ def test_candidates_of_the_product_are_the_product(coarse: CoarseMap, name: str,
 
 
 def test_another_temper_is_used_and_then_restored(coarse: CoarseMap) -> None:
-    before = intensity_evidence.TEMPER
+    before = intensity_likelihood.TEMPER
     strong, default = _called("evidence β 1.0").refine(coarse), DEFAULT.refine(coarse)
-    assert before == intensity_evidence.TEMPER
+    assert before == intensity_likelihood.TEMPER
     assert np.abs(strong - default).max() > 0.01
 
 

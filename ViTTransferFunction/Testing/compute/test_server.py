@@ -25,8 +25,8 @@ from ViTTransferFunction.Logic.compute.requests import (
     SegmentClasses,
     TakeVolume,
 )
-from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
-from ViTTransferFunction.Logic.session.opening import SessionSettings
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of

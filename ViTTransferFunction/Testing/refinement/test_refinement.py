@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, weighed_by_intensity
+from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, refine
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
@@ -37,7 +37,7 @@ def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod,
 
 def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
     intensities, inside, similarity = ball_and_its_map()
-    weighed = weighed_by_intensity(similarity, intensities, WINDOW, 0.35)
+    weighed = with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)
     border = (similarity > 0.25) & (similarity < 0.5)
     assert (weighed[border & inside] > similarity[border & inside]).mean() > 0.9
     assert (weighed[border & ~inside] < similarity[border & ~inside]).mean() > 0.9
@@ -46,7 +46,7 @@ def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
 
 def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are() -> None:
     intensities, _, similarity = ball_and_its_map()
-    weighed = weighed_by_intensity(similarity, intensities, WINDOW, 0.35)
+    weighed = with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)
     factor = weighed[similarity > 0.175] / similarity[similarity > 0.175]
     assert factor.max() <= LARGEST_FACTOR * 1.0001
     assert factor.min() >= 1.0 / LARGEST_FACTOR * 0.9999
@@ -58,18 +58,18 @@ def test_voxels_without_a_finite_intensity_keep_their_map_and_change_no_other(va
     intensities, _, similarity = ball_and_its_map()
     damaged = intensities.copy()
     damaged[18:22] = value
-    weighed = weighed_by_intensity(similarity, damaged, WINDOW, 0.35)
+    weighed = with_intensity_likelihood(similarity, damaged, WINDOW, 0.35)
     np.testing.assert_array_equal(weighed[18:22], similarity[18:22])
-    np.testing.assert_allclose(weighed[10], weighed_by_intensity(similarity, intensities, WINDOW, 0.35)[10], atol=0.05)
+    np.testing.assert_allclose(weighed[10], with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)[10], atol=0.05)
 
 
 @pytest.mark.parametrize("similarity", [0.0, 0.35, 1.0])
 def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
     flat = np.full((6, 6, 6), similarity, dtype=np.float32)
-    weighed = weighed_by_intensity(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
+    weighed = with_intensity_likelihood(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
     # One intensity alone distinguishes nothing.
     np.testing.assert_allclose(weighed, flat, atol=1e-6)
-    assert np.isfinite(weighed_by_intensity(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
+    assert np.isfinite(with_intensity_likelihood(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
 
 
 @pytest.mark.parametrize("method", ["bilateral", "guided"])

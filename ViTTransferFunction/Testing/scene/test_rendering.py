@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ViTTransferFunction.CommandLine.rendering_picture import color_volume_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.rendering.color_volume import similarity_rgba
+from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_rgba
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
@@ -135,6 +137,55 @@ def test_a_translucent_class_alone_is_as_strong_as_its_two_walls(stage: Stage) -
         stage.show(two_balls()[:1], [RED], [opacity])
         brightness.append(stage.picture()[row - 3 : row + 4, column - 3 : column + 4, 0].mean())
     assert np.array(brightness) / brightness[0] == pytest.approx([1.0, 0.75, 0.36], abs=0.15)
+
+
+def test_a_translucent_class_is_as_strong_whatever_the_size_of_voxels(slicer_app: Any) -> None:
+    brightness = []
+    for spacing_mm in (0.3, 1.0, 5.0):
+        grid = Geometry(SHAPE, np.diag([spacing_mm] * 3 + [1.0]))
+        middle = grid.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
+        stage = Stage(slicer_app, grid, middle)
+        look_from(stage.view, middle, 60.0 * spacing_mm)
+        ((row, column),) = stage.at(middle)
+        stage.show([ball(SHAPE, (7.5, 9.5, 11.5), 5.0)], [RED], [0.5])
+        brightness.append(stage.picture()[row - 4 : row + 5, column - 4 : column + 5, 0].mean())
+    assert np.array(brightness) / brightness[1] == pytest.approx([1.0, 1.0, 1.0], abs=0.05)
+
+
+def displayed_volume(stage: Stage) -> Any:
+    """What a view's renderer was given to show the classes."""
+    volumes = stage.view.renderer().GetVolumes()
+    volumes.InitTraversal()
+    return volumes.GetNextVolume()
+
+
+@pytest.mark.parametrize("spacing_mm", [(2.0, 2.0, 2.0), (0.7, 0.9, 2.5)])
+@pytest.mark.parametrize("opacity", [1.0, 0.4])
+def test_pictures_of_the_command_line_show_what_the_view_shows(
+    slicer_app: Any, spacing_mm: tuple[float, float, float], opacity: float
+) -> None:
+    grid = Geometry(SHAPE, np.array([[0.8, -0.6, 0, 9], [0.6, 0.8, 0, -20], [0, 0, 1, 5], [0, 0, 0, 1]]) * [*spacing_mm, 1.0])
+    middle = grid.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
+    stage = Stage(slicer_app, grid, middle)
+    look_from(stage.view, middle, 2.5 * float(grid.extent_mm.max()))
+    masks = [ball(SHAPE, centre, 5.0) > 0.5 for centre in (LEFT_KJI, RIGHT_KJI)]
+    rgba, fine = mask_rgba(grid, masks, [RED, GREEN], [1.0, opacity])
+    stage.rendering.show(stage.views.volume, rgba, fine.ijk_to_ras)
+    in_slicer, theirs = stage.picture(), displayed_volume(stage)
+    stage.rendering.hide()
+    ours = color_volume_prop(rgba, fine.ijk_to_ras)
+    stage.view.renderer().AddVolume(ours)
+    in_picture = stage.picture()
+
+    assert in_slicer.max() > 120
+    # Rays start at random depths, and their steps differ in length.
+    assert np.abs(in_slicer - in_picture).mean() < 2.0
+    assert np.percentile(np.abs(in_slicer - in_picture), 98) < 25
+    for getter in ("GetAmbient", "GetDiffuse", "GetSpecular", "GetSpecularPower", "GetShade", "GetInterpolationType"):
+        assert getattr(ours.GetProperty(), getter)() == getattr(theirs.GetProperty(), getter)()
+    assert ours.GetProperty().GetScalarOpacityUnitDistance(3) == theirs.GetProperty().GetScalarOpacityUnitDistance(3)
+    tables = [[volume.GetProperty().GetScalarOpacity(0).GetValue(code) for code in range(256)] for volume in (ours, theirs)]
+    assert tables[0] == pytest.approx(tables[1])
 
 
 def test_hiding_brings_back_the_picture_and_the_views_settings(stage: Stage) -> None:

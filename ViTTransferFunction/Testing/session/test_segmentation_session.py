@@ -11,9 +11,10 @@ import pytest
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.session.opening import SessionSettings, open_session
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features

@@ -180,7 +180,7 @@ def test_durations_are_shown_in_round_units(host: Host, seconds: float, words: s
 
 
 def test_the_estimate_is_shown_in_a_few_words(host: Host) -> None:
-    from ViTTransferFunction.Logic.session.feature_source import FeatureEstimate
+    from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
     from ViTTransferFunction.Widget.volume_section import estimate_text
 
     assert estimate_text(None) == "Estimating…"

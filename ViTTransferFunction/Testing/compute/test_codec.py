@@ -1,0 +1,92 @@
+"""Requests and replies become messages and come back as they were; nothing else is ever made from a message."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.compute import requests
+from ViTTransferFunction.Logic.compute.codec import from_message, holds, to_message
+from ViTTransferFunction.Logic.compute.messages import Message, read_message, write_message
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+
+GEOMETRY = Geometry((2, 3, 4), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
+ARRAY = np.arange(24, dtype=np.int16).reshape(2, 3, 4)
+LIVER = ClassRequest("a", np.array([[1.0, 2.0, 3.0]]), iso=0.25, proximity=0.5, refine=False, name="Leber – größer")
+SPLEEN = ClassRequest("b", np.array([[4.0, 5.0, 6.0]]), negative=np.array([[7.0, 8.0, 9.0], [0.1, 0.2, 0.3]]))
+REFINEMENT = requests.Refinement("guided", only_annotated_components=False)
+BODIES = [
+    requests.TakeVolume(ARRAY, GEOMETRY, "CT"),
+    requests.Prepare(SessionSettings(grid=16, window=(-100.0, 200.0), weights_path="/a b/c.pt")),
+    requests.Extract(),
+    requests.ComputeMaps((LIVER, SPLEEN)),
+    requests.RefineMaps((LIVER,), REFINEMENT),
+    requests.SegmentClasses((), REFINEMENT),
+    requests.Render("transfer function", True, (((1.0, 0.5, 0.0), 0.25),)),
+    requests.Cancel((3, 4)),
+    requests.Done(),
+    requests.Maps((ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5), ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1))),
+    requests.Labels(ARRAY.astype(np.uint16)),
+    requests.ColorVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), GEOMETRY),
+    requests.Progressed(1, 2, "Extracting features"),
+    requests.CoarseFeatures(),
+    requests.GivenUp(),
+    requests.Failed("'CT' is constant."),
+    FeatureEstimate(False, None, 10**10, 88),
+]
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether two values are equal, arrays and their types included."""
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and one.dtype == other.dtype and np.array_equal(one, other)
+    if is_dataclass(one):
+        return type(one) is type(other) and all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    if isinstance(one, tuple):
+        return isinstance(other, tuple) and len(one) == len(other) and all(map(same, one, other))
+    return type(one) is type(other) and one == other
+
+
+@pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
+def test_what_is_sent_arrives_as_it_was(body: Any) -> None:
+    stream = io.BytesIO()
+    write_message(stream, to_message(7, body))
+    stream.seek(0)
+    message = read_message(stream)
+    assert message is not None
+    number, arrived = from_message(message)
+    assert number == 7
+    assert same(body, arrived)
+
+
+def test_every_request_and_reply_can_be_sent() -> None:
+    kinds = {kind for kind in vars(requests).values() if isinstance(kind, type) and kind.__module__ == requests.__name__}
+    assert kinds - {requests.Refinement} <= {type(body) for body in BODIES}
+
+
+def test_the_kind_is_known_without_making_anything() -> None:
+    message = to_message(1, requests.Cancel((1,)))
+    assert holds(message, requests.Cancel)
+    assert not holds(message, requests.Extract)
+
+
+@pytest.mark.parametrize("name", ["Popen", "Path", "builtins.eval", "ComputeClient"])
+def test_nothing_is_made_but_requests_and_replies(name: str) -> None:
+    with pytest.raises(ValueError, match=f"no such request or reply: {name}"):
+        from_message(Message({"number": 1, "body": {"type": name, "values": {}}}))
+
+
+def test_values_that_a_type_does_not_take_are_refused_in_its_own_words() -> None:
+    message = to_message(1, requests.ComputeMaps((LIVER,)))
+    message.content["body"]["values"]["classes"][0]["values"]["iso"] = 2.0
+    with pytest.raises(InputError, match="'iso' of class 'Leber – größer' is 2"):
+        from_message(message)

@@ -1,0 +1,226 @@
+"""What the proxy asks, and when, on a client that answers only what a test has it answer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.compute import proxy as proxy_module
+from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
+from ViTTransferFunction.Logic.compute.requests import (
+    CoarseFeatures,
+    ColorVolume,
+    ComputeMaps,
+    Done,
+    Extract,
+    Failed,
+    GivenUp,
+    Labels,
+    Maps,
+    Prepare,
+    Progressed,
+    RefineMaps,
+    Refinement,
+    Render,
+    SegmentClasses,
+    TakeVolume,
+)
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+
+GEOMETRY = Geometry((2, 2, 2), np.eye(4))
+VOLUME = TakeVolume(np.zeros((2, 2, 2)), GEOMETRY, "CT")
+SETTINGS = SessionSettings(grid=16)
+COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9, download_mb=0)
+LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
+MAP = ClassMap(np.zeros((2, 2, 2), dtype=np.float32), GEOMETRY, 0.4)
+
+
+class Client:
+    """In the place of `ComputeClient`: keeps what is asked, and answers by `answer`."""
+
+    pid = 1
+
+    def __init__(self) -> None:
+        self.asked: list[Any] = []
+        self.cancelled: list[int] = []
+        self.alive = True
+        self._replies: list[tuple[int, Any]] = []
+
+    def request(self, request: Any) -> int:
+        self.asked.append(request)
+        return len(self.asked)
+
+    def cancel(self, numbers: Any) -> None:
+        self.cancelled += numbers
+
+    def answer(self, kind: type, reply: Any) -> None:
+        """Reply to the last request of a kind."""
+        number = max(number for number, request in enumerate(self.asked, start=1) if isinstance(request, kind))
+        self._replies.append((number, reply))
+
+    def replies(self) -> list[tuple[int, Any]]:
+        replies, self._replies = self._replies, []
+        return replies
+
+    def last_words(self) -> str:
+        return "Traceback\nMemoryError"
+
+    def close(self) -> None:
+        self.alive = False
+
+    def kinds(self) -> list[str]:
+        return [type(request).__name__ for request in self.asked]
+
+
+@pytest.fixture
+def client() -> Client:
+    return Client()
+
+
+@pytest.fixture
+def proxy(client: Client, monkeypatch: pytest.MonkeyPatch) -> SegmentationProxy:
+    """With a volume whose features are not cached; nothing waits for the user to pause."""
+    monkeypatch.setattr(proxy_module, "RENDER_AFTER_S", 0.0)
+    monkeypatch.setattr(proxy_module, "REFINE_AFTER_S", 0.0)
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    client.answer(TakeVolume, Done())
+    client.answer(Prepare, COSTLY)
+    proxy.poll()
+    return proxy
+
+
+@pytest.fixture
+def ready(proxy: SegmentationProxy, client: Client) -> SegmentationProxy:
+    """With features, and no class yet."""
+    proxy.extract()
+    client.answer(Extract, Done())
+    proxy.poll()
+    return proxy
+
+
+def test_a_volume_is_handed_over_with_its_settings_and_its_cost_comes_back(proxy: SegmentationProxy, client: Client) -> None:
+    assert client.asked == [VOLUME, Prepare(SETTINGS)]
+    assert proxy.estimate == COSTLY
+    assert (proxy.phase, proxy.busy) == ("no features", False)
+
+
+def test_cached_features_load_at_once(client: Client) -> None:
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    client.answer(TakeVolume, Done())
+    client.answer(Prepare, FeatureEstimate(True, None, 1, 0))
+    proxy.poll()
+    assert client.asked[-1] == Extract()
+    assert proxy.phase == "extracting"
+
+
+def test_maps_of_coarse_features_are_asked_for_while_the_fine_ones_are_computed(
+    proxy: SegmentationProxy, client: Client
+) -> None:
+    proxy.update([LIVER], None)
+    proxy.extract()
+    assert proxy.poll() == set()
+    client.answer(Extract, CoarseFeatures())
+    assert proxy.poll() == {"state"}
+    assert client.asked[-1] == ComputeMaps((LIVER,))
+    assert proxy.phase == "extracting"
+
+
+def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, client: Client) -> None:
+    ready.look("similarity", {"liver": ((1.0, 0.0, 0.0), 1.0)})
+    ready.update([LIVER], Refinement())
+    ready.poll()
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    assert client.asked[-1] == Render("similarity", False, (((1.0, 0.0, 0.0), 1.0),))
+    rendering = len(client.asked)
+    ready.update([LIVER, SPLEEN], Refinement())
+    ready.poll()
+    assert client.cancelled == [rendering]
+    assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
+    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), GEOMETRY))
+    assert "rendering" not in ready.poll()
+    assert ready.rendering is None
+
+
+def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: SegmentationProxy, client: Client) -> None:
+    ready.look("transfer function", {})
+    ready.update([LIVER], Refinement("guided"))
+    ready.poll()
+    client.answer(ComputeMaps, Maps((MAP,)))
+    assert ready.poll() == {"maps"}
+    assert ready.maps == {"liver": MAP}
+    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), GEOMETRY))
+    assert ready.poll() == {"rendering"}
+    assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
+    client.answer(RefineMaps, Maps((MAP,)))
+    assert ready.poll() == {"refined"}
+    assert ready.refined
+    assert isinstance(client.asked[-1], Render)
+    assert client.asked[-1].refined
+
+
+def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, client: Client) -> None:
+    ready.update([SPLEEN, LIVER], None)
+    ready.segment(Refinement())
+    client.answer(SegmentClasses, Progressed(1, 2, "Segmenting classes"))
+    ready.poll()
+    assert ready.progress is not None
+    assert (ready.progress.done, ready.progress.total) == (1, 2)
+    labels = Labels(np.zeros((2, 2, 2), dtype=np.uint16))
+    client.answer(SegmentClasses, labels)
+    assert "labels" in ready.poll()
+    assert ready.labels == (labels, ["spleen", "liver"])
+    assert ready.progress is None
+
+
+def test_a_refused_setting_is_reported_once_and_sent_again_with_the_next_extraction(client: Client) -> None:
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    proxy.extract()
+    client.answer(TakeVolume, Done())
+    client.answer(Prepare, Failed("There is no weights file."))
+    client.answer(Extract, Failed("The volume's settings cannot be used."))
+    proxy.poll()
+    assert proxy.take_error() == "There is no weights file."
+    assert proxy.take_error() is None
+    assert (proxy.phase, proxy.progress) == ("no features", None)
+    proxy.extract()
+    assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]
+
+
+def test_a_refused_volume_leaves_none(client: Client) -> None:
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    client.answer(TakeVolume, Failed("'CT' is constant."))
+    proxy.poll()
+    assert (proxy.phase, proxy.take_error(), proxy.busy) == ("no volume", "'CT' is constant.", False)
+
+
+def test_cancelling_gives_up_what_the_user_waits_for_and_nothing_else(ready: SegmentationProxy, client: Client) -> None:
+    ready.update([LIVER], None)
+    ready.poll()
+    ready.segment(Refinement())
+    ready.cancel()
+    assert client.cancelled == [len(client.asked)]
+    client.answer(SegmentClasses, GivenUp())
+    ready.poll()
+    assert ready.progress is None
+    assert ready.take_error() is None
+
+
+def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(proxy: SegmentationProxy, client: Client) -> None:
+    client.alive = False
+    assert proxy.poll() == {"state"}
+    assert "MemoryError" in (proxy.take_error() or "")
+    assert (proxy.phase, proxy.pid) == ("no features", None)
+    client.alive = True
+    proxy.extract()
+    assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]

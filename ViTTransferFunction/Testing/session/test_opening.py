@@ -1,0 +1,132 @@
+"""One way to open a volume: settings are checked at once, the network is opened once, volume and weights are hashed once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features import networks as networks_module
+from ViTTransferFunction.Logic.features.networks import Networks
+from ViTTransferFunction.Logic.features.precision import precision_name
+from ViTTransferFunction.Logic.session import feature_source
+from ViTTransferFunction.Logic.session.opening import open_session
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+
+
+class Calls:
+    """Counts calls of a function that goes on as before."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, module: object, name: str) -> None:
+        self.count = 0
+        function = getattr(module, name)
+
+        def counted(*arguments: object, **named: object) -> object:
+            self.count += 1
+            return function(*arguments, **named)
+
+        monkeypatch.setattr(module, name, counted)
+
+
+@pytest.fixture
+def tiny_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSettings:
+    """Settings that name the weights file of a tiny model, and a small grid."""
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    path = tmp_path / "tiny.pth"
+    torch.save(random_state_dict(TINY_MODEL), path)
+    return SessionSettings(grid=8, model="tiny", weights_path=str(path), device="cpu")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"preset": "published"}, "Unknown preset 'published'"),
+        ({"grid": 3}, "4 to 128 cells; got 3"),
+        ({"window": (5.0, 5.0)}, "two finite bounds"),
+        ({"model": "dino_vits9"}, "Unknown model 'dino_vits9'"),
+        ({"device": "tpu"}, "Unknown device 'tpu'"),
+        ({"weights_path": "/not/there.pth"}, "no weights file"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_a_setting_that_cannot_be_used_is_refused_as_the_volume_is_opened(
+    spheres: Spheres, change: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        open_session(spheres[0], replace(SessionSettings(), **change))  # type: ignore[arg-type]
+
+
+def test_settings_replace_those_of_the_preset_and_no_others() -> None:
+    settings = SessionSettings(grid=20, window=(0.0, 100.0)).feature_settings()
+    assert settings.grid == 20
+    assert {(window.low, window.high) for window in settings.windows} == {(0.0, 100.0)}  # type: ignore[union-attr]
+    assert SessionSettings().feature_settings() == PRESETS[DEFAULT_PRESET].features
+
+
+def test_the_network_is_opened_once_for_estimate_extraction_and_the_next_session(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = Calls(monkeypatch, networks_module, "open_network")
+    calibrated = Calls(monkeypatch, networks_module, "calibrate")
+    networks = Networks()
+    for grid in (8, 10):
+        session = open_session(spheres[0], replace(tiny_weights, grid=grid), networks=networks)
+        estimate = session.estimate()
+        assert not estimate.cached
+        assert estimate.seconds is not None
+        session.load_features()
+    assert (opened.count, calibrated.count) == (1, 1)
+
+
+def test_the_weights_are_hashed_once_for_estimate_and_extraction(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = Calls(monkeypatch, feature_source, "find_weights")
+    session = open_session(spheres[0], tiny_weights)
+    session.estimate()
+    session.load_features()
+    assert found.count == 1
+
+
+def test_the_volume_is_hashed_once(spheres: Spheres) -> None:
+    volume = Volume(spheres[0].array.copy(), spheres[0].geometry)
+    before = volume.digest
+    assert before == spheres[0].digest
+    volume.array[0, 0, 0] += 1.0
+    assert volume.digest is before
+
+
+def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:
+    computed, cached = (open_session(spheres[0], tiny_weights).load_features() for _ in range(2))
+    assert (computed.cached, cached.cached) == (False, True)
+    assert computed.precision == cached.precision == precision_name(torch.device("cpu"))
+    assert computed.weights.model is TINY_MODEL
+
+
+def test_features_of_another_precision_are_not_taken_from_the_cache(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_session(spheres[0], tiny_weights).load_features()
+    other = torch.float32 if precision_name(torch.device("cpu")) == "bfloat16" else torch.bfloat16
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.precision.device_precision", lambda device: other)
+    assert not open_session(spheres[0], tiny_weights).load_features().cached
+
+
+def test_cached_features_need_neither_weights_nor_network(spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache_known_features(*spheres)
+    opened = Calls(monkeypatch, networks_module, "open_network")
+    session = open_session(spheres[0], SessionSettings(grid=GRID))
+    assert session.estimate().cached
+    assert session.load_features().cached
+    assert opened.count == 0
+    assert np.isfinite(session.features.array).all()
