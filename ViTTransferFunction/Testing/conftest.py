@@ -25,9 +25,22 @@ VOLUMES = os.environ.get("VITTF_TEST_VOLUMES")
 WEIGHTS = os.environ.get("VITTF_WEIGHTS")
 
 
+SLOW_FIXTURES = {"real_weights", "real_volume", "rebuilt"}
+"""Real data: read from files, or rebuilt out of the package index."""
+
+
+# First, so that `-m "not slow"` knows of it.
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests on real data as slow."""
+    for item in items:
+        if isinstance(item, pytest.Function) and SLOW_FIXTURES & set(item.fixturenames):
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(autouse=True)
 def a_cache_of_its_own(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """No test reads or fills the cache of whoever runs it."""
+    """No test reads or fills the real user's cache."""
     folder = tmp_path_factory.mktemp("cache")
     monkeypatch.setenv("VITTF_CACHE", str(folder))
     return folder

@@ -16,13 +16,6 @@ from Benchmarks.shared.labelled_cases import LabelledVolume, PhantomCase, classe
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from Benchmarks.topology.topology import Topology, topology_of
-from ViTTransferFunction.Logic.core.volume import Volume
-
-
-@pytest.fixture
-def labelled(spheres: tuple[Volume, np.ndarray]) -> LabelledVolume:
-    volume, labels = spheres
-    return LabelledVolume(volume, labels, ("left", "right", "dark"))
 
 
 def balls_around_clicks(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
@@ -70,13 +63,13 @@ def test_one_by_one_a_structure_has_its_own_clicks_alone(labelled: LabelledVolum
     assert seen == own[1::2]
 
 
-def test_a_perfect_method_has_full_marks_and_needs_no_second_click(labelled: LabelledVolume) -> None:
+def test_a_perfect_method_scores_one_and_needs_no_second_click(labelled: LabelledVolume) -> None:
     rounds, sequence = run_with_own_clicks(labelled, lambda part, _: part.truth, "together", 3, with_negatives=True)
     assert all(metrics["dice"] == metrics["surface_dice"] == 1.0 for metrics in rounds["3"].values())
     assert [len(of_class) for of_class in sequence.clicks] == [1, 1, 1]
 
 
-def test_clicks_survive_their_file() -> None:
+def test_clicks_are_read_as_they_were_written() -> None:
     sequence = ClickSequence(((Click((1, 2, 3), True), Click((4, 5, 6), False)), (Click((7, 8, 9), True),)), ((1, 1), (2, 1)))
     assert ClickSequence.from_json(json.loads(json.dumps(sequence.as_json()))) == sequence
     assert sequence.at(1) == [[Click((1, 2, 3), True)], [Click((7, 8, 9), True)]]

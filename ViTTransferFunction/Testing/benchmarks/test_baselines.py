@@ -10,21 +10,17 @@ from Benchmarks.accuracy.baseline_threshold import ClickedThreshold
 from Benchmarks.accuracy.local_features import COUNT, LocalFeatures
 from Benchmarks.accuracy.seeds import BACKGROUND_VOXELS, Seeds, painted, random_seeds, random_voxels, seeds_of
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import normalised_features
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
-Spheres = tuple[Volume, np.ndarray]
 CENTRES = ((16, 20, 12), (16, 20, 36), (8, 10, 24))
 
 
 def clicks_on_the_centres() -> list[list[Click]]:
     return [[Click(centre, positive=True)] for centre in CENTRES]
-
-
-def dice(found: np.ndarray, truth: np.ndarray) -> float:
-    return 2.0 * np.count_nonzero(found & truth) / (np.count_nonzero(found) + np.count_nonzero(truth))
 
 
 def test_a_negative_click_says_what_is_there(spheres: Spheres) -> None:
@@ -40,8 +36,8 @@ def test_background_is_drawn_from_where_it_is_or_from_anywhere() -> None:
     truth = np.zeros((10, 10, 10), dtype=np.uint8)
     truth[:, :, :5] = 1
     clicks = [[Click((5, 5, 2), positive=True)]]
-    told, blind = (seeds_of(clicks, truth, true_background) for true_background in (True, False))
-    assert not truth[tuple(told.of_class(0).T)].any()
+    informed, blind = (seeds_of(clicks, truth, true_background) for true_background in (True, False))
+    assert not truth[tuple(informed.of_class(0).T)].any()
     assert truth[tuple(blind.of_class(0).T)].any()
 
 
@@ -63,15 +59,15 @@ def test_random_voxels_differ_and_are_the_same_each_time() -> None:
 
 
 def test_local_features_are_the_intensity_its_neighbours_the_gradient_and_the_place() -> None:
-    # A step along I: features are standardised, so only their order can be told.
+    # A step along I: features are standardised, so only their order is known.
     array = np.zeros((6, 7, 8), dtype=np.float32)
     array[..., 4:] = 100.0
-    volume = Volume(array, Geometry(array.shape, np.eye(4)))
+    volume = volume_of(array)
     features = LocalFeatures(volume).of(np.arange(array.size)).reshape(*array.shape, COUNT)
     np.testing.assert_allclose(features.mean(axis=(0, 1, 2)), 0.0, atol=1e-5)
     dark, bright = features[2, 3, 3], features[2, 3, 4]
     assert bright[0] > dark[0]
-    # The bright voxel lies one further along I, so its neighbour before is the dark one; across I they are alike.
+    # The bright voxel lies one further along I, so its neighbour before is the dark one; across I they are equal.
     assert bright[5] < features[2, 3, 5, 5]
     assert dark[6] > features[2, 3, 2, 6]
     assert dark[7] == bright[7] > features[2, 3, 0, 7]

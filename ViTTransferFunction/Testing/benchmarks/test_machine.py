@@ -18,7 +18,7 @@ from Benchmarks.shared.machine import in_words, machine, processor_capability
         ("SVE256", False, False, "SVE256"),
     ],
 )
-def test_a_processor_is_told_by_what_the_network_runs_on(
+def test_a_processor_is_named_by_the_instructions_that_the_network_uses(
     vectors: str, bfloat16: bool, amx: bool, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: vectors)

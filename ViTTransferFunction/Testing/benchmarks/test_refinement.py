@@ -14,17 +14,11 @@ from Benchmarks.refinement.run import CandidateSession, CaseBench, mean_surface_
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod, refine
 
 SPACING_MM = (3.0, 2.0, 2.0)
-
-
-@pytest.fixture
-def labelled(spheres: tuple[Volume, np.ndarray]) -> LabelledVolume:
-    return LabelledVolume(*spheres, ("left", "right", "dark"))
 
 
 @pytest.fixture
@@ -51,7 +45,7 @@ def test_candidates_of_the_product_are_the_product(coarse: CoarseMap, name: str,
     np.testing.assert_array_equal(_called(name).refine(coarse), refined)
 
 
-def test_another_temper_is_used_and_then_gone(coarse: CoarseMap) -> None:
+def test_another_temper_is_used_and_then_restored(coarse: CoarseMap) -> None:
     before = intensity_likelihood.TEMPER
     strong, default = _called("likelihood β 1.0").refine(coarse), DEFAULT.refine(coarse)
     assert before == intensity_likelihood.TEMPER
@@ -84,6 +78,7 @@ def test_the_random_walker_always_has_seeds_of_both_kinds() -> None:
     assert walker_seeds(steep, at_positives=0.9, iso=0.5).tolist() == [[[2, 2, 0, 1, 1]]]
 
 
+@pytest.mark.slow
 def test_shifted_slabs_are_apart_by_what_their_faces_are() -> None:
     truth, predicted = np.zeros((2, 20, 400, 400), dtype=bool)
     truth[5:10], predicted[7:12] = True, True
@@ -97,6 +92,7 @@ def test_nothing_predicted_is_as_far_away_as_the_structure_is_large() -> None:
     assert mean_surface_distance_mm(np.zeros_like(truth), truth, SPACING_MM) == pytest.approx(np.sqrt(12**2 + 4**2 + 2**2))
 
 
+@pytest.mark.slow
 def test_a_candidate_is_given_the_clicks_that_were_kept(
     labelled: LabelledVolume, features: FeatureVolume, tmp_path: Path
 ) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
 from Benchmarks.shared.segmentation_metrics import segmentation_metrics, surface_dice, surface_distances_mm
+from ViTTransferFunction.Testing.support.masks import box_mask
 
 CUBE_MM = (1.0, 1.0, 1.0)
 
-
-def a_box(k: slice, j: slice, i: slice) -> np.ndarray:
-    mask = np.zeros((12, 12, 12), dtype=bool)
-    mask[k, j, i] = True
-    return mask
+a_box = functools.partial(box_mask, (12, 12, 12))
 
 
 def test_overlap_is_counted_in_voxels():
@@ -26,20 +25,20 @@ def test_overlap_is_counted_in_voxels():
     assert metrics.recall == pytest.approx(0.5)
 
 
-def test_a_perfect_prediction_has_full_marks():
+def test_a_perfect_prediction_scores_one():
     truth = a_box(slice(2, 6), slice(3, 9), slice(0, 12))
     metrics = segmentation_metrics(truth, truth, CUBE_MM)
     assert vars(metrics) == dict.fromkeys(vars(metrics), 1.0)
 
 
-def test_nothing_predicted_where_nothing_is_has_full_marks():
+def test_nothing_predicted_where_nothing_is_scores_one():
     nothing = np.zeros((4, 4, 4), dtype=bool)
     metrics = segmentation_metrics(nothing, nothing, CUBE_MM)
     assert vars(metrics) == dict.fromkeys(vars(metrics), 1.0)
 
 
 @pytest.mark.parametrize("swapped", [False, True])
-def test_one_empty_mask_has_no_marks(swapped):
+def test_one_empty_mask_scores_zero(swapped):
     nothing, something = np.zeros((12, 12, 12), dtype=bool), a_box(slice(2, 6), slice(2, 6), slice(2, 6))
     predicted, truth = (something, nothing) if swapped else (nothing, something)
     metrics = segmentation_metrics(predicted, truth, CUBE_MM)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
 from Benchmarks.shared.simulated_clicker import Click, click_in_rounds, deepest_voxel, first_click, next_click
+from ViTTransferFunction.Testing.support.masks import box_mask
 
 CUBE_MM = (1.0, 1.0, 1.0)
 SHAPE = (9, 9, 20)
 
-
-def a_box(k: slice, j: slice, i: slice) -> np.ndarray:
-    mask = np.zeros(SHAPE, dtype=bool)
-    mask[k, j, i] = True
-    return mask
-
+a_box = functools.partial(box_mask, SHAPE)
 
 SMALL = a_box(slice(3, 6), slice(3, 6), slice(15, 18))
 LARGE = a_box(slice(2, 7), slice(2, 7), slice(2, 7))

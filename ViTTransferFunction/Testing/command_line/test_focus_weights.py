@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights, offered_models
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict, tensors_sha256
 from ViTTransferFunction.Logic.weights.store import weights_folder
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 
 NAME = "dinov2_vits14_focus"
 
@@ -39,12 +40,6 @@ def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _package_index_answers() -> bool:
     asked = subprocess.run([sys.executable, "-m", "pip", "index", "versions", "pip"], capture_output=True, check=False)
     return asked.returncode == 0
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
 
 
 @pytest.fixture
@@ -118,11 +113,8 @@ def test_another_wheel_under_the_same_name_is_refused_and_not_kept(index_of_one_
 
 @pytest.mark.usefixtures("index_of_one_folder")
 def test_cancelling_ends_the_download_and_leaves_nothing() -> None:
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        install_focus_weights(cancel)
+        install_focus_weights(cancel_at_once)
 
     assert not list(weights_folder().glob("*"))
 

@@ -16,6 +16,7 @@ from ViTTransferFunction.CommandLine import demo
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
+from ViTTransferFunction.Testing.support.masks import dice
 
 GRID = "16"
 CLICKS = {"liver": 5, "spleen": 1, "kidney": 2}
@@ -44,10 +45,6 @@ def clicks(tmp_path: Path, torso_labels: sitk.Image) -> Path:
     path = tmp_path / "points.json"
     path.write_text(json.dumps({"coordinate_system": "RAS", "classes": classes}))
     return path
-
-
-def dice(a: np.ndarray, b: np.ndarray) -> float:
-    return 2.0 * float((a & b).sum()) / float(a.sum() + b.sum())
 
 
 def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
@@ -106,7 +103,7 @@ def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path
 def test_a_scan_stored_and_lying_another_way_gives_the_same_voxels_the_same_labels(
     tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
 ) -> None:
-    """Axes permuted and mirrored, hence left-handed, and everything turned by 20° about an oblique axis, points as well."""
+    """Axes permuted and mirrored, so left-handed, and everything turned by 20° about an oblique axis, points as well."""
     upright = sitk.ReadImage(str(torso))
     stored = sitk.PermuteAxes(upright, [1, 0, 2])
     turn = sitk.VersorTransform([0.3, 0.5, 0.8], np.radians(20.0))
@@ -138,14 +135,16 @@ def test_an_oblique_anisotropic_left_handed_scan_gives_about_the_segments_of_its
 ) -> None:
     """The network sees slices that are turned by 8° and resampled, so that the features differ a little."""
     upright = sitk.ReadImage(str(torso), sitk.sitkFloat32)
-    sitk.WriteImage(resampled_askew(upright), str(tmp_path / "askew.nrrd"))
+    sitk.WriteImage(resampled_obliquely(upright), str(tmp_path / "oblique.nrrd"))
     labels = {}
-    for name, path in (("upright", torso), ("askew", tmp_path / "askew.nrrd")):
+    for name, path in (("upright", torso), ("oblique", tmp_path / "oblique.nrrd")):
         output = tmp_path / f"{name}.nii.gz"
         arguments = ["segment", str(path), "--annotations", str(clicks), "--weights", str(real_weights), "--grid", "24"]
         assert main([*arguments, "-o", str(output)]) == 0
         labels[name] = sitk.ReadImage(str(output))
-    back = sitk.GetArrayFromImage(sitk.Resample(labels["askew"], labels["upright"], sitk.Transform(), sitk.sitkNearestNeighbor))
+    back = sitk.GetArrayFromImage(
+        sitk.Resample(labels["oblique"], labels["upright"], sitk.Transform(), sitk.sitkNearestNeighbor)
+    )
     agreement = {
         name: dice(back == index, sitk.GetArrayFromImage(labels["upright"]) == index)
         for index, name in enumerate(CLICKS, start=1)
@@ -153,7 +152,7 @@ def test_an_oblique_anisotropic_left_handed_scan_gives_about_the_segments_of_its
     assert min(agreement.values()) > 0.7, agreement
 
 
-def resampled_askew(image: sitk.Image) -> sitk.Image:
+def resampled_obliquely(image: sitk.Image) -> sitk.Image:
     """The same scan with axes permuted, mirrored, turned by 8° and of unequal spacing."""
     turn = np.radians(8.0)
     rotation = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
@@ -277,7 +276,7 @@ def test_a_full_cache_disk_is_refused_before_any_work(
     assert not output.exists()
 
 
-def test_nan_infinite_and_metal_voxels_are_worked_around(tmp_path: Path, scan: Path, real_weights: Path) -> None:
+def test_nan_infinite_and_metal_voxels_do_not_prevent_a_segmentation(tmp_path: Path, scan: Path, real_weights: Path) -> None:
     image = sitk.ReadImage(str(scan))
     array = sitk.GetArrayFromImage(image)
     array[0, 0, 0], array[11, 15, 19], array[0, 15, 0] = np.nan, np.inf, 30_000.0

@@ -20,10 +20,8 @@ NAME = "dino_vits8"
 
 
 @pytest.fixture(autouse=True)
-def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The cached file of one model, in a cache that is not the real user's."""
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+def cached(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The cached file of one model."""
     monkeypatch.setitem(PRETRAINED_MODELS, NAME, dataclasses.replace(PRETRAINED_MODELS[NAME], sha256=SHA256))
     path = weights_folder() / f"{NAME}.pth"
     path.parent.mkdir()
@@ -64,7 +62,7 @@ def test_getting_says_terms_place_and_hash(cached: Path, capsys: pytest.CaptureF
         assert part in out
 
 
-def test_removing_names_what_is_gone(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_removing_names_what_was_removed(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vittf("weights", "remove", NAME) == 0
 
     assert capsys.readouterr().out == f"removed {cached}\n"

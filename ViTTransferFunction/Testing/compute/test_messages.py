@@ -1,4 +1,4 @@
-"""Messages survive a stream, and a stream that ends early is noticed."""
+"""Messages arrive through a stream as they were sent, and a stream that ends early is noticed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_content_and_arrays_arrive_as_they_were_sent() -> None:
 
 
 @pytest.mark.parametrize("missing", [1, 10, 200])
-def test_a_message_that_breaks_off_is_no_message(missing: int) -> None:
+def test_an_incomplete_message_is_not_returned(missing: int) -> None:
     stream = io.BytesIO()
     write_message(stream, Message({"what": "maps"}, (np.ones(32),)))
     assert read_message(io.BytesIO(stream.getvalue()[:-missing])) is None

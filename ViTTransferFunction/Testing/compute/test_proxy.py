@@ -181,7 +181,7 @@ def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, cli
     assert ready.progress is None
 
 
-def test_a_refused_setting_is_told_once_and_asked_for_again_with_the_next_extraction(client: Client) -> None:
+def test_a_refused_setting_is_reported_once_and_sent_again_with_the_next_extraction(client: Client) -> None:
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
     proxy.extract()
@@ -216,7 +216,7 @@ def test_cancelling_gives_up_what_the_user_waits_for_and_nothing_else(ready: Seg
     assert ready.take_error() is None
 
 
-def test_a_lost_process_is_told_of_and_started_anew_by_the_next_extraction(proxy: SegmentationProxy, client: Client) -> None:
+def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(proxy: SegmentationProxy, client: Client) -> None:
     client.alive = False
     assert proxy.poll() == {"state"}
     assert "MemoryError" in (proxy.take_error() or "")

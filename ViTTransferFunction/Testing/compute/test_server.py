@@ -28,7 +28,8 @@ from ViTTransferFunction.Logic.compute.requests import (
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
-from ViTTransferFunction.Testing.support.spheres import Spheres, dice, requests_of
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
 SETTINGS = SessionSettings(grid=GRID, device="cpu")
 
@@ -79,7 +80,8 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
         assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
 
 
-def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
+@pytest.mark.slow
+def test_bad_input_is_explained_and_the_process_goes_on(client: ComputeClient, spheres: Spheres) -> None:
     volume = spheres[0]
     constant = TakeVolume(np.zeros_like(volume.array), volume.geometry, "empty")
     refused = reply_to(client, client.request(constant))
@@ -89,6 +91,7 @@ def test_bad_input_is_told_in_words_and_the_process_goes_on(client: ComputeClien
     open_spheres(client, spheres)
 
 
+@pytest.mark.slow
 def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClient, spheres: Spheres) -> None:
     open_spheres(client, spheres)
     requests = requests_of(spheres)
@@ -104,8 +107,9 @@ def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClien
     assert isinstance(replies[after], Maps)
 
 
-def test_a_death_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
-    # A reply is no request: nobody serves it.
+@pytest.mark.slow
+def test_the_end_of_the_process_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
+    # A reply is no request: no service answers it.
     client.request(Labels(np.zeros(1)))
     until = time.monotonic() + 60.0
     while client.alive and time.monotonic() < until:
@@ -115,6 +119,7 @@ def test_a_death_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
     assert "Labels" in client.last_words()
 
 
+@pytest.mark.slow
 def test_closing_ends_the_process_whatever_it_does(spheres: Spheres) -> None:
     client = ComputeClient()
     open_spheres(client, spheres)

@@ -1,4 +1,4 @@
-"""What may be asked about classes, and when two requests are the same."""
+"""What may be requested of classes, and when two requests are the same."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ def test_a_class_without_a_name_is_called_by_its_id() -> None:
     assert ClassRequest("a", POINTS_RAS, name="liver").name == "liver"
 
 
-def test_classes_of_one_name_may_be_asked_about_together() -> None:
-    check_requests([ClassRequest(id_, POINTS_RAS, name="liver") for id_ in ("a", "b")], GEOMETRY)
+def test_classes_of_one_name_may_be_requested_together_and_those_of_one_id_may_not() -> None:
+    first, second = (ClassRequest(id_, POINTS_RAS, name="liver") for id_ in ("a", "b"))
+    check_requests([first, second], GEOMETRY)
+    with pytest.raises(InputError, match="2 classes are named 'a'"):
+        check_requests([first, replace(second, id="a")], GEOMETRY)
 
 
 def test_requests_are_equal_where_all_their_values_are() -> None:

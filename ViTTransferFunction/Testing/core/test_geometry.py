@@ -28,7 +28,7 @@ def geometries(draw: st.DrawFn) -> Geometry:
 
 
 @given(geometries(), arrays(np.float64, (4, 3), elements=finite))
-def test_points_survive_the_way_to_voxels_and_back(geometry: Geometry, points: np.ndarray) -> None:
+def test_points_are_the_same_after_conversion_to_voxels_and_back(geometry: Geometry, points: np.ndarray) -> None:
     np.testing.assert_allclose(geometry.ijk_to_ras_points(geometry.ras_to_ijk(points)), points, atol=1e-6)
 
 

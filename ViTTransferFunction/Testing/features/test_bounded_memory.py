@@ -48,7 +48,7 @@ def slices(count: int) -> list[PatchTokens]:
     ],
     ids=["cuda", "mps", "cpu", "python"],
 )
-def test_fewer_slices_at_once_give_the_same_keys_and_it_is_said(error: Exception, tiny_network: VisionTransformer) -> None:
+def test_fewer_slices_at_once_give_the_same_keys_and_are_reported(error: Exception, tiny_network: VisionTransformer) -> None:
     memory = BoundedMemory(SmallNetwork(2, error))
     keys = memory.keys_of_tokens(slices(7))
     torch.testing.assert_close(keys, tiny_network.keys_of_tokens(slices(7)), atol=1e-5, rtol=0)
@@ -72,10 +72,10 @@ def test_other_errors_are_not_taken_for_it() -> None:
         BoundedMemory(SmallNetwork(0, RuntimeError("shapes cannot be multiplied"))).keys_of_tokens(slices(3))
 
 
-def test_an_extraction_tells_of_it_in_its_progress(spheres: tuple[Volume, np.ndarray]) -> None:
-    told: set[str] = set()
+def test_an_extraction_reports_fewer_slices_in_its_progress(spheres: tuple[Volume, np.ndarray]) -> None:
+    reported: set[str] = set()
     network = SmallNetwork(2, MemoryError())
     extract_features(
-        spheres[0], network, FeatureSettings(grid=8, precision="float32"), lambda done, total, what: told.add(what)
+        spheres[0], network, FeatureSettings(grid=8, precision="float32"), lambda done, total, what: reported.add(what)
     )
-    assert any("slices at once" in what for what in told)
+    assert any("slices at once" in what for what in reported)

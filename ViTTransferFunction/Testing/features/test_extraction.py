@@ -24,7 +24,9 @@ from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature
 from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import PRESETS
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 1.0)
 
@@ -44,10 +46,6 @@ class MeanIntensityNetwork(VisionTransformer):
         channels = torch.cat([of_slice.patches for of_slice in slices]).unflatten(1, (3, -1)).mean(dim=2)
         means = (channels * torch.tensor([0.229, 0.224, 0.225]) + torch.tensor([0.485, 0.456, 0.406])).mean(dim=1)
         return means[:, None].expand(-1, self.model.embed_dim)
-
-
-def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
-    return Volume(array, Geometry(array.shape, np.diag([*spacing_ijk, 1.0])))
 
 
 def block_means(array: np.ndarray, size: int) -> np.ndarray:
@@ -159,11 +157,8 @@ def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.nda
     assert reports[0][0] == 0
     assert reports[-1][0] == reports[-1][1] == sum((8, 7, 8))
 
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel)
+        extract_features(spheres[0], tiny_network, FeatureSettings(grid=8), cancel_at_once)
 
 
 @given(st.permutations(range(3)), st.tuples(*[st.booleans()] * 3))

@@ -18,7 +18,7 @@ CPU = torch.device("cpu")
 
 
 def capability(monkeypatch: pytest.MonkeyPatch, name: str, **instructions: bool) -> None:
-    """Let the processor be one of this capability, as far as PyTorch tells."""
+    """Let the processor be one of this capability, as far as PyTorch can say."""
     monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: name)
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: instructions, raising=False)
 

@@ -76,7 +76,9 @@ def test_slices_through_the_middle_come_first(
     assert fine[0] < fine[-1]
 
 
-def test_cancelling_leaves_what_was_had_before(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+def test_cancelling_leaves_the_features_of_the_stage_before(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
     calls = 0
 
     def cancel_later(done: int, total: int, what: str) -> None:
@@ -86,10 +88,10 @@ def test_cancelling_leaves_what_was_had_before(spheres: tuple[Volume, np.ndarray
             raise Cancelled
 
     stages = progressive_features(spheres[0], tiny_network, SETTINGS, progress=cancel_later)
-    had = [next(stages)]
+    before = [next(stages)]
     with pytest.raises(Cancelled):
-        had.extend(stages)
-    assert np.isfinite(had[-1].array).all()
+        before.extend(stages)
+    assert np.isfinite(before[-1].array).all()
 
 
 def test_few_patches_are_run_at_once(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:

@@ -28,6 +28,7 @@ TIMM_NAMES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TIMM_NAMES)
 def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> None:
     model = pretrained_model(name)
@@ -96,29 +97,39 @@ def import_timm() -> Any:
     return timm
 
 
-def test_fused_attention_equals_the_definition() -> None:
+def test_keys_equal_their_definition() -> None:
+    """Attention written out head by head, where timm and we both use PyTorch's fused one."""
     state = random_state_dict(TINY_MODEL)
-    network = VisionTransformer(TINY_MODEL, state, "tiny")
-    tokens = torch.randn(2, 7, TINY_MODEL.embed_dim, generator=torch.Generator().manual_seed(1))
+    # The first block's MLP adds nothing, so that keys are those of its attention alone.
+    state["blocks.0.ls2.gamma"].zero_()
+    side, size = TINY_MODEL.position_grid, TINY_MODEL.patch_size
+    images = torch.randn(2, 3, side * size, side * size, generator=torch.Generator().manual_seed(1))
 
-    attended = tokens.flatten(0, 1).clone()
-    network._add_attention(attended, [slice(0, 7), slice(7, 14)], [None, None], "blocks.0", BufferPool())
+    keys = last_block_keys(VisionTransformer(TINY_MODEL, state, "tiny"), images)
 
-    torch.testing.assert_close(attended.view_as(tokens), tokens + attention_by_definition(state, tokens), atol=1e-5, rtol=0)
+    patches = F.conv2d(images, state["patch_embed.proj.weight"], state["patch_embed.proj.bias"], stride=size)
+    tokens = torch.cat([state["cls_token"].expand(2, -1, -1), patches.flatten(2).transpose(1, 2)], dim=1) + state["pos_embed"]
+    attended = tokens + attention_by_definition(state, tokens)
+    _, expected, _ = queries_keys_values(state, "blocks.1", attended).chunk(3, dim=-1)
+    torch.testing.assert_close(keys.flatten(1, 2), expected[:, 1:], atol=1e-5, rtol=0)
 
 
 def attention_by_definition(state: dict[str, torch.Tensor], tokens: torch.Tensor) -> torch.Tensor:
-    """softmax(Q Kᵀ / √d) V, head by head."""
+    """softmax(Q Kᵀ / √d) V of the first block, head by head, projected and scaled."""
     channels, heads = TINY_MODEL.embed_dim, TINY_MODEL.num_heads
     size = channels // heads
-    normed = F.layer_norm(tokens, (channels,), state["blocks.0.norm1.weight"], state["blocks.0.norm1.bias"], 1e-6)
-    qkv = normed @ state["blocks.0.attn.qkv.weight"].T + state["blocks.0.attn.qkv.bias"]
+    qkv = queries_keys_values(state, "blocks.0", tokens)
     outputs = []
     for head in range(heads):
         query, key, value = (qkv[..., part * channels + head * size : part * channels + (head + 1) * size] for part in range(3))
         outputs.append(torch.softmax(query @ key.transpose(1, 2) / size**0.5, dim=-1) @ value)
     projected = torch.cat(outputs, dim=-1) @ state["blocks.0.attn.proj.weight"].T + state["blocks.0.attn.proj.bias"]
     return projected * state["blocks.0.ls1.gamma"]
+
+
+def queries_keys_values(state: dict[str, torch.Tensor], block: str, tokens: torch.Tensor) -> torch.Tensor:
+    normed = F.layer_norm(tokens, tokens.shape[-1:], state[f"{block}.norm1.weight"], state[f"{block}.norm1.bias"], 1e-6)
+    return normed @ state[f"{block}.attn.qkv.weight"].T + state[f"{block}.attn.qkv.bias"]
 
 
 def test_position_table_of_the_trained_size_is_untouched() -> None:
@@ -162,7 +173,7 @@ def test_a_patch_that_counts_twice_is_two_equal_patches(tiny_network: VisionTran
 
 
 def slices_of(*lengths: int) -> list[PatchTokens]:
-    """Slices of 3 × 4 patches, of which so many are there; each stands for one or two."""
+    """Slices of 3 × 4 patches, with so many of them given; each counts once or twice."""
     generator = torch.Generator().manual_seed(4)
     return [
         PatchTokens(torch.randn(n, 48, generator=generator), 3, 4, torch.arange(n), 1 + torch.arange(n) % 2) for n in lengths

@@ -74,7 +74,7 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(name=7), "class 1 has no name"),
     ],
 )
-def test_an_unusable_annotation_file_is_refused_by_what_is_wrong(tmp_path: Path, content: Any, message: str) -> None:
+def test_an_unusable_annotation_file_is_refused_with_what_is_wrong(tmp_path: Path, content: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         read_annotations(write(tmp_path / "a.json", content), GEOMETRY)
 

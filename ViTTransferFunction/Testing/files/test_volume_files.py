@@ -21,9 +21,9 @@ from ViTTransferFunction.Logic.core.intensity_window import (
     percentile_window,
 )
 from ViTTransferFunction.Logic.core.resampling import resample_labels
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 OBLIQUE_LEFT_HANDED = np.array([[-1.6, 0.9, 0.0, 30.0], [1.2, 1.2, 0.0, -20.0], [0.0, 0.0, 5.0, 7.0], [0.0, 0.0, 0.0, 1.0]])
 SEGMENTS = [Segment("left kidney", (0.9, 0.1, 0.2)), Segment("Leber, groß", (0.1, 0.5, 1.0))]
@@ -38,7 +38,7 @@ def ramp(shape: tuple[int, ...]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
-def test_array_and_geometry_survive_every_format(tmp_path: Path, ending: str) -> None:
+def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending: str) -> None:
     source = image(ramp((4, 5, 6)))
     source.SetSpacing([2.0, 1.5, 5.0])
     source.SetOrigin([30.0, -20.0, 7.0])
@@ -188,30 +188,26 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
     assert (tmp_path / "out.seg.nrrd").read_text() == "precious"
 
 
-def a_volume(array: np.ndarray) -> Volume:
-    return Volume(array, Geometry(array.shape, np.eye(4)))
-
-
 def test_a_ct_is_known_by_its_air_and_an_mr_is_not() -> None:
     generator = np.random.default_rng(0)
     ct = generator.normal(40.0, 20.0, (20, 20, 20))
     ct[:5] = -1000.0
     mr = generator.uniform(0.0, 900.0, (20, 20, 20))
-    assert looks_like_hounsfield_units(a_volume(ct))
-    assert display_window(a_volume(ct)) == CT_SOFT_TISSUE
-    assert not looks_like_hounsfield_units(a_volume(mr))
+    assert looks_like_hounsfield_units(volume_of(ct))
+    assert display_window(volume_of(ct)) == CT_SOFT_TISSUE
+    assert not looks_like_hounsfield_units(volume_of(mr))
 
 
 def test_one_metal_voxel_does_not_move_the_window() -> None:
     array = np.random.default_rng(0).uniform(0.0, 100.0, (30, 30, 30))
-    before = percentile_window(a_volume(array))
+    before = percentile_window(volume_of(array))
     array[3, 3, 3], array[4, 4, 4] = 30_000.0, np.nan
-    after = percentile_window(a_volume(array))
+    after = percentile_window(volume_of(array))
     assert abs(after.high - before.high) < 1.0
     assert abs(after.low - before.low) < 1.0
 
 
-def test_a_window_maps_to_zero_and_one_and_survives_what_is_not_finite() -> None:
+def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> None:
     window = IntensityWindow(-100.0, 300.0)
     mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
     np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])

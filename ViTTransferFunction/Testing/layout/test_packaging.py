@@ -173,6 +173,7 @@ def load(folder, name):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ours_first", [True, False], ids=["ours first", "theirs first"])
 @pytest.mark.parametrize("their_logic_is_a_package", [True, False], ids=["with __init__", "without __init__"])
 def test_another_extension_with_a_logic_folder_works_beside_ours(

@@ -37,7 +37,7 @@ def test_every_file_of_the_logic_lies_in_a_room() -> None:
     assert all(len(path.relative_to(LOGIC).parts) == 2 for path in FILES)
 
 
-def test_the_arrows_have_no_circle() -> None:
+def test_the_arrows_have_no_cycle() -> None:
     order = list(TopologicalSorter({room: set(allowed) for room, allowed in ARROWS.items()}).static_order())
     assert order[0] == "core"
 
@@ -79,6 +79,7 @@ def test_a_file_loads_on_a_bare_slicer(path: Path) -> None:
         assert name in SHIPPED_WITH_SLICER or name in sys.stdlib_module_names, f"{path.name} imports {name}"
 
 
+@pytest.mark.slow
 def test_the_logic_loads_where_pytorch_is_missing() -> None:
     modules = [".".join(dotted(path)) for path in FILES]
     program = f"import sys; sys.modules['torch'] = None\nimport importlib\nfor name in {modules}: importlib.import_module(name)"
@@ -86,7 +87,7 @@ def test_the_logic_loads_where_pytorch_is_missing() -> None:
     assert finished.returncode == 0, finished.stderr
 
 
-def test_no_folder_claims_its_name_for_itself() -> None:
+def test_no_folder_is_a_package_that_hides_others_of_its_name() -> None:
     """Another extension's folder `Logic` must stay importable beside ours."""
     assert not [path for path in MODULE.rglob("__init__.py") if "standin" not in path.parts]
 

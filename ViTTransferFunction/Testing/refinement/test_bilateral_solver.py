@@ -21,7 +21,7 @@ from ViTTransferFunction.Testing.support.bilateral_reference import (
     UNIT_SPACING,
     a_noisy_step,
     dense_map,
-    dense_solution,
+    dense_system,
     solve_by_cell,
     some_settings,
     with_either_slice,
@@ -59,14 +59,14 @@ def test_multilinear_slice_interpolates_the_cells_around_a_voxel():
     target, luma = a_noisy_step()
     options = some_settings()
     solution = solve_bilateral(target, luma, None, UNIT_SPACING, options)
-    occupied, _, values = dense_solution(target, luma, torch.ones_like(target), solution.cell_voxels, options)
-    value_of = {tuple(cell): value for cell, value in zip(occupied, values, strict=True)}
+    system = dense_system(target, luma, torch.ones_like(target), solution.cell_voxels, options)
+    value_of = {tuple(cell): value for cell, value in zip(system.cells, system.values, strict=True)}
 
     def value_or_mean_of_values_around(*cell):
         around = itertools.product(*[(c - 1, c, c + 1) for c in cell])
         return value_of[cell] if cell in value_of else np.mean([value_of[c] for c in around if c in value_of])
 
-    last_cell = occupied.max(axis=0)
+    last_cell = system.cells.max(axis=0)
     for voxel in itertools.product(range(0, 8, 3), range(9), range(10)):
         place = [(v - 0.5 * (edge - 1)) / edge for v, edge in zip(voxel, solution.cell_voxels, strict=True)]
         # A voxel beyond the outermost cells' centres lies at theirs.

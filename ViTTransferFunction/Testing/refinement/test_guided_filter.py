@@ -15,7 +15,7 @@ UNIT_SPACING = (1.0, 1.0, 1.0)
 BLOCKS_OF_ONE_VOXEL = GuidedFilterSettings(radius_mm=BLOCKS / 2, edge_luma=0.1)
 
 
-def a_noisy_step(shape=(7, 8, 9)):
+def a_blurred_step(shape=(7, 8, 9)):
     """A blurred target, and a luma that steps where the target should."""
     along = torch.arange(shape[2]).expand(shape)
     noise = torch.randn(shape, generator=torch.Generator().manual_seed(0))
@@ -41,13 +41,13 @@ def guided_filter_by_definition(target, luma, epsilon):
 
 
 def test_filter_fits_the_map_linearly_to_the_intensity_in_every_window():
-    target, luma = a_noisy_step()
+    target, luma = a_blurred_step()
     expected = guided_filter_by_definition(target, luma, BLOCKS_OF_ONE_VOXEL.edge_luma**2)
     np.testing.assert_allclose(guided_filter(target, luma, UNIT_SPACING, BLOCKS_OF_ONE_VOXEL), expected, atol=1e-5)
 
 
 def test_map_steps_where_the_image_does():
-    target, luma = a_noisy_step((20, 20, 40))
+    target, luma = a_blurred_step((20, 20, 40))
     filtered = guided_filter(target, luma, UNIT_SPACING)
     step_before = float((target[..., 20] - target[..., 19]).mean())
     assert float((filtered[..., 20] - filtered[..., 19]).mean()) > 3 * step_before
@@ -55,19 +55,19 @@ def test_map_steps_where_the_image_does():
 
 @pytest.mark.parametrize("spacing_mm", [UNIT_SPACING, (5.0, 0.5, 0.5)])
 def test_constant_map_stays_constant(spacing_mm):
-    _, luma = a_noisy_step((11, 12, 13))
+    _, luma = a_blurred_step((11, 12, 13))
     np.testing.assert_allclose(guided_filter(torch.full(luma.shape, 0.3), luma, spacing_mm), 0.3, atol=1e-6)
 
 
 def test_constant_volume_leaves_an_average():
-    target, luma = a_noisy_step()
+    target, luma = a_blurred_step()
     filtered = guided_filter(target, torch.full_like(luma, 0.5), UNIT_SPACING, GuidedFilterSettings(radius_mm=1e9))
     np.testing.assert_allclose(filtered, float(target.mean()), atol=1e-5)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_voxels_without_intensity_keep_their_target_and_change_no_other(bad):
-    target, luma = a_noisy_step()
+    target, luma = a_blurred_step()
     luma[3, 3, 3] = bad
     filtered = guided_filter(target, luma, UNIT_SPACING)
     assert float(filtered[3, 3, 3]) == float(target[3, 3, 3])
@@ -79,7 +79,7 @@ def test_voxels_without_intensity_keep_their_target_and_change_no_other(bad):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_voxels_without_target_are_inferred(bad):
-    target, luma = a_noisy_step()
+    target, luma = a_blurred_step()
     expected = guided_filter(target, luma, UNIT_SPACING)
     target[3, 3, 7] = bad
     np.testing.assert_allclose(guided_filter(target, luma, UNIT_SPACING), expected, atol=0.05)
@@ -87,7 +87,7 @@ def test_voxels_without_target_are_inferred(bad):
 
 @pytest.mark.parametrize("shape", [(1, 1, 1), (1, 8, 9), (7, 1, 1)])
 def test_single_voxels_rows_and_slices_are_filtered(shape):
-    target, luma = a_noisy_step(shape)
+    target, luma = a_blurred_step(shape)
     filtered = guided_filter(target, luma, UNIT_SPACING)
     assert filtered.shape == shape
     assert float(filtered.min()) >= float(target.min())

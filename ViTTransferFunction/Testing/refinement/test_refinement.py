@@ -7,11 +7,11 @@ import pytest
 from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, refine
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
 LARGEST_FACTOR = np.exp(TEMPER * LARGEST_LOG_RATIO)
@@ -28,14 +28,6 @@ def ball_and_its_map(edge: int = 40, radius: float = 9.0) -> tuple[np.ndarray, n
 def coarse(similarity: np.ndarray, factor: int = 4) -> np.ndarray:
     edge = similarity.shape[0] // factor
     return similarity.reshape(edge, factor, edge, factor, edge, factor).mean(axis=(1, 3, 5))
-
-
-def dice(a: np.ndarray, b: np.ndarray) -> float:
-    return 2.0 * (a & b).sum() / (a.sum() + b.sum())
-
-
-def volume_of(array: np.ndarray) -> Volume:
-    return Volume(array, Geometry(array.shape, np.eye(4)))
 
 
 def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod, iso: float = 0.35) -> np.ndarray:
@@ -62,7 +54,7 @@ def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_voxels_without_a_finite_intensity_keep_their_map_and_do_not_teach(value: float) -> None:
+def test_voxels_without_a_finite_intensity_keep_their_map_and_change_no_other(value: float) -> None:
     intensities, _, similarity = ball_and_its_map()
     damaged = intensities.copy()
     damaged[18:22] = value
@@ -75,7 +67,7 @@ def test_voxels_without_a_finite_intensity_keep_their_map_and_do_not_teach(value
 def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
     flat = np.full((6, 6, 6), similarity, dtype=np.float32)
     weighed = with_intensity_likelihood(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
-    # One intensity alone tells nothing apart.
+    # One intensity alone distinguishes nothing.
     np.testing.assert_allclose(weighed, flat, atol=1e-6)
     assert np.isfinite(with_intensity_likelihood(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 import slicer
 import vtk
@@ -21,7 +22,7 @@ from ViTTransferFunction.Logic.scene.classes import (
     write_class,
 )
 from ViTTransferFunction.Logic.scene.folder import FOLDER_NAME
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, put_under
 
 LIVER = ClassState(
     "a1",
@@ -89,13 +90,11 @@ def test_polarities_differ_by_shape(scene: Any, parameter_node: Any) -> None:
     assert node.GetDisplayNode().GetGlyphType() != display_of_negative(node).GetGlyphType()
 
 
-def test_points_under_a_transform_are_told_in_the_scenes_coordinates(scene: Any, parameter_node: Any) -> None:
+def test_points_under_a_transform_are_given_in_the_scenes_coordinates(scene: Any, parameter_node: Any) -> None:
     node = create_class(scene, parameter_node, LIVER)
-    shift = vtk.vtkMatrix4x4()
-    shift.SetElement(0, 3, 100.0)
-    transform = scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
-    transform.SetMatrixTransformToParent(shift)
-    node.SetAndObserveTransformNodeID(transform.GetID())
+    shift = np.eye(4)
+    shift[0, 3] = 100.0
+    put_under(node, shift)
     assert read_class(node).positive == ((101.0, 2.0, 3.0), (104.0, 5.0, 6.0))
 
 

@@ -14,7 +14,8 @@ from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.contours import Contours, ShownMap, iso_surface
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
-from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.scenes import put_under
 from ViTTransferFunction.Testing.support.views import Views, ball, pixels, slice_pixel
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -61,9 +62,7 @@ def is_green(picture: np.ndarray) -> np.ndarray:
 def under_transform(views: Views) -> np.ndarray:
     """Put the volume under a rotation and a shift; returns the matrix."""
     matrix = np.array([[0.8, -0.6, 0, 12], [0.6, 0.8, 0, -7], [0, 0, 1, 30], [0, 0, 0, 1]])
-    transform = views.scene.AddNewNodeByClass("vtkMRMLLinearTransformNode")
-    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
-    views.volume.SetAndObserveTransformNodeID(transform.GetID())
+    put_under(views.volume, matrix)
     return matrix
 
 
@@ -262,9 +261,9 @@ def test_what_the_user_deletes_comes_back_with_the_next_update(views: Views, cla
     outline(views, contours)
     inside = slice_pixel(view, CENTRE_RAS)
     shown = pixels(view)
-    doomed = [node for node in nodes_of_class(views.scene, class_name) if "Similarity" in node.GetName()]
-    assert doomed
-    for node in doomed:
+    derived = [node for node in nodes_of_class(views.scene, class_name) if "Similarity" in node.GetName()]
+    assert derived
+    for node in derived:
         views.scene.RemoveNode(node)
     show(overlay, views)
     outline(views, contours)
@@ -272,16 +271,25 @@ def test_what_the_user_deletes_comes_back_with_the_next_update(views: Views, cla
     assert np.array_equal(pixels(view), shown)
 
 
-def test_closing_the_scene_is_survived(views: Views) -> None:
-    overlay, contours = SimilarityOverlay(views.scene), Contours(views.scene)
-    show(overlay, views)
-    outline(views, contours)
-    views.scene.Clear(False)
+def test_a_scene_opened_after_another_was_closed_shows_overlay_and_outline_of_its_own_volume(slicer_app: Any) -> None:
+    closed = Views(slicer_app, FINE.shape, FINE.ijk_to_ras)
+    overlay, contours = SimilarityOverlay(closed.scene), Contours(closed.scene)
+    show(overlay, closed)
+    outline(closed, contours)
+    slicer_app.scene.Clear(False)
     overlay.hide()
     contours.hide()
-    again = views.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(again, np.zeros(FINE.shape, dtype=np.int16), FINE.ijk_to_ras)
-    overlay.show(again, a_map(), RED, 0.5)
-    contours.show(again, [shown_as("a", GREEN)])
+    views = Views(slicer_app, FINE.shape, FINE.ijk_to_ras)
+    view = views.slice_view()
+    inside = slice_pixel(view, CENTRE_RAS)
+    empty, nodes = pixels(view), views.scene.GetNumberOfNodes()
+    assert redness(empty)[inside] == 0
+    show(overlay, views)
+    outline(views, contours)
+    shown = pixels(view)
+    assert redness(shown)[inside] > 100
+    assert is_green(shown).any()
     overlay.remove()
     contours.remove()
+    assert np.array_equal(pixels(view), empty)
+    assert views.scene.GetNumberOfNodes() == nodes

@@ -1,4 +1,4 @@
-"""Masks as segments, in Slicer's real segmentations: ours are right, and nobody else's change."""
+"""Masks as segments, in Slicer's real segmentations: ours are right, and those of others do not change."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix, set_image, vtk_matrix
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, put_under, segment_points
 
 slicer = pytest.importorskip("slicer")
 scene_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments")
 OutputSegment, write_segments = scene_segments.OutputSegment, scene_segments.write_segments
 
 SHAPE = (6, 7, 8)
-OBLIQUE = np.array([[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]])
-"""Spacing 1.0×1.2×3.0 mm, rotated about two axes."""
 MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
 RED, GREEN = (0.9, 0.1, 0.1), (0.1, 0.9, 0.1)
 LABELMAP, SURFACE = "Binary labelmap", "Closed surface"
@@ -65,18 +64,6 @@ def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", co
     return OutputSegment(class_id, name, color, mask)
 
 
-def add_segment(node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray) -> str:
-    """As another module would, by Slicer's own function."""
-    image = slicer.vtkOrientedImageData()
-    image.SetDimensions(*mask.shape[::-1])
-    image.AllocateScalars(vtk.VTK_UNSIGNED_CHAR, 1)
-    vtk_to_numpy(image.GetPointData().GetScalars())[:] = mask.ravel()
-    image.SetImageToWorldMatrix(vtk_matrix(ijk_to_ras))
-    segment_id = node.GetSegmentation().AddEmptySegment(name, name)
-    slicer.vtkSlicerSegmentationsModuleLogic.SetBinaryLabelmapToSegment(image, node, segment_id)
-    return segment_id
-
-
 def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
     segment = node.GetSegmentation().GetSegment(segment_id)
     return {
@@ -89,16 +76,8 @@ def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
 
 
 def voxels_of(node: Any, segment_id: str) -> list[tuple[float, ...]]:
-    """Where the segment's voxels are in the scene, in RAS millimetres, sorted; by Slicer's own reading of the labelmap."""
-    image = slicer.vtkOrientedImageData()
-    node.GetBinaryLabelmapRepresentation(segment_id, image)
-    if image.IsEmpty():
-        return []
-    scalars = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
-    kji = np.argwhere(scalars) + np.array(image.GetExtent()[::2])[::-1]
-    matrix = vtk.vtkMatrix4x4()
-    image.GetImageToWorldMatrix(matrix)
-    return rounded(transform_points(matrix_to_world(node), transform_points(numpy_matrix(matrix), kji[:, ::-1])))
+    """Where the segment's voxels are in the scene, in RAS millimetres, sorted."""
+    return rounded(segment_points(node, segment_id))
 
 
 def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
@@ -115,13 +94,6 @@ def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
 def rounded(points: np.ndarray) -> list[tuple[float, ...]]:
     # The sum makes zero of minus zero.
     return sorted(map(tuple, (np.round(points, 3) + 0.0).tolist()))
-
-
-def put_under(node: Any, matrix: np.ndarray) -> Any:
-    transform = node.GetScene().AddNewNodeByClass("vtkMRMLLinearTransformNode")
-    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
-    node.SetAndObserveTransformNodeID(transform.GetID())
-    return transform
 
 
 def test_a_mask_becomes_a_segment_with_its_class_name_and_colour(a_segmentation: Any, a_volume: Any) -> None:
@@ -185,7 +157,7 @@ def test_classes_share_one_labelmap_where_they_do_not_overlap(a_segmentation: An
         assert voxels_of(a_segmentation, segment_id) == positions_of(mask, a_volume)
 
 
-def test_more_classes_than_a_byte_counts_are_told_apart(a_segmentation: Any, a_volume: Any) -> None:
+def test_more_classes_than_a_byte_can_count_have_labels_of_their_own(a_segmentation: Any, a_volume: Any) -> None:
     segments = []
     for number, place in enumerate(np.ndindex(SHAPE)):
         mask = np.zeros(SHAPE, dtype=bool)
@@ -265,7 +237,7 @@ def test_voxels_of_other_segments_are_left_out(
     assert voxels_of(a_segmentation, ours) == positions_of(everywhere, a_volume)
 
 
-def test_the_finished_segment_of_a_class_that_is_gone_counts_as_another(a_segmentation: Any, a_volume: Any) -> None:
+def test_the_segment_of_a_removed_class_counts_as_somebody_elses(a_segmentation: Any, a_volume: Any) -> None:
     (finished,) = write_segments(a_segmentation, a_volume, [output(block(1, 4), "old")], respect_others=True)
     (new,) = write_segments(a_segmentation, a_volume, [output(block(2, 6), "new")], respect_others=True)
     assert voxels_of(a_segmentation, finished) == positions_of(block(1, 4), a_volume)
@@ -335,7 +307,9 @@ def test_a_class_that_is_renamed_and_recoloured_passes_both_on(a_segmentation: A
     assert segment.GetColor() == pytest.approx(GREEN)
 
 
-def test_identity_survives_saving_and_loading(slicer_app: Any, a_segmentation: Any, a_volume: Any, tmp_path: Path) -> None:
+def test_identity_is_the_same_after_saving_and_loading(
+    slicer_app: Any, a_segmentation: Any, a_volume: Any, tmp_path: Path
+) -> None:
     """With a name that holds the very characters by which the file separates tags."""
     name = "Rein|raus: Größe 50%"
     segments = [output(block(1, 4), name=name), output(block(4, 5), "b", "b")]
@@ -389,7 +363,7 @@ def test_codes_follow_the_classes_name_unless_the_user_chose_others(
     assert "^Mass~" in write("spleen").GetTerminology()
 
 
-def test_surfaces_are_made_anew_where_the_voxels_changed(
+def test_surfaces_are_made_again_where_the_voxels_changed(
     a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
 ) -> None:
     segmentation = a_segmentation.GetSegmentation()

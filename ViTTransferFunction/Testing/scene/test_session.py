@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 import vtk
 
-from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
-from ViTTransferFunction.Testing.support.scenes import add_volume, open_spheres, segment_masks
-from ViTTransferFunction.Testing.support.spheres import centre_ras, dice
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres, segment_masks
+from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
 @pytest.fixture
@@ -30,16 +29,6 @@ def session(slicer_app: Any, spheres: tuple[Volume, np.ndarray]) -> Iterator[Sce
     session = open_spheres(slicer_app, spheres)
     yield session
     session.close()
-
-
-def annotate(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> list[str]:
-    """One class with a click for each of the three spheres."""
-    ids = []
-    for label in (1, 2, 3):
-        ids.append(session.annotations.add_class(f"sphere {label}").id)
-        session.annotations.add_points(ids[-1], centre_ras(spheres, label), positive=True)
-    session.wait()
-    return ids
 
 
 def test_points_placed_in_a_view_count_as_those_placed_by_the_session(
@@ -52,7 +41,8 @@ def test_points_placed_in_a_view_count_as_those_placed_by_the_session(
     assert session.chosen_iso(state.id) is not None
 
 
-def test_a_point_that_hangs_on_the_mouse_does_not_count(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+@pytest.mark.slow
+def test_a_point_that_is_still_being_placed_does_not_count(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     state = session.annotations.add_class("sphere")
     node = session.annotations.points_node(state.id, positive=True)
     node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, 1)[0]))
@@ -75,6 +65,7 @@ def test_segments_are_written_where_the_spheres_are(
         assert dice(mask, spheres[1] == int(name[-1])) > 0.9
 
 
+@pytest.mark.slow
 def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -89,63 +80,7 @@ def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     np.testing.assert_allclose(session.classes[0].positive[0], first)
 
 
-def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
-    state = session.annotations.add_class("sphere")
-    node = session.annotations.points_node(state.id, positive=True)
-    for label in (1, 2, 3):
-        node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, label)[0]))
-    for left in (2, 1, 0):
-        session.annotations.undo()
-        assert len(session.classes[0].positive) == left
-    session.annotations.redo()
-    assert len(session.classes[0].positive) == 1
-
-
-def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(
-    session: SceneSession, spheres: tuple[Volume, np.ndarray]
-) -> None:
-    state = session.annotations.add_class("sphere")
-    centre = centre_ras(spheres, 1)
-    for step in range(4):
-        session.annotations.add_points(state.id, centre + np.array([step, 0, 0]), positive=True, continued=step > 0)
-    for step in range(4):
-        session.annotations.add_points(state.id, centre + np.array([0, step, 0]), positive=False, continued=step > 0)
-    session.annotations.erase_points(centre + np.array([0, 3, 0]), radius_mm=0.5)
-    session.annotations.erase_points(centre + np.array([0, 2, 0]), radius_mm=0.5, continued=True)
-    counts = []
-    for _ in range(3):
-        counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
-        session.annotations.undo()
-    counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
-    assert counts == [(4, 2), (4, 4), (4, 0), (0, 0)]
-
-
-def test_the_point_placed_last_is_removed_first_whatever_its_polarity(
-    session: SceneSession, spheres: tuple[Volume, np.ndarray]
-) -> None:
-    state = session.annotations.add_class("sphere")
-    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
-    session.annotations.add_points(state.id, centre_ras(spheres, 3), positive=False)
-    session.annotations.remove_last_point(state.id)
-    assert (len(session.classes[0].positive), len(session.classes[0].negative)) == (1, 0)
-    session.annotations.remove_last_point(state.id)
-    assert session.classes[0].positive == ()
-    session.annotations.remove_last_point(state.id)
-
-
-def test_a_removed_class_comes_back_with_its_points_and_settings(
-    session: SceneSession, spheres: tuple[Volume, np.ndarray]
-) -> None:
-    (id_, *_) = annotate(session, spheres)
-    session.annotations.set_class(id_, iso=0.25, color=(0.1, 0.2, 0.3), refine=False)
-    before = {state.id: state for state in session.classes}
-    session.annotations.remove_class(id_)
-    assert id_ not in {state.id for state in session.classes}
-    session.annotations.undo()
-    assert {state.id: state for state in session.classes} == before
-    assert [state.id for state in session.classes] == list(before)
-
-
+@pytest.mark.slow
 def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     (id_, *_) = annotate(session, spheres)
     for iso in (0.2, 0.3, 0.4):
@@ -156,22 +91,7 @@ def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tu
     assert session.classes[0].iso is None
 
 
-def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
-    (id_, *_) = annotate(session, spheres)
-    with pytest.raises(InputError, match="needs a name"):
-        session.annotations.set_class(id_, name="  ")
-    assert session.classes[0].name == "sphere 1"
-
-
-def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
-    session: SceneSession, spheres: tuple[Volume, np.ndarray]
-) -> None:
-    (node, *_) = (annotate(session, spheres), class_nodes(session.parameters.node))[1]
-    node.SetName("Leber, groß")
-    node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.5)
-    assert (session.classes[0].name, session.classes[0].color) == ("Leber, groß", (0.0, 1.0, 0.5))
-
-
+@pytest.mark.slow
 def test_points_outside_the_volume_are_left_out_and_the_others_count(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -184,6 +104,7 @@ def test_points_outside_the_volume_are_left_out_and_the_others_count(
     assert session.chosen_iso(state.id) is not None
 
 
+@pytest.mark.slow
 def test_classes_of_one_name_are_both_segmented(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     for id_ in annotate(session, spheres):
         session.annotations.set_class(id_, name="sphere")
@@ -193,6 +114,7 @@ def test_classes_of_one_name_are_both_segmented(session: SceneSession, spheres: 
     assert session.parameters.segmentation.GetSegmentation().GetNumberOfSegments() == 3
 
 
+@pytest.mark.slow
 def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -211,6 +133,7 @@ def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
     assert dice(mask, spheres[1] == 1) > 0.9
 
 
+@pytest.mark.slow
 def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSession) -> None:
     bent = slicer_app.scene.AddNewNodeByClass("vtkMRMLBSplineTransformNode")
     bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
@@ -222,6 +145,7 @@ def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSes
     assert session.phase == "ready"
 
 
+@pytest.mark.slow
 def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     annotate(session, spheres)
     volume = session.parameters.volume
@@ -233,10 +157,11 @@ def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[
     assert session.chosen_iso(session.classes[0].id) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["at rest", "while maps are computed", "while segments are computed"])
-@pytest.mark.parametrize("victim", ["volume", "positive", "negative", "segmentation", "parameter node"])
+@pytest.mark.parametrize("deleted", ["volume", "positive", "negative", "segmentation", "parameter node"])
 def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
-    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], victim: str, moment: str
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], deleted: str, moment: str
 ) -> None:
     ids = annotate(session, spheres)
     session.write_segments()
@@ -254,11 +179,11 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
         "segmentation": session.parameters.segmentation,
         "parameter node": session.parameters.node,
     }
-    slicer_app.scene.RemoveNode(nodes[victim])
+    slicer_app.scene.RemoveNode(nodes[deleted])
     session.wait()
     assert session.take_error() is None
-    assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(victim, 3)
-    assert session.phase == ("no volume" if victim in ("volume", "parameter node") else "ready")
+    assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(deleted, 3)
+    assert session.phase == ("no volume" if deleted in ("volume", "parameter node") else "ready")
     if session.phase == "ready":
         session.write_segments()
         session.wait()
@@ -266,7 +191,8 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
         assert dice(masks["sphere 3"], spheres[1] == 3) > 0.85
 
 
-def test_a_process_that_dies_costs_nothing_but_time(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+@pytest.mark.slow
+def test_after_the_process_died_features_are_loaded_again(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     ids = annotate(session, spheres)
     assert session.compute_pid is not None
     os.kill(session.compute_pid, signal.SIGTERM)
@@ -281,13 +207,14 @@ def test_a_process_that_dies_costs_nothing_but_time(session: SceneSession, spher
     assert session.chosen_iso(ids[0]) is not None
 
 
-def test_nothing_to_segment_is_said_and_nothing_written(session: SceneSession) -> None:
+def test_nothing_to_segment_is_reported_and_nothing_written(session: SceneSession) -> None:
     session.write_segments()
     session.wait()
     assert "nothing to segment" in (session.take_error() or "")
     assert session.parameters.segmentation is None
 
 
+@pytest.mark.slow
 def test_closing_the_scene_leaves_a_session_for_the_next_one(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -302,6 +229,7 @@ def test_closing_the_scene_leaves_a_session_for_the_next_one(
     assert all(session.chosen_iso(state.id) is not None for state in session.classes)
 
 
+@pytest.mark.slow
 def test_closing_the_scene_while_features_are_loaded_stops_that(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -312,6 +240,7 @@ def test_closing_the_scene_while_features_are_loaded_stops_that(
     assert (session.phase, session.progress) == ("no volume", None)
 
 
+@pytest.mark.slow
 def test_a_saved_scene_carries_on_where_it_was_left(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], tmp_path: Path
 ) -> None:
@@ -336,11 +265,12 @@ def test_a_saved_scene_carries_on_where_it_was_left(
         np.testing.assert_array_equal(again[name], mask)
 
 
-def test_fifty_scenes_leave_no_node_no_observer_and_no_memory_behind(
+@pytest.mark.slow
+def test_scene_after_scene_leaves_no_node_no_observer_and_no_memory_behind(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
     counts = []
-    for _ in range(50):
+    for _ in range(16):
         slicer_app.scene.Clear(False)
         session.parameters.set("grid", GRID)
         session.parameters.set("refinement", "none")
@@ -351,7 +281,8 @@ def test_fifty_scenes_leave_no_node_no_observer_and_no_memory_behind(
     nodes, observers, memory = zip(*counts, strict=True)
     assert len(set(nodes[1:])) == 1
     assert len(set(observers[1:])) == 1
-    assert memory[-1] - memory[9] < 20e6
+    # A copy of the volume that stays behind in each of the last twelve scenes would be 3 MB.
+    assert memory[-1] - memory[3] < 2e6
 
 
 def resident_bytes() -> int:

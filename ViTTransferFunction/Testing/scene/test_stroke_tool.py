@@ -1,4 +1,4 @@
-"""The mouse in a slice view becomes points in the patient, and leaves the view alone meanwhile."""
+"""The mouse in a slice view becomes points in the patient, and meanwhile the view does not react to it."""
 
 from __future__ import annotations
 

@@ -19,16 +19,11 @@ from ViTTransferFunction.Logic.scene.volume import (
     matrix_to_world,
     numpy_matrix,
     set_image,
-    vtk_matrix,
     world_to_local,
 )
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, put_under
 
 slicer = pytest.importorskip("slicer")
-
-OBLIQUE = np.array(
-    [[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]],
-)
-"""Spacing 1.0×1.2×3.0 mm, rotated about two axes."""
 
 
 @pytest.fixture
@@ -45,13 +40,6 @@ def a_volume(slicer_app: Any) -> Callable[..., Any]:
 
 def ramp(dtype: type = np.int16, shape: tuple[int, ...] = (4, 5, 6)) -> np.ndarray:
     return np.arange(np.prod(shape), dtype=dtype).reshape(shape)
-
-
-def put_under(node: Any, matrix: np.ndarray, name: str = "Registration") -> Any:
-    transform = node.GetScene().AddNewNodeByClass("vtkMRMLLinearTransformNode", name)
-    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
-    node.SetAndObserveTransformNodeID(transform.GetID())
-    return transform
 
 
 def put_under_a_warp(node: Any) -> Any:

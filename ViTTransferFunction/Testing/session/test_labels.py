@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
+from collections.abc import Iterator
+
 import numpy as np
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
@@ -25,17 +28,22 @@ def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class(
     np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
 
 
-def test_maps_are_consumed_one_at_a_time() -> None:
-    alive = []
+def test_no_more_than_two_maps_are_in_memory_at_once() -> None:
+    made: list[weakref.ref[np.ndarray]] = []
+    counts = []
 
-    def maps():
-        for _ in range(3):
-            alive.append(1)
-            yield a_map(1, 1, 1, 1, 1), 0.5
+    def maps() -> Iterator[tuple[np.ndarray, float]]:
+        for _ in range(4):
+            similarity = a_map(1, 1, 1, 1, 1)
+            made.append(weakref.ref(similarity))
+            counts.append(sum(of_map() is not None for of_map in made))
+            yield similarity, 0.5
+            del similarity
 
-    generator = maps()
-    assign_labels(generator, SHAPE)
-    assert len(alive) == 3
+    assign_labels(maps(), SHAPE)
+    assert len(counts) == 4
+    # The one that is made, and the one before, which the loop over maps still names.
+    assert max(counts) <= 2
 
 
 def test_only_components_with_a_point_are_kept() -> None:

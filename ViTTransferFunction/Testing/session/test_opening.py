@@ -106,7 +106,7 @@ def test_the_volume_is_hashed_once(spheres: Spheres) -> None:
     assert volume.digest is before
 
 
-def test_where_the_features_come_from_is_told_with_their_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:
+def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:
     computed, cached = (open_session(spheres[0], tiny_weights).load_features() for _ in range(2))
     assert (computed.cached, cached.cached) == (False, True)
     assert computed.precision == cached.precision == precision_name(torch.device("cpu"))

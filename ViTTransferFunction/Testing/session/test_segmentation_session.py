@@ -10,18 +10,21 @@ import pytest
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
-from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, dice, requests_of
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
 
 
 @pytest.fixture
 def session(spheres: Spheres) -> SegmentationSession:
-    """A session on the spheres whose features, in the cache, tell exactly how much of each label a cell holds."""
+    """A session on the spheres whose cached features are the share of each label in a cell."""
     cache_known_features(*spheres)
     session = open_session(spheres[0], SessionSettings(grid=GRID))
     assert session.load_features().cached
@@ -52,14 +55,17 @@ def test_an_iso_value_that_the_user_set_is_used_as_it_is(session: SegmentationSe
 
 
 def test_parts_without_a_click_are_dropped_unless_asked_for(session: SegmentationSession, spheres: Spheres) -> None:
-    both = np.isin(spheres[1], (1, 2))
-    volume = spheres[0]
-    # Sphere 2's click belongs to no class here, so that spheres 1 and 2, whose features differ, need two clicks.
-    points = np.concatenate([centre_ras(spheres, 1), centre_ras(spheres, 2)])
-    labels = session.segment([ClassRequest("both", points)]).labels
-    assert dice(labels > 0, both) > 0.9
-    corner = volume.geometry.ijk_to_ras_points(np.array([[1.0, 1.0, 1.0]]))
-    assert session.volume.geometry.contains(corner).all()
+    source = session.features.source
+    array = source.array.copy()
+    # Spheres 1 and 2 become equal to the network, so that a click on one finds both.
+    array[..., 1] += array[..., 2]
+    array[..., 2] = 0.0
+    session.use_features(FeatureVolume(array, source.geometry, source.key))
+    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
+    dropped = session.segment(clicked).labels > 0
+    kept = session.segment(clicked, only_annotated_components=False).labels > 0
+    assert dice(dropped, spheres[1] == 1) > 0.9
+    assert dice(kept, np.isin(spheres[1], (1, 2))) > 0.9
 
 
 def test_maps_are_shown_one_by_one_as_they_are_made(session: SegmentationSession, spheres: Spheres) -> None:
@@ -94,11 +100,8 @@ def test_unusable_classes_are_refused_before_any_work(session: SegmentationSessi
 
 
 def test_cancelling_leaves_the_session_usable(session: SegmentationSession, spheres: Spheres) -> None:
-    def cancel(done: int, total: int, what: str) -> None:
-        raise Cancelled
-
     with pytest.raises(Cancelled):
-        session.segment(requests_of(spheres), progress=cancel)
+        session.segment(requests_of(spheres), progress=cancel_at_once)
     assert session.segment(requests_of(spheres)).labels.any()
 
 

@@ -8,23 +8,18 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
 from ViTTransferFunction.Logic.similarity.cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
+from ViTTransferFunction.Testing.support.turned_cells import TURNED_CELLS, at_turned_cells
 
 Average = Callable[[np.ndarray, np.ndarray], np.ndarray]
-GEOMETRY = Geometry((4, 5, 6), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 
 
 @pytest.fixture
 def features() -> NormalisedFeatures:
     array = np.random.default_rng(0).normal(size=(4, 5, 6, 8)).astype(np.float32)
-    return normalised_features(FeatureVolume(array, GEOMETRY, "key"), "centred")
-
-
-def at_cells(*ijk: tuple[int, int, int]) -> np.ndarray:
-    return GEOMETRY.ijk_to_ras_points(np.array(ijk))
+    return normalised_features(FeatureVolume(array, TURNED_CELLS, "key"), "centred")
 
 
 def a_class(positive: np.ndarray, **fields: object) -> ClassRequest:
@@ -32,7 +27,7 @@ def a_class(positive: np.ndarray, **fields: object) -> ClassRequest:
 
 
 def map_of(features: NormalisedFeatures, request: ClassRequest, average: Average) -> np.ndarray:
-    (similarity,) = CosineSimilarity(features, GEOMETRY, average).maps([request])
+    (similarity,) = CosineSimilarity(features, TURNED_CELLS, average).maps([request])
     return similarity
 
 
@@ -41,7 +36,7 @@ def cosine(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def test_a_map_is_the_mean_cosine_of_equation_1(features: NormalisedFeatures) -> None:
-    points = at_cells((1, 2, 3), (5, 4, 0))
+    points = at_turned_cells((1, 2, 3), (5, 4, 0))
     similarity = map_of(features, a_class(points), mean_cosine)
     centred = features.transform.apply(features.source.array)
     for k, j, i in ((0, 0, 0), (3, 2, 1), (2, 4, 5)):
@@ -50,7 +45,7 @@ def test_a_map_is_the_mean_cosine_of_equation_1(features: NormalisedFeatures) ->
 
 
 def test_the_annotated_cell_is_the_most_similar_to_itself(features: NormalisedFeatures) -> None:
-    similarity = map_of(features, a_class(at_cells((1, 2, 3))), mean_cosine)
+    similarity = map_of(features, a_class(at_turned_cells((1, 2, 3))), mean_cosine)
     assert similarity.argmax() == np.ravel_multi_index((3, 2, 1), (4, 5, 6))
     assert similarity.max() == pytest.approx(1.0, abs=1e-5)
 
@@ -63,7 +58,7 @@ def test_the_authors_variant_drops_low_cosines_and_sharpens_the_others() -> None
 
 @pytest.mark.parametrize("method", [mean_cosine, mean_clamped_cosine])
 def test_maps_stay_between_zero_and_one(features: NormalisedFeatures, method: Average) -> None:
-    annotated = a_class(at_cells((1, 2, 3)), negative=at_cells((4, 4, 2)))
+    annotated = a_class(at_turned_cells((1, 2, 3)), negative=at_turned_cells((4, 4, 2)))
     similarity = map_of(features, annotated, method)
     assert similarity.dtype == np.float32
     assert similarity.min() >= 0.0
@@ -72,14 +67,14 @@ def test_maps_stay_between_zero_and_one(features: NormalisedFeatures, method: Av
 
 @pytest.mark.parametrize("method", [mean_cosine, mean_clamped_cosine])
 def test_a_negative_point_lowers_the_map_where_it_lies(features: NormalisedFeatures, method: Average) -> None:
-    before = map_of(features, a_class(at_cells((1, 2, 3), (4, 4, 2))), method)
-    after = map_of(features, a_class(at_cells((1, 2, 3)), negative=at_cells((4, 4, 2))), method)
+    before = map_of(features, a_class(at_turned_cells((1, 2, 3), (4, 4, 2))), method)
+    after = map_of(features, a_class(at_turned_cells((1, 2, 3)), negative=at_turned_cells((4, 4, 2))), method)
     assert before[2, 4, 4] > 0.1
     assert after[2, 4, 4] < 1e-6
 
 
 def test_the_order_of_points_does_not_matter(features: NormalisedFeatures) -> None:
-    points = at_cells((1, 2, 3), (4, 4, 2), (0, 0, 0))
+    points = at_turned_cells((1, 2, 3), (4, 4, 2), (0, 0, 0))
     forward = map_of(features, a_class(points), mean_cosine)
     np.testing.assert_allclose(forward, map_of(features, a_class(points[::-1]), mean_cosine), atol=1e-6)
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_cdf import IntensityCdf
-from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.similarity.iso_value import (
     choose_iso_by_edges,
     choose_refined_iso,
@@ -15,10 +13,9 @@ from ViTTransferFunction.Logic.similarity.iso_value import (
     iso_between_points,
     prior_iso,
 )
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
-
-def volume_of(array: np.ndarray) -> Volume:
-    return Volume(array, Geometry(array.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+SPACING_MM = (2.0, 2.0, 2.0)
 
 
 def test_the_prior_rises_from_a_fifth_towards_a_half() -> None:
@@ -95,18 +92,18 @@ def test_the_iso_value_of_a_refined_map_keeps_positive_points_inside_and_is_defi
 
 def test_ranks_are_shares_of_darker_voxels_whatever_the_scale() -> None:
     array = np.random.default_rng(0).gamma(2.0, 100.0, (20, 20, 20))
-    points = volume_of(array).geometry.voxel_centres_ras()
-    rank = IntensityCdf(volume_of(array)).at(points)
+    points = volume_of(array, SPACING_MM).geometry.voxel_centres_ras()
+    rank = IntensityCdf(volume_of(array, SPACING_MM)).at(points)
     expected = array.ravel().argsort().argsort() / array.size
     np.testing.assert_allclose(rank, expected, atol=0.005)
-    np.testing.assert_allclose(IntensityCdf(volume_of(array**3)).at(points), rank, atol=0.005)
+    np.testing.assert_allclose(IntensityCdf(volume_of(array**3, SPACING_MM)).at(points), rank, atol=0.005)
 
 
 def test_ranks_of_a_neighbourhood_pass_over_voxels_that_are_not_finite() -> None:
     array = np.random.default_rng(0).normal(0.0, 1.0, (9, 9, 9))
     array[4, 4, 4] = np.nan
     array[:3, :3, :3] = np.nan
-    rank = IntensityCdf(volume_of(array))
+    rank = IntensityCdf(volume_of(array, SPACING_MM))
     around = rank.around(np.array([[8.0, 8.0, 8.0], [0.0, 0.0, 0.0]]))
     assert 0.2 < around[0] < 0.8
     assert around[1] == 0.0
@@ -115,7 +112,7 @@ def test_ranks_of_a_neighbourhood_pass_over_voxels_that_are_not_finite() -> None
 def test_edge_strength_is_large_where_intensities_change() -> None:
     array = np.random.default_rng(0).normal(0.0, 1.0, (20, 20, 20))
     array[:, :, 10:] += 100.0
-    volume = volume_of(array)
+    volume = volume_of(array, SPACING_MM)
     points = volume.geometry.voxel_centres_ras()
     strength = edge_strength_at(IntensityCdf(volume), points, 2.0 * np.eye(3)).reshape(20, 20, 20)
     assert strength[:, :, 9:11].mean() > strength[:, :, :8].mean() * 1.3

@@ -20,7 +20,7 @@ ABOVE = (slice(8, 11), slice(3, 9), slice(3, 10))
 
 @pytest.fixture
 def blocks() -> tuple[NormalisedFeatures, Volume]:
-    """Two alike blocks on the left and right, another kind above, in a noisy background; 24³ voxels, 12³ cells."""
+    """Two equal blocks on the left and right, another kind above, in a noisy background; 24³ voxels, 12³ cells."""
     kinds = np.zeros(CELLS, dtype=int)
     kinds[LEFT] = kinds[RIGHT] = 1
     kinds[ABOVE] = 2

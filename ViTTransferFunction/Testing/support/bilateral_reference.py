@@ -1,6 +1,8 @@
-"""What the bilateral solver is tested with: small inputs, and a dense float64 solution of its energy."""
+"""What the bilateral solver is tested with: small inputs, and its energy as a dense system in float64."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -43,8 +45,30 @@ def a_noisy_step(shape=(8, 9, 10), seed=0):
     return target.clamp(0, 1), luma.clamp(0, 1)
 
 
-def dense_solution(target, luma, confidence, cell_voxels, options):
-    """Minimise the energy in float64 with a dense matrix; return each voxel's cell (as an index) and the cells' values."""
+@dataclass(frozen=True, eq=False)
+class DenseSystem:
+    """The energy's minimum as one equation, matrix · y = right-hand side, in float64.
+
+    Attributes:
+        cells: (N, 4) where each occupied cell lies in the grid.
+        of_voxel: (voxels,) index of each voxel's cell.
+        matrix: (N, N).
+        right_hand_side: (N,).
+    """
+
+    cells: np.ndarray
+    of_voxel: np.ndarray
+    matrix: np.ndarray
+    right_hand_side: np.ndarray
+
+    @property
+    def values(self) -> np.ndarray:
+        """(N,) the solution."""
+        return np.linalg.solve(self.matrix, self.right_hand_side)
+
+
+def dense_system(target, luma, confidence, cell_voxels, options) -> DenseSystem:
+    """Set the system up from its definition."""
     target, luma, confidence = (np.asarray(a, np.float64) for a in (target, luma, confidence))
     cells = [np.indices(target.shape)[axis] // cell_voxels[axis] for axis in range(3)]
     cells.append(np.floor(np.clip(luma, 0, 1) / options.sigma_luma + 0.5).astype(int))
@@ -63,9 +87,27 @@ def dense_solution(target, luma, confidence, cell_voxels, options):
     floored = np.maximum(c, CONFIDENCE_FLOOR * (c / mass).max() * mass)
     ct = np.bincount(of_voxel, (confidence * target).ravel(), count) + (floored - c) * mean
     smoothness = min(options.smoothness, MAX_SMOOTHNESS * (c / mass).max())
-    return occupied, of_voxel, np.linalg.solve(smoothness * laplacian + np.diag(floored), ct)
+    return DenseSystem(occupied, of_voxel, smoothness * laplacian + np.diag(floored), ct)
 
 
 def dense_map(target, luma, confidence, solution: BilateralSolution, options):
-    _, of_voxel, values = dense_solution(target, luma, confidence, solution.cell_voxels, options)
-    return values[of_voxel].reshape(target.shape)
+    """The map that minimises the energy."""
+    system = dense_system(target, luma, confidence, solution.cell_voxels, options)
+    return system.values[system.of_voxel].reshape(target.shape)
+
+
+def dense_residual(target, luma, confidence, solution: BilateralSolution, options) -> float:
+    """What a map leaves of the red cells' equation, relative to its right-hand side (*Reduction* of `bilateral_solver`)."""
+    system = dense_system(target, luma, confidence, solution.cell_voxels, options)
+    mean = float((confidence * target).sum() / confidence.sum())
+    scale = np.sqrt(np.diag(system.matrix))
+    scaled = system.matrix / scale[:, None] / scale
+    f = (system.right_hand_side - system.matrix @ np.full(len(scale), mean)) / scale
+    values = np.empty(len(scale))
+    values[system.of_voxel] = solution.map.numpy().ravel()
+    z = scale * (values - mean)
+    red = system.cells.sum(axis=1) % 2 == 0
+    across = -scaled[red][:, ~red]
+    right_hand_side = f[red] + across @ f[~red]
+    left = right_hand_side - (z[red] - across @ (across.T @ z[red]))
+    return float(np.linalg.norm(left) / np.linalg.norm(right_hand_side))

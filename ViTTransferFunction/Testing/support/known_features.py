@@ -20,7 +20,7 @@ SETTINGS = replace(PRESETS[DEFAULT_PRESET].features, grid=GRID)
 
 
 def cache_known_features(volume: Volume, labels: np.ndarray) -> None:
-    """Put features of the spheres of conftest into the cache that tell exactly how much of each label a cell holds."""
+    """Put features of the spheres of conftest into the cache: the share of each label in a cell."""
     geometry = volume.geometry.resized((16, 13, 16))
     one_hot = np.stack([labels == label for label in range(4)], axis=-1).astype(np.float32)
     array = one_hot.reshape(16, 2, 40, 16, 3, 4).mean(axis=(1, 4))

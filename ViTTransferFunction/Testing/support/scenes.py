@@ -1,4 +1,4 @@
-"""Volumes, segmentations and sessions in a scene, for tests."""
+"""Volumes, transforms, segmentations and sessions in a scene."""
 
 from __future__ import annotations
 
@@ -21,6 +21,10 @@ from ViTTransferFunction.Logic.scene.volume import (
     world_to_local,
 )
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+OBLIQUE = np.array([[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]])
+"""IJK to RAS with spacing 1.0×1.2×3.0 mm, rotated about two axes."""
 
 
 def add_volume(scene: Any, volume: Volume) -> Any:
@@ -42,7 +46,7 @@ def add_parameter_node(scene: Any) -> Any:
     return added
 
 
-def open_spheres(app: Any, spheres: tuple[Volume, np.ndarray]) -> SceneSession:
+def open_spheres(app: Any, spheres: Spheres) -> SceneSession:
     """A session on the spheres of conftest, ready for clicks."""
     cache_known_features(*spheres)
     session = SceneSession(app.scene, app.app_logic, add_parameter_node(app.scene))
@@ -53,34 +57,60 @@ def open_spheres(app: Any, spheres: tuple[Volume, np.ndarray]) -> SceneSession:
     return session
 
 
-def add_segment(segmentation_node: Any, volume_node: Any, name: str, mask: np.ndarray) -> None:
-    """A segment with a mask on the volume's grid, as Slicer adds it."""
+def annotate(session: SceneSession, spheres: Spheres) -> list[str]:
+    """One class with a click for each of the three spheres; returns their ids."""
+    ids = []
+    for label in (1, 2, 3):
+        ids.append(session.annotations.add_class(f"sphere {label}").id)
+        session.annotations.add_points(ids[-1], centre_ras(spheres, label), positive=True)
+    session.wait()
+    return ids
+
+
+def put_under(node: Any, matrix: np.ndarray) -> Any:
+    """Put a node under a new linear transform to its parent; returns the transform."""
+    transform = node.GetScene().AddNewNodeByClass("vtkMRMLLinearTransformNode", "Registration")
+    transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    node.SetAndObserveTransformNodeID(transform.GetID())
+    return transform
+
+
+def add_segment(segmentation_node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray) -> str:
+    """Add a segment as another module would, by Slicer's own function; its id is its name.
+
+    Args:
+        mask: (K, J, I).
+        ijk_to_ras: of the mask's grid, to the segmentation's local frame.
+    """
     labelmap = slicer.vtkOrientedImageData()
     labelmap.SetDimensions(*mask.shape[::-1])
     labelmap.GetPointData().SetScalars(numpy_to_vtk(mask.astype(np.uint8).ravel(), deep=True))
-    labelmap.SetGeometryFromImageToWorldMatrix(vtk_matrix(geometry_from_node(volume_node).ijk_to_ras))
-    segmentation_node.AddSegmentFromBinaryLabelmapRepresentation(labelmap, name)
+    labelmap.SetGeometryFromImageToWorldMatrix(vtk_matrix(ijk_to_ras))
+    segment_id = segmentation_node.GetSegmentation().AddEmptySegment(name, name)
+    slicer.vtkSlicerSegmentationsModuleLogic.SetBinaryLabelmapToSegment(labelmap, segmentation_node, segment_id)
+    return segment_id
+
+
+def segment_points(segmentation_node: Any, segment_id: str) -> np.ndarray:
+    """Where a segment's voxels are in the scene, (N, 3) RAS millimetres; by Slicer's own reading of labelmaps."""
+    image = slicer.vtkOrientedImageData()
+    segmentation_node.GetBinaryLabelmapRepresentation(segment_id, image)
+    if image.IsEmpty():
+        return np.empty((0, 3))
+    labels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
+    ijk = (np.argwhere(labels) + np.array(image.GetExtent()[::2])[::-1])[:, ::-1]
+    matrix = vtk.vtkMatrix4x4()
+    image.GetImageToWorldMatrix(matrix)
+    return transform_points(matrix_to_world(segmentation_node) @ numpy_matrix(matrix), ijk)
 
 
 def segment_masks(segmentation_node: Any, volume_node: Any) -> dict[str, np.ndarray]:
-    """Which of a volume's voxels (K, J, I) each segment holds, by the segment's name; by Slicer's own reading of labelmaps."""
-    segmentation = segmentation_node.GetSegmentation()
-    ids = [segmentation.GetNthSegmentID(n) for n in range(segmentation.GetNumberOfSegments())]
-    return {segmentation.GetSegment(i).GetName(): _mask(segmentation_node, i, volume_node) for i in ids}
-
-
-def _mask(segmentation_node: Any, segment_id: str, volume_node: Any) -> np.ndarray:
-    geometry = geometry_from_node(volume_node)
-    mask = np.zeros(geometry.shape, dtype=bool)
-    image = slicer.vtkOrientedImageData()
-    segmentation_node.GetBinaryLabelmapRepresentation(segment_id, image)
-    if not image.IsEmpty():
-        labels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
-        ijk = (np.argwhere(labels) + np.array(image.GetExtent()[::2])[::-1])[:, ::-1]
-        matrix = vtk.vtkMatrix4x4()
-        image.GetImageToWorldMatrix(matrix)
-        to_world = matrix_to_world(segmentation_node) @ numpy_matrix(matrix)
-        world = transform_points(to_world, ijk)
-        kji = np.rint(geometry.ras_to_ijk(world_to_local(volume_node, world))[:, ::-1]).astype(int)
-        mask[tuple(kji.T)] = True
-    return mask
+    """Which of a volume's voxels (K, J, I) each segment holds, by the segment's name."""
+    segmentation, geometry = segmentation_node.GetSegmentation(), geometry_from_node(volume_node)
+    masks = {}
+    for segment_id in (segmentation.GetNthSegmentID(n) for n in range(segmentation.GetNumberOfSegments())):
+        mask = np.zeros(geometry.shape, dtype=bool)
+        local = world_to_local(volume_node, segment_points(segmentation_node, segment_id))
+        mask[tuple(np.rint(geometry.ras_to_ijk(local)[:, ::-1]).astype(int).T)] = True
+        masks[segmentation.GetSegment(segment_id).GetName()] = mask
+    return masks

@@ -124,7 +124,7 @@ class Desk:
         return _pixels(self._host.window)
 
     def view(self, name: str, size: tuple[int, int]) -> np.ndarray:
-        """A view, drawn anew, (H, W, 3) uint8."""
+        """A view, drawn again, (H, W, 3) uint8."""
         view = self._views[name]
         view.render_window().SetSize(*size)
         if name == "3d":

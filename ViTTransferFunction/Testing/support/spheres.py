@@ -1,4 +1,4 @@
-"""What tests ask about the three spheres of conftest, and how well they were found."""
+"""Where the three spheres of conftest lie, and requests for them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import numpy as np
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.volume import Volume
+
+# For Testing/rendering, which still looks for it here.
+from ViTTransferFunction.Testing.support.masks import dice as dice
 
 Spheres = tuple[Volume, np.ndarray]
 """The volume and its labels 1, 2 and 3."""
@@ -20,8 +23,3 @@ def centre_ras(spheres: Spheres, label: int) -> np.ndarray:
 def requests_of(spheres: Spheres, **fields: object) -> tuple[ClassRequest, ...]:
     """A class with one point for each sphere, and further fields for all."""
     return tuple(ClassRequest(f"sphere {n}", centre_ras(spheres, n), **fields) for n in (1, 2, 3))  # type: ignore[arg-type]
-
-
-def dice(a: np.ndarray, b: np.ndarray) -> float:
-    """How well two masks agree, 0 to 1."""
-    return 2.0 * float((a & b).sum()) / float(a.sum() + b.sum())

@@ -9,13 +9,14 @@ import pytest
 
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.standin.host import Host
-from ViTTransferFunction.Testing.support.widgets import Spheres, wait_until
+from ViTTransferFunction.Testing.support.widgets import wait_until
 
 
 @pytest.fixture
 def host(slicer_app: Any) -> Iterator[Host]:
-    """Slicer with our module, which nobody has opened yet."""
+    """Slicer with our module, not opened yet."""
     host = Host(slicer_app)
     yield host
     host.close()

@@ -6,14 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import slicer
 import vtk
 from PySide6.QtTest import QTest
-
-from ViTTransferFunction.Logic.core.volume import Volume
-
-Spheres = tuple[Volume, np.ndarray]
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:

@@ -20,12 +20,6 @@ SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
 NAME = "dino_vits8"
 
 
-@pytest.fixture(autouse=True)
-def _no_variable_of_the_real_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
-
-
 @pytest.fixture
 def hashed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the hash of `WEIGHTS` be published."""
@@ -79,7 +73,7 @@ def test_a_folder_is_searched_for_the_model(own: Path) -> None:
     assert find_weights(NAME, own.parent).path == own.with_name("dino_vits8.pth")
 
 
-def test_a_folder_without_the_model_says_how_the_file_is_called(own: Path) -> None:
+def test_a_folder_without_the_model_is_refused_with_the_file_name_expected_there(own: Path) -> None:
     with pytest.raises(InputError, match=r"dino_deitsmall8_pretrain\.pth or dino_vits8\.pt or dino_vits8\.pth"):
         find_weights(NAME, own.parent)
 

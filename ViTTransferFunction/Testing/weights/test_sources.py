@@ -17,6 +17,7 @@ from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 
 WEIGHTS = b"weights" * 500_000
 SHA256 = hashlib.sha256(WEIGHTS).hexdigest()
@@ -66,11 +67,9 @@ def site(monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
         thread.join()
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The cache's folder of weights, empty; no variable of the real user reaches a test."""
-    monkeypatch.setenv("VITTF_CACHE", str(tmp_path / "cache"))
-    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+@pytest.fixture
+def folder() -> Path:
+    """The cache's folder of weights, empty."""
     return weights_folder()
 
 
@@ -139,11 +138,8 @@ class TestDownload:
 
     @pytest.mark.usefixtures("unhashed")
     def test_a_cancelled_download_leaves_nothing(self, folder: Path) -> None:
-        def cancel(done: int, total: int, what: str) -> None:
-            raise Cancelled
-
         with pytest.raises(Cancelled):
-            find_weights(NAME, progress=cancel)
+            find_weights(NAME, progress=cancel_at_once)
 
         assert _files(folder) == []
 
@@ -195,6 +191,7 @@ class TestDownload:
     @pytest.mark.usefixtures("hashed")
     def test_a_cache_that_cannot_be_written_is_an_input_error(self, folder: Path) -> None:
         folder.parent.parent.mkdir(exist_ok=True)
+        folder.parent.rmdir()
         folder.parent.write_text("a file where the cache's folder should be")
 
         with pytest.raises(InputError, match="Cannot write"):
@@ -231,9 +228,9 @@ class TestTrust:
     def test_removing_the_weights_forgets_the_hash(self, site: Site) -> None:
         find_weights(NAME)
         remove_weights(NAME)
-        site.content = b"published anew"
+        site.content = b"published again"
 
-        assert find_weights(NAME).path.read_bytes() == b"published anew"
+        assert find_weights(NAME).path.read_bytes() == b"published again"
 
     @pytest.mark.usefixtures("unhashed")
     @pytest.mark.parametrize("file_name", ["dino_deitsmall8_pretrain.pth", "dino_vits8.pt", "dino_vits8.pth"])

@@ -121,5 +121,5 @@ class TestTensorsSha256:
         ],
         ids=["name", "shape", "bit", "count"],
     )
-    def test_it_tells_apart_what_differs_in_one(self, other: dict[str, torch.Tensor]) -> None:
+    def test_it_differs_where_one_tensor_does(self, other: dict[str, torch.Tensor]) -> None:
         assert tensors_sha256(other) != tensors_sha256({"a": torch.zeros(2, 3)})

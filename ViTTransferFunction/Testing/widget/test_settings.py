@@ -79,14 +79,14 @@ def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -
     assert not ui.messageFrame.isVisible()
 
 
-def test_a_window_that_is_none_is_told_of(widget: Any, volume: Any) -> None:
+def test_an_inverted_window_is_reported_in_the_panel(widget: Any, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.advancedCollapsibleButton.click()
     widget.ui.windowLowSpinBox.setValue(5000.0)
     assert "lower first" in widget.ui.messageLabel.text()
 
 
-def test_own_weights_are_chosen_and_given_up(widget: Any, tmp_path: Path) -> None:
+def test_own_weights_are_chosen_and_cleared(widget: Any, tmp_path: Path) -> None:
     parameters = widget.panel.session.parameters
     widget.ui.advancedCollapsibleButton.click()
     widget.ui.weightsPathLineEdit.currentPath = str(tmp_path)
@@ -135,7 +135,7 @@ def test_a_model_is_removed_from_the_cache_on_confirmation(widget: Any, a_cache_
     assert "dino_vits8" in questions[0]
 
 
-def test_a_scene_closed_in_another_module_is_met_on_coming_back(widget: Any, host: Host) -> None:
+def test_a_scene_closed_in_another_module_leaves_an_empty_panel_on_return(widget: Any, host: Host) -> None:
     add_class(widget)
     host.representation.exit()
     slicer.mrmlScene.Clear()
@@ -173,13 +173,13 @@ def test_sample_data_is_offered_with_its_checksum(host: Host) -> None:
 @pytest.mark.parametrize(
     ("seconds", "words"), [(0.2, "1 s"), (12, "12 s"), (43, "45 s"), (100, "2 min"), (3500, "58 min"), (4200, "1 h 10 min")]
 )
-def test_durations_are_told_as_people_do(host: Host, seconds: float, words: str) -> None:
+def test_durations_are_shown_in_round_units(host: Host, seconds: float, words: str) -> None:
     from ViTTransferFunction.Widget.wording import duration
 
     assert duration(seconds) == words
 
 
-def test_the_estimate_is_told_in_a_few_words(host: Host) -> None:
+def test_the_estimate_is_shown_in_a_few_words(host: Host) -> None:
     from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
     from ViTTransferFunction.Widget.volume_section import estimate_text
 

@@ -1,4 +1,4 @@
-"""The module on a Slicer that has no PyTorch, how it gets it, and the module loaded anew."""
+"""The module on a Slicer that has no PyTorch, how it gets it, and the module reloaded."""
 
 from __future__ import annotations
 
@@ -56,10 +56,11 @@ def test_a_file_of_the_panel_imports_at_file_scope_only_what_slicer_has(path: Pa
         assert known, f"{path.name} imports {name}"
 
 
-def test_the_folder_of_the_panel_does_not_claim_its_name_for_itself() -> None:
+def test_the_folder_of_the_panel_is_no_package_that_hides_others_of_its_name() -> None:
     assert not (MODULE / "Widget" / "__init__.py").exists()
 
 
+@pytest.mark.slow
 def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: Path) -> None:
     program = (
         "import sys\nsys.modules['torch'] = None\n" + OPEN + "assert ui.pytorchFrame.isVisible()\n"
@@ -71,7 +72,8 @@ def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: P
     run(program, tmp_path)
 
 
-def test_reloading_loads_all_files_anew_ends_the_old_panel_and_never_imports_torch(tmp_path: Path) -> None:
+@pytest.mark.slow
+def test_reloading_loads_all_files_again_closes_the_old_panel_and_never_imports_torch(tmp_path: Path) -> None:
     program = OPEN + (
         "assert not ui.pytorchFrame.isVisible()\n"
         "ui.addClassButton.click()\n"
@@ -120,7 +122,7 @@ def test_features_cannot_be_computed_before_pytorch_is_there(missing: set[str], 
     assert add_class(widget).name
 
 
-def test_without_any_installer_the_button_says_what_to_install(missing: set[str], widget: Any) -> None:
+def test_without_any_installer_the_panel_says_what_to_install(missing: set[str], widget: Any) -> None:
     missing |= {"PyTorchUtils", "slicer.packaging"}
     widget.ui.installPyTorchButton.click()
     assert "Extensions Manager" in widget.ui.messageLabel.text()
@@ -159,7 +161,7 @@ def test_slicer_itself_installs_it_where_the_extension_is_missing(
     assert asked == [("torch>=2.0", "ViT Transfer Function")]
 
 
-def test_an_installation_that_fails_is_told_of(missing: set[str], widget: Any, offer: Callable[..., None]) -> None:
+def test_a_failed_installation_is_reported_in_the_panel(missing: set[str], widget: Any, offer: Callable[..., None]) -> None:
     class PyTorchUtilsLogic:
         def installTorch(self, askConfirmation: bool) -> None:  # noqa: N802
             raise RuntimeError("no space left")

@@ -138,7 +138,7 @@ class ctkSliderWidget(QWidget):  # noqa: N801
 
 
 class ctkPathLineEdit(QWidget):  # noqa: N801
-    """A path, typed or chosen; only one that exists is told of."""
+    """A path, typed or chosen; only one that exists is announced."""
 
     currentPathChanged = Signal(str)  # noqa: N815
 

@@ -119,7 +119,7 @@ class Application:
         self._at_startup: list[Callable[[], None]] = []
 
     def start(self) -> None:
-        """Tell everybody that the start is over."""
+        """Notify all observers that the start is over."""
         for callback in self._at_startup:
             callback()
 
@@ -141,7 +141,7 @@ class Application:
         return self._layout_manager
 
     def moduleManager(self) -> Any:  # noqa: N802
-        """Tells of modules that are unloaded, which none is."""
+        """Would announce modules that are unloaded; none is."""
         return SimpleNamespace(connect=lambda signal, slot: None, disconnect=lambda signal, slot: None)
 
     def testingEnabled(self) -> bool:  # noqa: N802
@@ -200,7 +200,7 @@ def _load_module() -> None:
 
 def _read_properties_as_pythonqt_does() -> None:
     """In the module's files and in Slicer's, `button.checked` is a value, and setting it sets it."""
-    # PySide looks through all modules that are loaded, and some of PyTorch's do not bear being looked at.
+    # PySide looks through all modules that are loaded, and some of PyTorch's fail when they are.
     hidden = {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] == "torch"}
     parts = (f"{NAME}.Widget.{path.stem}" for path in (MODULE_FILE.parent / "Widget").glob("*.py"))
     for name in ("slicer.util", NAME, *parts):

@@ -51,7 +51,7 @@ class ScriptedLoadableModuleWidget:
         """Called before the panel goes."""
 
     def onReload(self) -> None:  # noqa: N802
-        """Load the module's file anew."""
+        """Load the module's file again."""
         slicer.util.reloadScriptedModule(self.moduleName)
 
 

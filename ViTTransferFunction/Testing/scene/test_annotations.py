@@ -1,0 +1,94 @@
+"""Classes and points in the scene, and the steps that undo takes back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.classes import class_nodes
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+
+@pytest.fixture
+def session(slicer_app: Any) -> Iterator[SceneSession]:
+    """A session without a volume, which starts no compute process."""
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    yield session
+    assert session.compute_pid is None
+    session.close()
+
+
+def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: Spheres) -> None:
+    state = session.annotations.add_class("sphere")
+    node = session.annotations.points_node(state.id, positive=True)
+    for label in (1, 2, 3):
+        node.AddControlPointWorld(vtk.vtkVector3d(*centre_ras(spheres, label)[0]))
+    for left in (2, 1, 0):
+        session.annotations.undo()
+        assert len(session.classes[0].positive) == left
+    session.annotations.redo()
+    assert len(session.classes[0].positive) == 1
+
+
+def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(session: SceneSession, spheres: Spheres) -> None:
+    state = session.annotations.add_class("sphere")
+    centre = centre_ras(spheres, 1)
+    for step in range(4):
+        session.annotations.add_points(state.id, centre + np.array([step, 0, 0]), positive=True, continued=step > 0)
+    for step in range(4):
+        session.annotations.add_points(state.id, centre + np.array([0, step, 0]), positive=False, continued=step > 0)
+    session.annotations.erase_points(centre + np.array([0, 3, 0]), radius_mm=0.5)
+    session.annotations.erase_points(centre + np.array([0, 2, 0]), radius_mm=0.5, continued=True)
+    counts = []
+    for _ in range(3):
+        counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+        session.annotations.undo()
+    counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+    assert counts == [(4, 2), (4, 4), (4, 0), (0, 0)]
+
+
+def test_the_point_placed_last_is_removed_first_whatever_its_polarity(session: SceneSession, spheres: Spheres) -> None:
+    state = session.annotations.add_class("sphere")
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
+    session.annotations.add_points(state.id, centre_ras(spheres, 3), positive=False)
+    session.annotations.remove_last_point(state.id)
+    assert (len(session.classes[0].positive), len(session.classes[0].negative)) == (1, 0)
+    session.annotations.remove_last_point(state.id)
+    assert session.classes[0].positive == ()
+    session.annotations.remove_last_point(state.id)
+    assert (session.classes[0].positive, session.classes[0].negative) == ((), ())
+    assert session.take_error() is None
+
+
+def test_a_removed_class_comes_back_with_its_points_and_settings(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.annotations.set_class(id_, iso=0.25, color=(0.1, 0.2, 0.3), refine=False)
+    before = {state.id: state for state in session.classes}
+    session.annotations.remove_class(id_)
+    assert id_ not in {state.id for state in session.classes}
+    session.annotations.undo()
+    assert {state.id: state for state in session.classes} == before
+    assert [state.id for state in session.classes] == list(before)
+
+
+def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    with pytest.raises(InputError, match="needs a name"):
+        session.annotations.set_class(id_, name="  ")
+    assert session.classes[0].name == "sphere 1"
+
+
+def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    (node, *_) = (annotate(session, spheres), class_nodes(session.parameters.node))[1]
+    node.SetName("Leber, groß")
+    node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.5)
+    assert (session.classes[0].name, session.classes[0].color) == ("Leber, groß", (0.0, 1.0, 0.5))
