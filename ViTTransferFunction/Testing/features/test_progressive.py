@@ -26,7 +26,9 @@ def few_coarse_patches_and_small_batches(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 1000)
 
 
-@pytest.mark.parametrize("of_layers", [{}, {"layer_step": 2}, {"every_slice": True, "grid": 12}], ids=["layers", "half", "all slices"])
+@pytest.mark.parametrize(
+    "of_layers", [{}, {"layer_step": 2}, {"every_slice": True, "grid": 12}], ids=["all layers", "half of them", "all slices"]
+)
 def test_the_last_features_are_those_of_a_direct_extraction(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, of_layers: dict[str, Any]
 ) -> None:

@@ -9,7 +9,7 @@ from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_rgba
 from ViTTransferFunction.Logic.rendering.optical_properties import SURFACE
 from ViTTransferFunction.Logic.rendering.transfer_function import transfer_function_rgba
-from ViTTransferFunction.Testing.support.spheres import dice
+from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.views import ball
 
 WINDOW = IntensityWindow(0.0, 200.0)

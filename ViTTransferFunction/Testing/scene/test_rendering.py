@@ -274,15 +274,19 @@ def test_what_the_user_deletes_comes_back_with_the_next_update(stage: Stage, cla
     assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
 
 
-def test_closing_the_scene_is_survived(stage: Stage) -> None:
+def test_after_the_scene_was_closed_the_next_volume_is_shown_and_removed(stage: Stage) -> None:
     stage.show(two_balls(), [RED, GREEN])
     stage.scene.Clear(False)
     stage.rendering.hide()
     volume = stage.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
     set_image(volume, np.zeros(SHAPE, dtype=np.int16), GRID.ijk_to_ras)
+    before = stage.scene.GetNumberOfNodes()
     rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
     stage.rendering.show(volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+    (display,) = nodes_of_class(stage.scene, "vtkMRMLVolumeRenderingDisplayNode")
+    assert display.GetVisibility()
     stage.rendering.remove()
+    assert stage.scene.GetNumberOfNodes() == before
 
 
 def test_the_users_own_volume_rendering_is_left_alone(slicer_app: Any, stage: Stage) -> None:

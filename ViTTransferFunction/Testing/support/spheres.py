@@ -7,9 +7,6 @@ import numpy as np
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.volume import Volume
 
-# For Testing/rendering, which still looks for it here.
-from ViTTransferFunction.Testing.support.masks import dice as dice
-
 Spheres = tuple[Volume, np.ndarray]
 """The volume and its labels 1, 2 and 3."""
 
