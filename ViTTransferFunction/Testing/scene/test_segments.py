@@ -1,4 +1,4 @@
-"""Masks as segments, in Slicer's real segmentations: ours are right, and those of others do not change."""
+"""Masks as segments, in Slicer's real segmentations."""
 
 from __future__ import annotations
 
@@ -12,88 +12,24 @@ import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix, set_image, vtk_matrix
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, put_under, segment_points
+from ViTTransferFunction.Logic.scene.volume import vtk_matrix
+from ViTTransferFunction.Testing.support.scenes import put_under
+from ViTTransferFunction.Testing.support.segments import (
+    LABELMAP,
+    RED,
+    SHAPE,
+    SURFACE,
+    block,
+    output,
+    positions_of,
+    voxels_of,
+)
 
 slicer = pytest.importorskip("slicer")
-scene_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments")
-OutputSegment, write_segments = scene_segments.OutputSegment, scene_segments.write_segments
+write_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments").write_segments
 
-SHAPE = (6, 7, 8)
 MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
-RED, GREEN = (0.9, 0.1, 0.1), (0.1, 0.9, 0.1)
-LABELMAP, SURFACE = "Binary labelmap", "Closed surface"
-
-
-@pytest.fixture
-def a_volume(slicer_app: Any) -> Any:
-    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(node, np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE), OBLIQUE)
-    return node
-
-
-@pytest.fixture
-def a_segmentation(slicer_app: Any) -> Any:
-    return slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "Segmentation")
-
-
-@pytest.fixture
-def with_others(a_segmentation: Any, a_volume: Any) -> Callable[[], dict[str, Any]]:
-    """The segmentation with three segments of somebody else; gives all that must not change about them.
-
-    The first two share a labelmap, the third overlaps with both.
-    """
-    a_segmentation.CreateDefaultDisplayNodes()
-    for name, mask in (("bone", block(0, 3)), ("vessel", block(3, 5)), ("tumour", block(2, 4))):
-        add_segment(a_segmentation, name, mask, OBLIQUE)
-    a_segmentation.GetSegmentation().CollapseBinaryLabelmaps(False)
-    a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(a_volume)
-    assert a_segmentation.GetSegmentation().GetNumberOfLayers(LABELMAP) == 2
-    return lambda: {name: everything_about(a_segmentation, name) for name in ("bone", "vessel", "tumour")}
-
-
-def block(start: int, stop: int) -> np.ndarray:
-    """A mask of the slices k from `start` to `stop`, but for their borders."""
-    mask = np.zeros(SHAPE, dtype=bool)
-    mask[start:stop, 1:-1, 2:-1] = True
-    return mask
-
-
-def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", color: tuple = RED) -> Any:
-    return OutputSegment(class_id, name, color, mask)
-
-
-def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
-    segment = node.GetSegmentation().GetSegment(segment_id)
-    return {
-        "name": segment.GetName(),
-        "color": segment.GetColor(),
-        "terminology": segment.GetTerminology(),
-        "voxels": voxels_of(node, segment_id),
-        "surface": segment.GetRepresentation(SURFACE),
-    }
-
-
-def voxels_of(node: Any, segment_id: str) -> list[tuple[float, ...]]:
-    """Where the segment's voxels are in the scene, in RAS millimetres, sorted."""
-    return rounded(segment_points(node, segment_id))
-
-
-def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
-    """Where a mask's voxels are in the scene, by the volume's own geometry."""
-    matrix = vtk.vtkMatrix4x4()
-    volume.GetIJKToRASMatrix(matrix)
-    return rounded(
-        transform_points(
-            matrix_to_world(volume), Geometry(SHAPE, numpy_matrix(matrix)).ijk_to_ras_points(np.argwhere(mask)[:, ::-1])
-        )
-    )
-
-
-def rounded(points: np.ndarray) -> list[tuple[float, ...]]:
-    # The sum makes zero of minus zero.
-    return sorted(map(tuple, (np.round(points, 3) + 0.0).tolist()))
+GREEN = (0.1, 0.9, 0.1)
 
 
 def test_a_mask_becomes_a_segment_with_its_class_name_and_colour(a_segmentation: Any, a_volume: Any) -> None:
@@ -185,105 +121,6 @@ def test_an_empty_segment_can_be_painted_in_afterwards(a_segmentation: Any, a_vo
     vtk_to_numpy(stroke.GetPointData().GetScalars())[:] = block(2, 3).ravel()
     assert logic.SetBinaryLabelmapToSegment(stroke, a_segmentation, segment_id, logic.MODE_MERGE_MAX)
     assert voxels_of(a_segmentation, segment_id) == positions_of(block(2, 3), a_volume)
-
-
-@pytest.mark.parametrize("respect_others", [False, True])
-def test_other_segments_stay_as_they_are(
-    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]], respect_others: bool
-) -> None:
-    before = with_others()
-    for mask in (block(1, 5), block(0, 2), np.ones(SHAPE, dtype=bool)):
-        write_segments(a_segmentation, a_volume, [output(mask), output(~mask, "b", "b")], respect_others)
-        assert with_others() == before
-
-
-def test_other_segments_stay_as_they_are_when_ours_shares_their_labelmap(
-    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
-) -> None:
-    """As it does after a segmentation was saved and loaded."""
-    segmentation = a_segmentation.GetSegmentation()
-    (ours,) = write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
-    segmentation.CollapseBinaryLabelmaps(False)
-    assert len(segmentation.GetSegmentIDsForDataObject(segmentation.GetSegmentRepresentation(ours, LABELMAP), LABELMAP)) > 1
-    before = with_others()
-    write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=False)
-    assert with_others() == before
-    assert voxels_of(a_segmentation, ours) == positions_of(block(1, 5), a_volume)
-    write_segments(a_segmentation, a_volume, [output(np.zeros(SHAPE, dtype=bool))], respect_others=False)
-    assert with_others() == before
-
-
-def test_nothing_of_ours_stays_in_a_labelmap_that_it_shared(
-    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
-) -> None:
-    """Slicer gives a free label of that labelmap to the next new segment, to which such voxels would then belong."""
-    segmentation = a_segmentation.GetSegmentation()
-    (ours,) = write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
-    segmentation.CollapseBinaryLabelmaps(False)
-    shared = segmentation.GetSegmentRepresentation(ours, LABELMAP)
-    label = segmentation.GetSegment(ours).GetLabelValue()
-    assert label in vtk_to_numpy(shared.GetPointData().GetScalars())
-    write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=False)
-    assert label not in vtk_to_numpy(shared.GetPointData().GetScalars())
-
-
-def test_voxels_of_other_segments_are_left_out(
-    a_segmentation: Any, a_volume: Any, with_others: Callable[[], dict[str, Any]]
-) -> None:
-    everywhere = np.ones(SHAPE, dtype=bool)
-    (ours,) = write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=True)
-    assert voxels_of(a_segmentation, ours) == positions_of(everywhere & ~block(0, 5), a_volume)
-    write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=False)
-    assert voxels_of(a_segmentation, ours) == positions_of(everywhere, a_volume)
-
-
-def test_the_segment_of_a_removed_class_counts_as_somebody_elses(a_segmentation: Any, a_volume: Any) -> None:
-    (finished,) = write_segments(a_segmentation, a_volume, [output(block(1, 4), "old")], respect_others=True)
-    (new,) = write_segments(a_segmentation, a_volume, [output(block(2, 6), "new")], respect_others=True)
-    assert voxels_of(a_segmentation, finished) == positions_of(block(1, 4), a_volume)
-    assert voxels_of(a_segmentation, new) == positions_of(block(4, 6), a_volume)
-
-
-def test_the_users_copy_of_our_segment_is_the_users(a_segmentation: Any, a_volume: Any) -> None:
-    (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
-    copy = slicer.vtkSegment()
-    copy.DeepCopy(a_segmentation.GetSegmentation().GetSegment(ours))
-    a_segmentation.GetSegmentation().AddSegment(copy, "0-copy")
-    write_segments(a_segmentation, a_volume, [output(block(2, 6))], respect_others=False)
-    assert voxels_of(a_segmentation, "0-copy") == positions_of(block(1, 4), a_volume)
-    assert voxels_of(a_segmentation, ours) == positions_of(block(2, 6), a_volume)
-
-
-@pytest.mark.parametrize("moved", [False, True], ids=["in place", "moved"])
-def test_segments_on_another_grid_keep_it(a_segmentation: Any, a_volume: Any, moved: bool) -> None:
-    """A coarser one with other axes, whose voxels ours have to make room for."""
-    coarse = np.diag([4.0, 4.0, 4.0, 1.0])
-    coarse[:3, 3] = transform_points(matrix_to_world(a_volume), np.array([[4.0, -18.0, 38.0]]))[0]
-    a_segmentation.CreateDefaultDisplayNodes()
-    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), coarse)
-    if moved:
-        put_under(a_segmentation, MOVED)
-        put_under(a_volume, MOVED)
-    before = everything_about(a_segmentation, "other")
-    everywhere = np.ones(SHAPE, dtype=bool)
-    (ours,) = write_segments(a_segmentation, a_volume, [output(everywhere)], respect_others=True)
-
-    assert everything_about(a_segmentation, "other") == before
-    image = a_segmentation.GetSegmentation().GetSegmentRepresentation("other", LABELMAP)
-    assert image.GetSpacing() == (4.0, 4.0, 4.0)
-    indices = Geometry((3, 3, 3), coarse).ras_to_ijk(Geometry(SHAPE, OBLIQUE).voxel_centres_ras())
-    taken = np.all((indices > -0.5) & (indices < 2.5), axis=1).reshape(SHAPE)
-    assert 0 < taken.sum() < taken.size
-    assert voxels_of(a_segmentation, ours) == positions_of(~taken, a_volume)
-
-
-def test_a_reference_geometry_that_others_rely_on_stays(a_segmentation: Any, a_volume: Any) -> None:
-    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), np.eye(4))
-    other_volume = a_volume.GetScene().AddNewNodeByClass("vtkMRMLScalarVolumeNode", "MR")
-    set_image(other_volume, np.zeros((3, 3, 3), dtype=np.int16), np.eye(4))
-    a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(other_volume)
-    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
-    assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is other_volume
 
 
 def test_what_the_user_changed_in_slicer_stays(a_segmentation: Any, a_volume: Any) -> None:

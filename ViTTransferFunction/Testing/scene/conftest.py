@@ -1,0 +1,40 @@
+"""A volume, and a segmentation with segments of somebody else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment
+from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
+
+
+@pytest.fixture
+def a_volume(slicer_app: Any) -> Any:
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(node, np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE), OBLIQUE)
+    return node
+
+
+@pytest.fixture
+def a_segmentation(slicer_app: Any) -> Any:
+    return slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "Segmentation")
+
+
+@pytest.fixture
+def with_others(a_segmentation: Any, a_volume: Any) -> Callable[[], dict[str, Any]]:
+    """The segmentation with three segments of somebody else; gives all that must not change about them.
+
+    The first two share a labelmap, the third overlaps with both.
+    """
+    a_segmentation.CreateDefaultDisplayNodes()
+    for name, mask in (("bone", block(0, 3)), ("vessel", block(3, 5)), ("tumour", block(2, 4))):
+        add_segment(a_segmentation, name, mask, OBLIQUE)
+    a_segmentation.GetSegmentation().CollapseBinaryLabelmaps(False)
+    a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(a_volume)
+    assert a_segmentation.GetSegmentation().GetNumberOfLayers(LABELMAP) == 2
+    return lambda: {name: everything_about(a_segmentation, name) for name in ("bone", "vessel", "tumour")}

@@ -1,0 +1,63 @@
+"""Masks to write as segments, and what is known about segments in the scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import vtk
+
+from ViTTransferFunction.Logic.core.colors import Color
+from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix
+from ViTTransferFunction.Testing.support.scenes import segment_points
+
+SHAPE = (6, 7, 8)
+RED = (0.9, 0.1, 0.1)
+LABELMAP, SURFACE = "Binary labelmap", "Closed surface"
+
+
+def block(start: int, stop: int) -> np.ndarray:
+    """A mask of the slices k from `start` to `stop`, but for their borders."""
+    mask = np.zeros(SHAPE, dtype=bool)
+    mask[start:stop, 1:-1, 2:-1] = True
+    return mask
+
+
+def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", color: Color = RED) -> Any:
+    """What is to be written for a class."""
+    from ViTTransferFunction.Logic.scene.segments import OutputSegment
+
+    return OutputSegment(class_id, name, color, mask)
+
+
+def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
+    segment = node.GetSegmentation().GetSegment(segment_id)
+    return {
+        "name": segment.GetName(),
+        "color": segment.GetColor(),
+        "terminology": segment.GetTerminology(),
+        "voxels": voxels_of(node, segment_id),
+        "surface": segment.GetRepresentation(SURFACE),
+    }
+
+
+def voxels_of(node: Any, segment_id: str) -> list[tuple[float, ...]]:
+    """Where the segment's voxels are in the scene, in RAS millimetres, sorted."""
+    return rounded(segment_points(node, segment_id))
+
+
+def positions_of(mask: np.ndarray, volume: Any) -> list[tuple[float, ...]]:
+    """Where a mask's voxels are in the scene, by the volume's own geometry."""
+    matrix = vtk.vtkMatrix4x4()
+    volume.GetIJKToRASMatrix(matrix)
+    return rounded(
+        transform_points(
+            matrix_to_world(volume), Geometry(SHAPE, numpy_matrix(matrix)).ijk_to_ras_points(np.argwhere(mask)[:, ::-1])
+        )
+    )
+
+
+def rounded(points: np.ndarray) -> list[tuple[float, ...]]:
+    # The sum makes zero of minus zero.
+    return sorted(map(tuple, (np.round(points, 3) + 0.0).tolist()))
