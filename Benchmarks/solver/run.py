@@ -27,8 +27,9 @@ from Benchmarks.shared.refinement_phantoms import Phantom, best_dice, body_phant
 from Benchmarks.solver.nearest_slice import nearest_slicing, slice_nearest
 from Benchmarks.solver.published_bilateral_solver import solve_as_published
 from Benchmarks.solver.report import write_report
-from ViTTransferFunction.Logic.refinement import bilateral_system
+from ViTTransferFunction.Logic.refinement import bilateral_energy
 from ViTTransferFunction.Logic.refinement.bilateral_cells import Target, splat
+from ViTTransferFunction.Logic.refinement.bilateral_energy import solve_cells
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout, VoxelCells
 from ViTTransferFunction.Logic.refinement.bilateral_slice import slice_multilinear
 from ViTTransferFunction.Logic.refinement.bilateral_solver import (
@@ -37,7 +38,6 @@ from ViTTransferFunction.Logic.refinement.bilateral_solver import (
     refine_map,
     solve_bilateral,
 )
-from ViTTransferFunction.Logic.refinement.bilateral_system import solve_cells
 from ViTTransferFunction.Logic.refinement.guided_filter import GuidedFilterSettings, guided_filter
 from ViTTransferFunction.Logic.refinement.upsampling import Upsampling, upsampled
 from ViTTransferFunction.Logic.refinement.workers import Workers
@@ -192,7 +192,7 @@ def error_by_iterations(phantom: Phantom) -> list[dict[str, Any]]:
                 settings = replace(SETTINGS, smoothness=smoothness, max_iterations=iterations, tolerance=1e-9)
                 run = partial(refine_nearest, phantom, settings)
                 row = {"smoothness": smoothness, "precision": precision, "iterations": iterations}
-                with patch.object(bilateral_system, "MAX_FLOAT32_RATIO", largest_ratio):
+                with patch.object(bilateral_energy, "MAX_FLOAT32_RATIO", largest_ratio):
                     rows.append({**row, "rms": rms(run().map, exact), "cpu_seconds": best_times({"": run}, 3)[""][1]})
         error = rms(torch.from_numpy(published(phantom, 25, smoothness)), exact)
         rows.append({"smoothness": smoothness, "precision": "published", "iterations": 25, "rms": error})

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.refinement.bilateral_energy import MAX_SMOOTHNESS
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
 from ViTTransferFunction.Logic.refinement.bilateral_solver import refine_map, solve_bilateral
-from ViTTransferFunction.Logic.refinement.bilateral_system import MAX_SMOOTHNESS
 from ViTTransferFunction.Testing.support.bilateral_reference import (
     UNIT_SPACING,
     a_noisy_step,

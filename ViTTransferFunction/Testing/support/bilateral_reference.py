@@ -9,16 +9,16 @@ import pytest
 import torch
 
 from Benchmarks.solver.nearest_slice import nearest_slicing
+from ViTTransferFunction.Logic.refinement.bilateral_energy import (
+    BISTOCHASTISATION_STEPS,
+    CONFIDENCE_FLOOR,
+    MAX_SMOOTHNESS,
+)
 from ViTTransferFunction.Logic.refinement.bilateral_solver import (
     BilateralSolution,
     BilateralSolverSettings,
     refine_map,
     solve_bilateral,
-)
-from ViTTransferFunction.Logic.refinement.bilateral_system import (
-    BISTOCHASTISATION_STEPS,
-    CONFIDENCE_FLOOR,
-    MAX_SMOOTHNESS,
 )
 
 UNIT_SPACING = (1.0, 1.0, 1.0)
@@ -97,7 +97,7 @@ def dense_map(target, luma, confidence, solution: BilateralSolution, options):
 
 
 def dense_residual(target, luma, confidence, solution: BilateralSolution, options) -> float:
-    """What a map leaves of the red cells' equation, relative to its right-hand side (*Reduction* of `bilateral_solver`)."""
+    """What a map leaves of the red cells' equation, relative to its right-hand side (*Reduction* of `bilateral_energy`)."""
     system = dense_system(target, luma, confidence, solution.cell_voxels, options)
     mean = float((confidence * target).sum() / confidence.sum())
     scale = np.sqrt(np.diag(system.matrix))

@@ -1,6 +1,32 @@
-"""The linear system of the bilateral solver: set up over the cells of a grid, and solved.
+"""The energy of the bilateral solver, as a linear system over the cells of a grid, and its minimum.
 
-`bilateral_solver` states the equations, in the same names.
+Of all maps x over the voxels of a volume, the one is sought that minimises
+
+    λ/2 · Σ_ij W_ij (x_i − x_j)²  +  Σ_i c_i (x_i − t_i)²,
+
+where t is the target (the map to be refined), c ≥ 0 its confidence, and W the bistochastised bilateral affinity: large between
+voxels near each other in space and in intensity, with every row's sum 1 (Barron & Poole 2016, Eq. 1–3).
+
+**Grid.** W is approximated by Sᵀ Dm⁻¹ Dn B Dn Dm⁻¹ S: S sums voxels over the cells of a bilateral grid, Dm holds the voxels m
+of each cell, and B blurs the grid with [1 2 1] along each axis, summed over axes (Barron et al. 2015). All voxels of a cell
+share one value y, so that the minimum solves (λ (Dm − Dn B Dn) + diag(S c)) y = S (c t), with one unknown for each occupied
+cell. Slicing gives each voxel the multilinear mean of the cells around it, where the value of its own cell alone would show the
+cells as blocks.
+
+**Bistochastisation.** Dn is sought so that n · B n = m, by n ← √(n m / B n). One step brings n near; then m is *set* to
+n · B n, which makes Dm − Dn B Dn the Laplacian of a graph whatever the number of steps: constant maps cost nothing.
+
+**Reduction.** B = 8 I + N, where N sums a cell's 8 neighbours. The 8 I cancels between Dm and Dn B Dn (here on paper, not in
+rounded numbers), which leaves (D − λ Dn N Dn) y = S (c t) with the diagonal D = λ n · N n + S c. Scaled symmetrically by D^-½
+(Jacobi), with z = D^½ y and f = D^-½ S (c t), it is (1 − E) z = f, where E = Dg N Dg and g = n √(λ / D). Neighbours differ in
+colour, as on a chessboard, so that E takes red cells to black ones and back. Eliminating the black ones leaves
+(1 − E_rb E_br) z_r = f_r + E_rb f_b for the red ones, symmetric and positive definite, which conjugate gradients solve in half
+of the iterations, each on half of the cells. What they leave of the right-hand side is added to z_r at the end: the eigenvalues
+lie in (0, 1], so that this shrinks what is left of the error.
+
+References:
+    Barron, Adams, Shih, Hernández: Fast bilateral-space stereo for synthetic defocus. CVPR 2015.
+    Barron, Poole: The fast bilateral solver. ECCV 2016.
 """
 
 from __future__ import annotations
