@@ -85,7 +85,7 @@ class SegmentationProxy:
         self._refine_due_s: float | None = None
         self._started_s = 0.0
         self._error: str | None = None
-        self._receivers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
+        self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
             (TakeVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Done): self._on_features,
@@ -260,7 +260,7 @@ class SegmentationProxy:
             self.progress = None
         if isinstance(reply, (GivenUp, Failed)):
             return self._on_nothing(request, reply)
-        return self._receivers[type(request), type(reply)](request, reply)
+        return self._handlers[type(request), type(reply)](request, reply)
 
     def _on_progress(self, request: Any, reply: Progressed) -> set[Event]:
         if not isinstance(request, _WAITED_FOR):

@@ -63,7 +63,7 @@ class SegmentationService:
         self._session: SegmentationSession | None = None
         self._maps: list[ClassMap] = []
         self._segmented: _Segmented | None = None
-        self._servants: dict[type, Callable[[Any], Any]] = {
+        self._handlers: dict[type, Callable[[Any], Any]] = {
             TakeVolume: self._take_volume,
             Prepare: self._prepare,
             Extract: self._extract,
@@ -80,7 +80,7 @@ class SegmentationService:
             InputError: something in it cannot be used.
             Cancelled: by the progress callback.
         """
-        return self._servants[type(request)](request)
+        return self._handlers[type(request)](request)
 
     @property
     def answers_meanwhile(self) -> bool:
