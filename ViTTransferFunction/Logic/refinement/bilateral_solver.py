@@ -124,6 +124,8 @@ def solve_bilateral(
 ) -> BilateralSolution:
     """Minimise the energy for a target that has the volume's resolution.
 
+    The product refines low-resolution maps (`refine_map`). This is for looking at the solver by itself, in tests and benchmarks.
+
     Args:
         target: (K, J, I); where not finite, it has no confidence.
         luma: (K, J, I), intensity in units of its window, clamped to [0, 1]; voxels that are not finite keep the target.
