@@ -124,7 +124,7 @@ def solve_bilateral(
 ) -> BilateralSolution:
     """Minimise the energy for a target that has the volume's resolution.
 
-    The product refines low-resolution maps (`refine_map`). This is for looking at the solver by itself, in tests and benchmarks.
+    The product refines low-resolution maps (`refine_map`). This shows the solver by itself, to tests and benchmarks.
 
     Args:
         target: (K, J, I); where not finite, it has no confidence.
