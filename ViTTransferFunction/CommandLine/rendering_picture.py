@@ -30,12 +30,12 @@ from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 from ViTTransferFunction.CommandLine.canvas import (
     BACKGROUND,
     Canvas,
-    Color,
     PictureSegment,
     check_segments,
     draw_legend,
     legend_height,
 )
+from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume

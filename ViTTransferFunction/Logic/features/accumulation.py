@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .line_resizing import resizing_matrix
-from .slice_sampling import SliceSample
+from .slice_sampling import SliceSample, layer_centre
 
 if TYPE_CHECKING:
     import torch
@@ -77,7 +77,7 @@ def interpolated_layers(
     lower = next(remaining)
     upper, number = next(remaining, lower), 0
     for k in range(shape[0]):
-        position = min(max((k + 0.5) * present[0] / shape[0] - 0.5, 0.0), present[0] - 1.0)
+        position = layer_centre(k, present[0], shape[0])
         while number < int(position):
             lower, upper, number = upper, next(remaining, upper), number + 1
         between = torch.lerp(lower.float(), upper.float(), position - number)

@@ -98,10 +98,10 @@ def patches_along(settings: FeatureSettings) -> int:
 
 
 def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings, device: torch.device) -> str:
-    """A name for the features of this content, model and settings on this device: hexadecimal SHA-256.
+    """A name for the features of this content, model, settings and precision: hexadecimal SHA-256.
 
-    Features of another precision have another key, so that no computer takes another one's for its own. The volume's place in
-    the patient is part of the key (feature cells lie in the patient), its name is not.
+    Of the device only the precision counts that the settings come to on it (`FeatureSettings.on`). The volume's place in the
+    patient is part of the key (feature cells lie in the patient), its name is not.
     """
     digest = hashlib.sha256()
     digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings.on(device)).items())}".encode())

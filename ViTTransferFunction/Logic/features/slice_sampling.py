@@ -46,7 +46,7 @@ def slice_samples(slices: int, layers: int, every_slice: bool, layer_step: int =
 
 
 def layer_centre(layer: int, slices: int, layers: int) -> float:
-    """Position along the sliced axis of a layer's centre."""
+    """Where the centre of a layer lies along an axis of `slices` slices, integers at theirs, of `layers` layers in all."""
     return min(max((layer + 0.5) * slices / layers - 0.5, 0.0), slices - 1.0)
 
 

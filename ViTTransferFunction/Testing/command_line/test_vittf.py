@@ -16,6 +16,7 @@ from ViTTransferFunction.CommandLine import demo
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
+from ViTTransferFunction.Logic.weights.download import DownloadFailed
 from ViTTransferFunction.Testing.support.masks import dice
 
 GRID = "16"
@@ -336,3 +337,23 @@ def test_the_demo_segments_and_draws_three_structures(
     for name in ("ct_chest.png", "ct_chest_3d.png"):
         assert (tmp_path / "demo_output" / name).read_bytes().startswith(b"\x89PNG")
     assert "Seconds" in capsys.readouterr().out
+
+
+def test_the_demo_goes_on_with_the_weights_that_the_user_has(
+    tmp_path: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither the default model nor the Python package index can be reached."""
+
+    def out_of_reach(*_: object, **__: object) -> None:
+        raise DownloadFailed("out of reach")
+
+    (tmp_path / "weights").mkdir()
+    shutil.copy(real_weights, tmp_path / "weights")
+    monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path / "weights"))
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setattr("ViTTransferFunction.Logic.weights.sources.download", out_of_reach)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(demo, "GRID", 10)
+    assert demo.main() == 0
+    assert "The demo goes on with dinov2_vits14_focus" in capsys.readouterr().out
+    assert (tmp_path / "demo_output" / "ct_chest.seg.nrrd").exists()
