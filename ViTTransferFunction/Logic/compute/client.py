@@ -7,32 +7,21 @@ along.
 
 from __future__ import annotations
 
-import os
 import queue
-import subprocess
-import sys
-import tempfile
 import threading
-import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
+from .array_files import ArrayFiles
 from .codec import from_message, to_message
-from .messages import Message, read_message, write_message
-from .requests import Cancel
+from .messages import ArraysNotWritten, Message, read_message, write_message
+from .process import ComputeProcess
+from .requests import Cancel, Started
 
-# The package is made by hand: its own file imports the host program's modules, which the process does not have.
-_BOOTSTRAP = """
-import sys, types
-package = types.ModuleType("ViTTransferFunction")
-package.__path__ = [sys.argv[1]]
-sys.modules["ViTTransferFunction"] = package
-from ViTTransferFunction.Logic.compute.server import main
-main()
-"""
-_LAST_WORDS_BYTES = 4000
 _PATIENCE_S = 2.0
+_TURN_S = 0.001
+"""How long `replies` leaves Python's lock to the threads."""
 
 
 class ComputeClient:
@@ -41,29 +30,25 @@ class ComputeClient:
     Args:
         python_executable: the Python that has PyTorch; the running one unless given.
 
-    Attributes:
-        pid: the process's number.
+    Raises:
+        InputError: the process cannot be started.
     """
 
     def __init__(self, python_executable: str | Path | None = None) -> None:
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `close`)
-        self._process = subprocess.Popen(
-            [str(python_executable or sys.executable), "-c", _BOOTSTRAP, str(Path(__file__).parents[2])],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            # Where another program uses a core, OpenMP's default of spinning while it waits makes PyTorch many times slower.
-            # NumPy's own threads spin as well; all large products are PyTorch's.
-            env={"OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1", **os.environ},
-            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-        )
-        self.pid = self._process.pid
+        self._process = ComputeProcess(python_executable)
+        self._files = ArrayFiles(self._process.folder)
+        self._trouble = ""
         self._last_request = 0
         self._outgoing: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._incoming: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._write, self._read)]
-        for thread in self._threads:
-            thread.start()
+        self._writer, self._reader = (threading.Thread(target=work, daemon=True) for work in (self._write, self._read))
+        self._writer.start()
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """The process's number."""
+        return self._process.pid
 
     def request(self, request: Any) -> int:
         """Ask for something (`requests`); returns the request's number at once. Its arrays must not change until the reply."""
@@ -77,51 +62,53 @@ class ComputeClient:
 
     def replies(self) -> list[tuple[int, Any]]:
         """What has come since the last call, oldest first: the number of the request, and the reply (`requests`)."""
-        # Where the host's event loop holds Python's lock while it idles, this lets the threads have their turn.
-        time.sleep(0)
         received = []
-        while not self._incoming.empty():
-            received.append(from_message(self._incoming.get()))
+        message = self._next()
+        while message is not None:
+            number, reply = from_message(message)
+            if isinstance(reply, Started):
+                self._process.own_pid = reply.pid
+            else:
+                received.append((number, reply))
+            message = self._next()
         return received
+
+    def _next(self) -> Message | None:
+        try:
+            # The event loop of Slicer holds Python's lock also while it idles. The threads get on only while this waits.
+            return self._incoming.get(timeout=_TURN_S)
+        except queue.Empty:
+            return None
 
     @property
     def alive(self) -> bool:
-        """Whether the process runs and all that it said has been read."""
-        return self._process.poll() is None or self._threads[1].is_alive() or not self._incoming.empty()
+        """Whether the process runs and can be talked to, or there is still something that it said."""
+        return not self._incoming.empty() or (self._reader.is_alive() and self._writer.is_alive())
 
     def last_words(self) -> str:
-        """The end of what the process wrote to its error stream: why it died, if it did."""
-        self._errors.seek(0, os.SEEK_END)
-        self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
-        return self._errors.read().decode(errors="replace").strip()
+        """Why the process died, if it did, in one line; "" where nobody knows."""
+        return self._trouble or self._process.last_words()
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
-        self._process.kill()
-        self._process.wait()
         self._outgoing.put(None)
-        for thread in self._threads:
+        self._process.end()
+        for thread in (self._writer, self._reader):
             thread.join(_PATIENCE_S)
-        for stream in (self._process.stdin, self._process.stdout, self._errors):
-            _close(stream)
+        self._process.clean_up()
 
     def _write(self) -> None:
-        assert self._process.stdin is not None
         try:
             while (message := self._outgoing.get()) is not None:
-                write_message(self._process.stdin, message)  # type: ignore[arg-type]
-        except OSError:
+                write_message(self._process.requests, message, self._files)  # type: ignore[arg-type]
+        except ArraysNotWritten as error:
+            self._trouble = f"no room in the folder for temporary files: {error}"
+        except (OSError, ValueError):
             return  # The process is gone, which `alive` tells.
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
-        while (message := read_message(self._process.stdout)) is not None:  # type: ignore[arg-type]
-            self._incoming.put(message)
-
-
-def _close(stream: IO[bytes] | None) -> None:
-    try:
-        if stream is not None:
-            stream.close()
-    except OSError:
-        pass  # What was still to be flushed has nobody left to read it.
+        try:
+            while (message := read_message(self._process.replies, self._files)) is not None:  # type: ignore[arg-type]
+                self._incoming.put(message)
+        except (OSError, ValueError) as error:
+            self._trouble = f"its answer could not be read: {error}"

@@ -26,6 +26,7 @@ _TYPES: dict[str, type] = {
         requests.SegmentClasses,
         requests.Render,
         requests.Cancel,
+        requests.Started,
         requests.Done,
         requests.Maps,
         requests.Labels,

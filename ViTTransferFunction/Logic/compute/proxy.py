@@ -13,6 +13,7 @@ from typing import Any, Literal
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.colors import Color
+from ..core.errors import InputError
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
@@ -114,7 +115,7 @@ class SegmentationProxy:
         self._give_up(object)
         self._volume, self._settings = volume, settings
         self._reset()
-        if volume is not None:
+        if volume is not None and self._started():
             self._ask(volume)
             self._ask(Prepare(settings))
 
@@ -125,6 +126,8 @@ class SegmentationProxy:
         if self._client is None or self._refused:
             # The process was lost, and everything has to be sent again; or what was refused may be there by now.
             self.open(self._volume, self._settings)
+            if self._client is None:
+                return
         self.phase = "extracting"
         self.progress = WorkProgress(0, 0, "Starting", None)
         self._ask(Extract())
@@ -195,9 +198,17 @@ class SegmentationProxy:
         self._volume = None
         self._reset()
 
-    def _ask(self, request: Any) -> None:
+    def _started(self) -> bool:
+        """Whether there is a process; if not yet, it is started now."""
         if self._client is None:
-            self._client = self._start_client()
+            try:
+                self._client = self._start_client()
+            except InputError as error:
+                self._error = str(error)
+        return self._client is not None
+
+    def _ask(self, request: Any) -> None:
+        assert self._client is not None
         self._pending[self._client.request(request)] = request
 
     def _give_up(self, *kinds: type) -> None:
@@ -216,7 +227,7 @@ class SegmentationProxy:
         if not self.usable:
             return
         if self._maps_due:
-            if not self._is_pending(ComputeMaps, SegmentClasses):
+            if not self._is_pending(ComputeMaps):
                 self._give_up(RefineMaps, Render)
                 self._send_maps()
         elif self._pending:
@@ -319,7 +330,7 @@ class SegmentationProxy:
     def _lost(self) -> None:
         """The process died: out of memory, say. Whatever it held can be computed anew."""
         assert self._client is not None
-        last = self._client.last_words().rpartition("\n")[2]
+        last = self._client.last_words()
         self._client.close()
         self._client = None
         self._reset()

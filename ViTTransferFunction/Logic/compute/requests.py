@@ -60,7 +60,7 @@ class Extract:
 
 @dataclass(frozen=True)
 class ComputeMaps:
-    """S_L of all classes. Replied to by `Maps`."""
+    """S_L of all classes. Replied to by `Maps`, while other requests are still being served."""
 
     classes: tuple[ClassRequest, ...]
 
@@ -101,6 +101,13 @@ class Cancel:
     """Give up these requests. It has no reply of its own."""
 
     numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Started:
+    """The compute process is there, and this is its own number. It answers no request."""
+
+    pid: int
 
 
 @dataclass(frozen=True)

@@ -1,30 +1,41 @@
 """The process that computes: reads requests from its standard input, and answers on its standard output.
 
-Requests are served one after the other, by `service`. While one is being served, only `Cancel` is heard, and while features
-are extracted also `ComputeMaps`, which coarser features can answer.
+Requests are served one after the other, by `service`, but for maps, which answer clicks: those are computed at once, beside
+whatever else is.
 """
 
 from __future__ import annotations
 
-import collections
 import os
+import queue
 import sys
 import threading
+import traceback
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..core.errors import Cancelled, InputError
+from .array_files import ArrayFiles
 from .codec import from_message, holds, to_message
-from .messages import Message, read_message, write_message
-from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, GivenUp, Progressed
+from .messages import ArraysNotWritten, Message, read_message, write_message
+from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, GivenUp, Progressed, Started
 from .service import SegmentationService
 
+LOWER_PRIORITY = 10
+"""What takes long leaves the processor to the answers to clicks, and to the window."""
 
-def main() -> None:
-    """Serve until the input ends, as it does when the parent process ends, however it ends."""
+
+def main(folder: str) -> None:
+    """Serve until the input ends, as it does when the parent process ends, however it ends.
+
+    Args:
+        folder: where arrays lie that come and go.
+    """
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # What libraries print must not end up between the replies.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    Server(sys.stdin.buffer, replies).serve()
+    Server(sys.stdin.buffer, replies, ArrayFiles(Path(folder))).serve()
 
 
 class Server:
@@ -32,59 +43,88 @@ class Server:
 
     Args:
         requests: stream of messages, each a request of `requests`.
-        replies: stream that gets, for each request, any number of `Progressed` and `CoarseFeatures`, then the request's own
-            reply, `GivenUp` or `Failed`.
+        replies: stream that gets `Started`; then, for each request, any number of `Progressed` and `CoarseFeatures`, and then
+            the request's own reply, `GivenUp` or `Failed`.
+        files: hands over the arrays of both.
     """
 
-    def __init__(self, requests: BinaryIO, replies: BinaryIO) -> None:
+    def __init__(self, requests: BinaryIO, replies: BinaryIO, files: ArrayFiles) -> None:
         self._requests = requests
         self._replies = replies
-        self._waiting: collections.deque[Message] = collections.deque()
-        self._arrived = threading.Semaphore(0)
+        self._files = files
+        self._replying = threading.Lock()
+        self._clicks: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self._serving = 0
-        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(CoarseFeatures()))
+        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(self._serving, CoarseFeatures()))
 
     def serve(self) -> None:
         """Answer requests until they end."""
-        threading.Thread(target=self._listen, daemon=True).start()
-        while True:
-            self._arrived.acquire()
-            # It may have been served meanwhile, while another one was.
-            if self._waiting:
-                self._serve(self._waiting.popleft())
-
-    def _serve(self, message: Message) -> None:
-        outer, self._serving = self._serving, message.content["number"]
-        try:
-            if self._serving in self._cancelled:
-                raise Cancelled
-            _, request = from_message(message)
-            self._reply(self._service.serve(request))
-        except Cancelled:
-            self._reply(GivenUp())
-        except InputError as error:
-            self._reply(Failed(str(error)))
-        self._serving = outer
+        self._reply(0, Started(os.getpid()))
+        # Threads that start later have this one's priority.
+        for work in (self._listen, lambda: self._answer(self._clicks)):
+            threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
+        _lower_priority()
+        _fatal_if_it_fails(lambda: self._answer(self._others))
 
     def _listen(self) -> None:
-        while (message := read_message(self._requests)) is not None:
+        while (message := read_message(self._requests, self._files)) is not None:
             if holds(message, Cancel):
                 _, cancel = from_message(message)
                 self._cancelled |= set(cancel.numbers)
             else:
-                self._waiting.append(message)
-                self._arrived.release()
+                (self._clicks if holds(message, ComputeMaps) else self._others).put(message)
         # Nobody is left to compute for, not even what is being computed.
         os._exit(0)
+
+    def _answer(self, messages: queue.SimpleQueue[Message]) -> None:
+        while True:
+            message = messages.get()
+            number = message.content["number"]
+            if messages is self._others:
+                self._serving = number
+            self._reply(number, self._reply_to(message, number))
+
+    def _reply_to(self, message: Message, number: int) -> Any:
+        try:
+            if number in self._cancelled:
+                raise Cancelled
+            _, request = from_message(message)
+            return self._service.serve(request)
+        except Cancelled:
+            return GivenUp()
+        except InputError as error:
+            return Failed(str(error))
 
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:
             raise Cancelled
-        self._reply(Progressed(done, total, what))
-        # Clicks are answered from coarse features while the fine ones are computed.
-        while self._service.answers_meanwhile and self._waiting and holds(self._waiting[0], ComputeMaps):
-            self._serve(self._waiting.popleft())
+        self._reply(self._serving, Progressed(done, total, what))
 
-    def _reply(self, reply: Any) -> None:
-        write_message(self._replies, to_message(self._serving, reply))
+    def _reply(self, number: int, reply: Any) -> None:
+        with self._replying:
+            try:
+                write_message(self._replies, to_message(number, reply), self._files)
+            except ArraysNotWritten as error:
+                failed = Failed(
+                    f"The result could not be handed over: {error}. Free some space on the disk with the temporary files, and "
+                    "try again."
+                )
+                write_message(self._replies, to_message(number, failed), self._files)
+
+
+def _fatal_if_it_fails(work: Callable[[], None]) -> None:
+    """Whatever thread fails, the process ends, and its last words are why: it must not go on with half of itself."""
+    try:
+        work()
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+
+
+def _lower_priority() -> None:
+    """Of the calling thread and those that it starts; only Linux has priorities by thread, and lets anybody lower them."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWER_PRIORITY)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
-from ..core.errors import InputError
+from ..core.errors import Cancelled, InputError
 from ..core.geometry import Box
 from ..core.progress import Progress
 from ..core.volume import Volume
@@ -46,11 +46,11 @@ class _Segmented:
 
 
 class SegmentationService:
-    """Serves requests about one volume.
+    """Serves requests about one volume, one after the other; `ComputeMaps` may be served by another thread at the same time.
 
     Args:
-        progress: called with the work of every request; may raise `Cancelled`, after which the next request is served as if the
-            cancelled one had not been made. While features are extracted it may ask for maps, where `answers_meanwhile`.
+        progress: called with the work of every other request; may raise `Cancelled`, after which the next request is served as
+            if the cancelled one had not been made.
         on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
     """
 
@@ -58,7 +58,6 @@ class SegmentationService:
         self._progress = progress
         self._on_coarse = on_coarse
         self._networks = Networks()
-        self._extracting = False
         self._volume: Volume | None = None
         self._session: SegmentationSession | None = None
         self._maps: list[ClassMap] = []
@@ -82,11 +81,6 @@ class SegmentationService:
         """
         return self._handlers[type(request)](request)
 
-    @property
-    def answers_meanwhile(self) -> bool:
-        """Whether features are being extracted, and maps can be had of coarser ones."""
-        return self._extracting and self._session is not None and self._session.has_features
-
     def _take_volume(self, request: TakeVolume) -> Done:
         self._volume = self._session = self._segmented = None
         self._volume = Volume(request.array, request.geometry, request.name)
@@ -100,17 +94,13 @@ class SegmentationService:
         return estimate
 
     def _extract(self, request: Extract) -> Done:
-        session = self._the_session
-        self._extracting = True
-        try:
-            session.load_features(self._progress, self._on_coarse)
-        finally:
-            self._extracting = False
+        self._the_session.load_features(self._progress, self._on_coarse)
         return Done()
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
-        self._maps = self._the_session.low_resolution_maps(request.classes)
-        return Maps(tuple(self._maps))
+        maps = self._the_session.low_resolution_maps(request.classes)
+        self._maps = maps
+        return Maps(tuple(maps))
 
     def _refine_maps(self, request: RefineMaps) -> Maps:
         geometry = self._the_volume.geometry
@@ -123,6 +113,9 @@ class SegmentationService:
     def _render(self, request: Render) -> ColorVolume:
         session = self._the_session
         maps, isos, box = self._last_maps(request.refined)
+        if len(maps) != len(request.styles):
+            # They are others by now: the answer to a click that has given this request up.
+            raise Cancelled
         colors, opacities = [color for color, _ in request.styles], [opacity for _, opacity in request.styles]
         if request.mode == "similarity":
             rgba = similarity_rgba(maps, isos, colors, opacities, self._progress)
@@ -138,7 +131,8 @@ class SegmentationService:
             arrays, box = on_common_box(self._segmented.crops)
             return arrays, [crop.iso for crop in self._segmented.crops], box
         k, j, i = (slice(0, size) for size in self._the_volume.shape)
-        return [low.array for low in self._maps], [low.iso for low in self._maps], (k, j, i)
+        maps = self._maps
+        return [low.array for low in maps], [low.iso for low in maps], (k, j, i)
 
     def _segment(self, classes: tuple[ClassRequest, ...], refinement: Refinement) -> _Segmented:
         """The segmentation of these classes, which is made once for the same request."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from threading import Lock
 
 import numpy as np
 
@@ -75,8 +76,8 @@ class SegmentationSession:
         self.preset = preset
         self.watch = Stopwatch()
         self._source = source
-        self._features: NormalisedFeatures | None = None
-        self._rule: SimilarityRule | None = None
+        self._loaded: tuple[NormalisedFeatures, SimilarityRule] | None = None
+        self._computing_maps = Lock()
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
@@ -103,8 +104,8 @@ class SegmentationSession:
 
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
-        self._features = normalised_features(features, self.preset.statistics)
-        self._rule = similarity_rule(self.preset.similarity, self._features, self.volume)
+        normalised = normalised_features(features, self.preset.statistics)
+        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume)
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -114,23 +115,20 @@ class SegmentationSession:
         return self._source.provenance
 
     @property
-    def has_features(self) -> bool:
-        """Whether there are features, even if only coarse ones."""
-        return self._features is not None
-
-    @property
     def features(self) -> NormalisedFeatures:
         """The volume's features. Raises RuntimeError before `load_features`."""
-        if self._features is None:
-            raise RuntimeError("load_features comes first")
-        return self._features
+        return self._features_and_rule[0]
 
     @property
     def rule(self) -> SimilarityRule:
         """From annotations to maps and thresholds. Raises RuntimeError before `load_features`."""
-        if self._rule is None:
+        return self._features_and_rule[1]
+
+    @property
+    def _features_and_rule(self) -> tuple[NormalisedFeatures, SimilarityRule]:
+        if self._loaded is None:
             raise RuntimeError("load_features comes first")
-        return self._rule
+        return self._loaded
 
     @cached_property
     def display_window(self) -> IntensityWindow:
@@ -138,9 +136,14 @@ class SegmentationSession:
         return display_window(self.volume)
 
     def low_resolution_maps(self, requests: Sequence[ClassRequest]) -> list[ClassMap]:
-        """S_L of every class and its threshold: the answer to a click, in milliseconds."""
-        with self.watch.step("similarity"):
-            geometry, rule = self.features.geometry, self.rule
+        """S_L of every class and its threshold: the answer to a click, in milliseconds.
+
+        Any thread may ask, also while another loads finer features or segments.
+        """
+        # Rules keep from click to click what can be used again.
+        with self._computing_maps, self.watch.step("similarity"):
+            features, rule = self._features_and_rule
+            geometry = features.geometry
             maps = rule.maps(requests)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:

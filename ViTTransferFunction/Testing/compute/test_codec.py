@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.compute import requests
+from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.codec import from_message, holds, to_message
 from ViTTransferFunction.Logic.compute.messages import Message, read_message, write_message
 from ViTTransferFunction.Logic.core.class_map import ClassMap
@@ -33,6 +35,7 @@ BODIES = [
     requests.SegmentClasses((), REFINEMENT),
     requests.Render("transfer function", True, (((1.0, 0.5, 0.0), 0.25),)),
     requests.Cancel((3, 4)),
+    requests.Started(4711),
     requests.Done(),
     requests.Maps((ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5), ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1))),
     requests.Labels(ARRAY.astype(np.uint16)),
@@ -57,11 +60,12 @@ def same(one: Any, other: Any) -> bool:
 
 
 @pytest.mark.parametrize("body", BODIES, ids=lambda body: type(body).__name__)
-def test_what_is_sent_arrives_as_it_was(body: Any) -> None:
+def test_what_is_sent_arrives_as_it_was(body: Any, tmp_path: Path) -> None:
+    files = ArrayFiles(tmp_path)
     stream = io.BytesIO()
-    write_message(stream, to_message(7, body))
+    write_message(stream, to_message(7, body), files)
     stream.seek(0)
-    message = read_message(stream)
+    message = read_message(stream, files)
     assert message is not None
     number, arrived = from_message(message)
     assert number == 7

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.compute.messages import Message, read_message, write_message
+from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
+from ViTTransferFunction.Logic.compute.messages import ArraysNotWritten, Message, read_message, write_message
 
 
-def test_content_and_arrays_arrive_as_they_were_sent() -> None:
+@pytest.fixture
+def files(tmp_path: Path) -> ArrayFiles:
+    return ArrayFiles(tmp_path)
+
+
+def test_content_and_arrays_arrive_as_they_were_sent(files: ArrayFiles, tmp_path: Path) -> None:
     arrays = (
         np.arange(24, dtype=np.int16).reshape(2, 3, 4),
         np.array([[1.5, np.nan], [np.inf, -0.0]], dtype=">f8"),
@@ -19,22 +26,62 @@ def test_content_and_arrays_arrive_as_they_were_sent() -> None:
         np.arange(20, dtype=np.float32).reshape(4, 5).T,
     )
     stream = io.BytesIO()
-    write_message(stream, Message({"what": "Größe", "points": [[1.0, 2.0, 3.0]], "iso": None}, arrays))
-    write_message(stream, Message({"second": True}))
+    write_message(stream, Message({"what": "Größe\n", "points": [[1.0, 2.0, 3.0]], "iso": None}, arrays), files)
+    write_message(stream, Message({"second": True}), files)
     stream.seek(0)
-    first, second = read_message(stream), read_message(stream)
+    first, second = read_message(stream, files), read_message(stream, files)
     assert first is not None
     assert second is not None
-    assert first.content == {"what": "Größe", "points": [[1.0, 2.0, 3.0]], "iso": None}
+    assert first.content == {"what": "Größe\n", "points": [[1.0, 2.0, 3.0]], "iso": None}
     for sent, received in zip(arrays, first.arrays, strict=True):
         assert received.dtype == sent.dtype
         np.testing.assert_array_equal(received, sent)
     assert second.content == {"second": True}
-    assert read_message(stream) is None
+    assert read_message(stream, files) is None
+    assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("missing", [1, 10, 200])
-def test_an_incomplete_message_is_not_returned(missing: int) -> None:
+def test_the_stream_itself_carries_no_array(files: ArrayFiles) -> None:
     stream = io.BytesIO()
-    write_message(stream, Message({"what": "maps"}, (np.ones(32),)))
-    assert read_message(io.BytesIO(stream.getvalue()[:-missing])) is None
+    write_message(stream, Message({"what": "labels"}, (np.zeros((100, 100, 100)),)), files)
+    assert len(stream.getvalue()) < 200
+
+
+@pytest.mark.parametrize("missing", [1, 10, 50])
+def test_an_incomplete_message_is_not_returned(missing: int, files: ArrayFiles) -> None:
+    stream = io.BytesIO()
+    write_message(stream, Message({"what": "maps"}, (np.ones(32),)), files)
+    assert read_message(io.BytesIO(stream.getvalue()[:-missing]), files) is None
+
+
+@pytest.mark.parametrize("line", [b"nothing\n", b"[1, 2]\n", b'{"content": 3}\n'])
+def test_what_is_no_message_is_refused(line: bytes, files: ArrayFiles) -> None:
+    with pytest.raises(ValueError, match=r"not a message|Expecting value"):
+        read_message(io.BytesIO(line), files)
+
+
+def test_a_file_that_is_too_short_is_noticed(files: ArrayFiles, tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    write_message(stream, Message({"what": "maps"}, (np.ones(32),)), files)
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:-1])
+    stream.seek(0)
+    with pytest.raises(OSError, match="ends after 255 of 256 bytes"):
+        read_message(stream, files)
+
+
+def test_a_message_names_no_file_of_another_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "private"
+    folder.mkdir()
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"12345678")
+    with pytest.raises(FileNotFoundError):
+        ArrayFiles(folder).take({"file": "../secret", "arrays": [{"dtype": "<f8", "shape": [1]}]})
+    assert secret.exists()
+
+
+def test_where_there_is_no_room_nothing_is_said(tmp_path: Path) -> None:
+    stream = io.BytesIO()
+    with pytest.raises(ArraysNotWritten):
+        write_message(stream, Message({"what": "maps"}, (np.ones(32),)), ArrayFiles(tmp_path / "gone"))
+    assert stream.getvalue() == b""

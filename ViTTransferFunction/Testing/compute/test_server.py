@@ -107,6 +107,19 @@ def test_what_was_cancelled_is_not_done_and_what_follows_is(client: ComputeClien
     assert isinstance(replies[after], Maps)
 
 
+def test_a_click_is_answered_while_something_else_is_being_computed(client: ComputeClient, spheres: Spheres) -> None:
+    open_spheres(client, spheres)
+    requests = requests_of(spheres)
+    others = [client.request(RefineMaps(requests[:count], Refinement())) for count in (3, 2, 1, 3)]
+    click = client.request(ComputeMaps(requests))
+    finished: list[int] = []
+    until = time.monotonic() + 60.0
+    while len(finished) < 5 and time.monotonic() < until:
+        finished += [number for number, reply in client.replies() if not isinstance(reply, Progressed)]
+    assert [number for number in finished if number != click] == others
+    assert finished[-1] != click
+
+
 @pytest.mark.slow
 def test_the_end_of_the_process_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
     # A reply is no request: no service answers it.

@@ -1,0 +1,145 @@
+"""The operating system's side of the compute process: how it is started, why it died, and how it ends."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, cast
+
+from ..core.errors import InputError
+
+# The package is made by hand: its own file imports the host program's modules, which the process does not have.
+# Python puts the working folder in front of all others for -c: what lies there must not be taken for a library.
+_BOOTSTRAP = """
+import sys
+sys.path[:] = [folder for folder in sys.path if folder]
+import types
+package = types.ModuleType("ViTTransferFunction")
+package.__path__ = [sys.argv[1]]
+sys.modules["ViTTransferFunction"] = package
+from ViTTransferFunction.Logic.compute.server import main
+main(sys.argv[2])
+"""
+_LAST_WORDS_BYTES = 4000
+_LAUNCHER_S_LINE = re.compile(r"exit abnormally")
+"""Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
+_PATIENCE_S = 0.3
+"""How long the process may take to end by itself; most often it needs a hundredth of a second."""
+
+
+class ComputeProcess:
+    """A Python that runs `server.main`, and maybe a launcher that started it, as Slicer's `PythonSlicer` does.
+
+    Args:
+        python_executable: the Python that has PyTorch; the running one unless given.
+
+    Attributes:
+        requests: the process's standard input.
+        replies: its standard output.
+        folder: private to the user, for the arrays of both.
+        own_pid: the number that the process says is its own; None until it did. A launcher has another one.
+
+    Raises:
+        InputError: it cannot be started.
+    """
+
+    def __init__(self, python_executable: str | Path | None = None) -> None:
+        executable = _executable(python_executable)
+        self.own_pid: int | None = None
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `end`)
+        self.folder = Path(tempfile.mkdtemp(prefix="vittf-"))
+        try:
+            self._process = subprocess.Popen(
+                [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), str(self.folder)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                # Where another program uses a core, OpenMP's default of spinning while it waits makes PyTorch many times
+                # slower. NumPy's own threads spin as well; all large products are PyTorch's.
+                env={"OMP_WAIT_POLICY": "passive", "OPENBLAS_NUM_THREADS": "1", **os.environ},
+                # Closing a buffered stream would wait for whoever is writing to it.
+                bufsize=0,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+                # A group of its own, so that launcher and process can be ended together.
+                start_new_session=True,
+            )
+        except OSError as error:
+            self._errors.close()
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise InputError(
+                f"The process that computes could not be started with {executable}: {error.strerror or error}. "
+                "Restart the program; if that does not help, install it again."
+            ) from error
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self.requests: IO[bytes] = self._process.stdin
+        self.replies: IO[bytes] = io.BufferedReader(cast(io.RawIOBase, self._process.stdout))
+
+    @property
+    def pid(self) -> int:
+        """The process's own number; its launcher's until it is known."""
+        return self.own_pid or self._process.pid
+
+    @property
+    def runs(self) -> bool:
+        """Whether the process, or its launcher, has not ended yet."""
+        return self._process.poll() is None
+
+    def last_words(self) -> str:
+        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing."""
+        self._errors.seek(0, os.SEEK_END)
+        self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
+        lines = self._errors.read().decode(errors="replace").splitlines()
+        said = [line.strip() for line in lines if line.strip() and not _LAUNCHER_S_LINE.search(line)]
+        return said[-1] if said else ""
+
+    def end(self) -> None:
+        """End the process, whatever it is doing, and its launcher."""
+        # It ends itself when its input does. Killing a launcher first would leave what it had launched.
+        _close(self.requests)
+        try:
+            self._process.wait(_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            self._process.wait()
+
+    def clean_up(self) -> None:
+        """Close what is left, once nobody reads it any more."""
+        _close(self.replies)
+        _close(self._errors)
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _kill(self) -> None:
+        # It may end by itself in the meantime.
+        with suppress(OSError):
+            if sys.platform == "win32":
+                if self.own_pid is not None:
+                    os.kill(self.own_pid, signal.SIGTERM)
+                self._process.kill()
+            else:
+                os.killpg(self._process.pid, signal.SIGKILL)
+
+
+def _executable(given: str | Path | None) -> str:
+    """A Python that is there. Raises InputError."""
+    executable = str(given or sys.executable or "")
+    if not executable or not Path(executable).is_file():
+        raise InputError(
+            f"Python was not found {f'as {executable}' if executable else 'beside this program'}; it is needed to compute in a "
+            "process of its own. The installation is incomplete: install the program again."
+        )
+    return executable
+
+
+def _close(stream: IO[bytes]) -> None:
+    # What was still to be flushed has nobody left to read it.
+    with suppress(OSError):
+        stream.close()

@@ -1,0 +1,207 @@
+"""The compute process as an operating system sees it: started by a launcher, killed, busy, or not to be started at all."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.compute.client import ComputeClient
+from ViTTransferFunction.Logic.compute.process import ComputeProcess
+from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
+from ViTTransferFunction.Logic.compute.requests import Labels, Prepare, TakeVolume
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Testing.support.event_loop import polls_until
+
+# What Slicer's PythonSlicer does: it starts another program, waits, and complains if that did not end by itself.
+LAUNCHER = """
+import subprocess, sys
+ended = subprocess.run([sys.executable, *sys.argv[1:]], check=False)
+if ended.returncode < 0:
+    print("error: [bin/../bin/python-real] exit abnormally - Report the problem.", file=sys.stderr)
+    sys.exit(1)
+"""
+SAYS_ITS_NUMBER = """
+import json, os
+body = {"type": "Started", "values": {"pid": os.getpid()}}
+print(json.dumps({"content": {"number": 0, "body": body}}), flush=True)
+"""
+BUSY = SAYS_ITS_NUMBER + "import ctypes\nctypes.PyDLL(None).sleep(600)\n"
+LABELS_SHAPE = (300, 512, 512)
+LARGE_REPLY = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parents[3])!r})
+from pathlib import Path
+import numpy as np
+from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
+from ViTTransferFunction.Logic.compute.codec import to_message
+from ViTTransferFunction.Logic.compute.messages import read_message, write_message
+from ViTTransferFunction.Logic.compute.requests import Labels
+files = ArrayFiles(Path(sys.argv[-1]))
+read_message(sys.stdin.buffer, files)
+labels = np.zeros({LABELS_SHAPE}, np.uint8)
+labels[-1] = 7
+write_message(sys.stdout.buffer, to_message(1, Labels(labels)), files)
+sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def executable(tmp_path: Path) -> Callable[[str], Path]:
+    """A program in the place of Python, which runs the given one instead of what it is asked to."""
+
+    def make(program: str) -> Path:
+        (tmp_path / "program.py").write_text(program)
+        path = tmp_path / "PythonSlicer"
+        path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{tmp_path}/program.py" "$@"\n')
+        path.chmod(0o700)
+        return path
+
+    return make
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[[Path | None], ComputeClient]]:
+    clients = []
+
+    def started(path: Path | None = None) -> ComputeClient:
+        clients.append(ComputeClient(path))
+        return clients[-1]
+
+    yield started
+    for client in clients:
+        client.close()
+
+
+def runs(pid: int) -> bool:
+    """Whether a process does anything yet; one that has ended may still be listed."""
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def test_a_large_reply_comes_at_once_where_the_event_loop_holds_python_s_lock(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+) -> None:
+    client = start(executable(LARGE_REPLY))
+    client.request(Prepare(SessionSettings()))
+    replies: list[tuple[int, Labels]] = []
+
+    def arrived() -> bool:
+        replies.extend(client.replies())
+        return bool(replies)
+
+    # Through the pipe, 80 MB took more than 500 polls.
+    assert polls_until(arrived) < 200
+    ((number, reply),) = replies
+    assert (number, reply.array.shape, reply.array.dtype) == (1, LABELS_SHAPE, np.uint8)
+    assert (reply.array[-1] == 7).all()
+    assert not reply.array[:-1].any()
+
+
+@pytest.mark.slow
+def test_the_number_is_the_process_s_own_and_closing_ends_it_with_its_launcher(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+) -> None:
+    client = start(executable(LAUNCHER))
+    launcher = client.pid
+    polls_until(lambda: bool(client.replies() or client.pid != launcher))
+    pid = client.pid
+    client.close()
+    assert not client.alive
+    assert not runs(pid)
+    assert not runs(launcher)
+
+
+def test_a_process_that_never_reads_its_input_is_ended_with_its_launcher(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient], tmp_path: Path
+) -> None:
+    (tmp_path / "busy.py").write_text(BUSY)
+    launch = f"import subprocess, sys\nsubprocess.run([sys.executable, {str(tmp_path / 'busy.py')!r}], check=False)\n"
+    client = start(executable(launch))
+    launcher = client.pid
+    polls_until(lambda: bool(client.replies() or client.pid != launcher))
+    pid = client.pid
+    client.close()
+    assert not runs(pid)
+    assert not runs(launcher)
+
+
+@pytest.mark.slow
+def test_what_the_launcher_says_of_a_killed_process_does_not_pass_for_its_reason(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+) -> None:
+    client = start(executable(LAUNCHER))
+    launcher = client.pid
+    polls_until(lambda: bool(client.replies() or client.pid != launcher))
+    os.kill(client.pid, signal.SIGKILL)
+    polls_until(lambda: bool(client.replies() or not client.alive))
+    assert client.last_words() == ""
+
+
+@pytest.mark.parametrize("python", ["", "/nowhere/PythonSlicer"])
+def test_where_python_is_missing_one_sentence_says_so(python: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", python)
+    with pytest.raises(InputError, match="Python was not found"):
+        ComputeClient()
+
+
+def test_a_process_that_cannot_be_started_is_reported_and_nothing_is_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, temporary = tmp_path / "no program", tmp_path / "temporary"
+    file.write_text("")
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    volume = TakeVolume(np.zeros((2, 2, 2)), Geometry((2, 2, 2), np.eye(4)), "CT")
+    proxy = SegmentationProxy(lambda: ComputeClient(file))
+    proxy.open(volume, SessionSettings())
+    assert "could not be started" in (proxy.take_error() or "")
+    proxy.extract()
+    assert "could not be started" in (proxy.take_error() or "")
+    assert (proxy.phase, proxy.busy, proxy.pid) == ("no features", False, None)
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_programs_in_the_working_folder_are_not_taken_for_libraries(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
+) -> None:
+    for name in ("types", "numpy", "scipy", "queue"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('run from the working folder')")
+    monkeypatch.chdir(tmp_path)
+    client = start()
+    client.request(Prepare(SessionSettings()))
+    polls_until(lambda: bool(client.replies()) or not client.alive)
+    assert client.alive, client.last_words()
+
+
+@pytest.mark.slow
+def test_only_the_user_can_read_the_arrays_and_closing_leaves_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    process = ComputeProcess()
+    assert process.folder.parent == tmp_path
+    assert process.folder.stat().st_mode & 0o077 == 0
+    process.end()
+    process.clean_up()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_where_the_temporary_folder_has_no_room_the_reason_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    client = start()
+    polls_until(lambda: bool(client.replies() or client.alive))
+    (folder,) = tmp_path.glob("vittf-*")
+    folder.rmdir()
+    client.request(TakeVolume(np.zeros((2, 2, 2)), Geometry((2, 2, 2), np.eye(4)), "CT"))
+    polls_until(lambda: bool(client.replies() or not client.alive))
+    assert "no room in the folder for temporary files" in client.last_words()

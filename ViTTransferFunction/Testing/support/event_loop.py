@@ -1,0 +1,29 @@
+"""An event loop that is to Python's threads what Slicer's is: it holds Python's lock, also while it idles.
+
+PySide's loop gives the lock back, and so hides whatever a thread cannot do in the instants that Slicer leaves it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+
+POLL_S = 0.02
+"""How often Slicer's timer calls the panel."""
+
+# Functions of a PyDLL, other than those of a CDLL, are called with the lock held.
+_usleep = ctypes.PyDLL(None).usleep
+
+
+def idle_with_the_lock(seconds: float) -> None:
+    """Wait as Slicer's event loop does."""
+    _usleep(int(1e6 * seconds))
+
+
+def polls_until(finished: Callable[[], bool], most: int = 3000) -> int:
+    """Run the loop until `finished`, which is asked at every tick of its timer; how often it was."""
+    for polls in range(1, most + 1):
+        if finished():
+            return polls
+        idle_with_the_lock(POLL_S)
+    raise AssertionError(f"nothing came in {most} polls")
