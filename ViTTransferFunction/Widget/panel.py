@@ -20,7 +20,7 @@ from ViTTransferFunction.Widget.pytorch_installation import PyTorchSection
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
-POLL_MS = 20
+POLL_MS = 10
 """How often the session is asked for news while something runs."""
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""

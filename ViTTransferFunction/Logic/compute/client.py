@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,12 @@ from .requests import Cancel, Started
 
 _PATIENCE_S = 2.0
 _TURN_S = 0.001
-"""How long `replies` leaves Python's lock to the threads."""
+"""How long `replies` leaves Python's lock to the threads, where nothing has come yet.
+
+The event loop of Slicer holds the lock also while it idles: threads get on only while this program waits for something else.
+"""
+_WRITING_S = 0.0002
+"""How long `request` leaves it to them: enough to send one without large arrays."""
 
 
 class ComputeClient:
@@ -54,6 +60,7 @@ class ComputeClient:
         """Ask for something (`requests`); returns the request's number at once. Its arrays must not change until the reply."""
         self._last_request += 1
         self._outgoing.put(to_message(self._last_request, request))
+        time.sleep(_WRITING_S)
         return self._last_request
 
     def cancel(self, numbers: Iterable[int]) -> None:
@@ -75,7 +82,6 @@ class ComputeClient:
 
     def _next(self) -> Message | None:
         try:
-            # The event loop of Slicer holds Python's lock also while it idles. The threads get on only while this waits.
             return self._incoming.get(timeout=_TURN_S)
         except queue.Empty:
             return None

@@ -1,7 +1,7 @@
 """A volume that is segmented in the compute process: what was asked for, what has arrived, and what is to be asked next.
 
-Nothing here waits. `poll`, called often, takes replies in and sends what has become due: maps at once after each change of the
-annotations, the refined ones when the user pauses. A new change overtakes a refinement that is still running.
+Nothing here waits. Maps are asked for at once after each change of the annotations, and a change overtakes a refinement that is
+still running. `poll`, called often, takes replies in and sends what has become due: refined maps when the user pauses, say.
 """
 
 from __future__ import annotations
@@ -141,6 +141,7 @@ class SegmentationProxy:
         """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how."""
         self._classes, self._refinement = tuple(classes), refinement
         self._maps_due, self._refine_due_s = True, None
+        self._send_due()
 
     def look(self, mode: RenderingMode | None, styles: Styles) -> None:
         """Choose what the 3D views are to show; None: nothing."""
@@ -224,7 +225,7 @@ class SegmentationProxy:
 
     def _send_due(self) -> None:
         """Send the most urgent of what is due; the others wait until it is done, so that they do not delay what comes then."""
-        if not self.usable:
+        if not self.usable or self._client is None:
             return
         if self._maps_due:
             if not self._is_pending(ComputeMaps):

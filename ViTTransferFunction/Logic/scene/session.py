@@ -2,7 +2,7 @@
 
 What the user decides lies in the scene: parameters in a parameter node, classes in point lists. This object watches them, has
 maps computed in the compute process, and shows the results: overlay, contours, rendering, segments. It may be taken away at any
-time and made again from the scene. Nothing here waits: a front end calls `poll` about every 20 ms while `busy`.
+time and made again from the scene. Nothing here waits: a front end calls `poll` about every 10 ms while `busy`.
 """
 
 from __future__ import annotations

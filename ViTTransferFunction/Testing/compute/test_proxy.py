@@ -69,7 +69,7 @@ class Client:
         return replies
 
     def last_words(self) -> str:
-        return "Traceback\nMemoryError"
+        return "MemoryError"
 
     def close(self) -> None:
         self.alive = False
@@ -131,6 +131,28 @@ def test_maps_of_coarse_features_are_asked_for_while_the_fine_ones_are_computed(
     assert proxy.poll() == {"state"}
     assert client.asked[-1] == ComputeMaps((LIVER,))
     assert proxy.phase == "extracting"
+
+
+def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationProxy, client: Client) -> None:
+    ready.update([LIVER], None)
+    assert client.asked[-1] == ComputeMaps((LIVER,))
+    sent = len(client.asked)
+    # The answer to the first is still under way; what comes meanwhile is sent once, as it is then.
+    ready.update([LIVER, SPLEEN], None)
+    ready.update([SPLEEN], None)
+    assert len(client.asked) == sent
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    assert client.asked[sent:] == [ComputeMaps((SPLEEN,))]
+
+
+def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(
+    proxy: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "last_words", lambda: "")
+    client.alive = False
+    proxy.poll()
+    assert "ran out of memory" in (proxy.take_error() or "")
 
 
 def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, client: Client) -> None:

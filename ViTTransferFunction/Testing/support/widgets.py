@@ -8,15 +8,17 @@ from typing import Any
 
 import slicer
 import vtk
-from PySide6.QtTest import QTest
+
+from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
-    """Let the application run until `condition` holds."""
+    """Let the application run until `condition` holds; Python's threads get as little of it as in Slicer."""
     until = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < until, "nothing came"
-        QTest.qWait(5)
+        slicer.app.processEvents()
+        idle_with_the_lock(0.005)
 
 
 def add_class(widget: Any, name: str = "") -> Any:

@@ -25,7 +25,7 @@ from ViTTransferFunction.Testing.support.widgets import add_class, place, text, 
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
-POLL_MS = 20
+POLL_MS = 10
 """How often the panel asks the compute process for news."""
 SLOW_BEATS = 100
 
