@@ -2,10 +2,12 @@
 
     python dev.py bench interaction [--weights PATH]
 
-Drives the session of the Slicer module on a real scene, without views: what Slicer takes to draw is not counted. The features
-are made up, at 64³ cells with 384 channels, since only their number matters here; with --weights, features are also extracted
-for real, to see whether that blocks. Then what the session computes for a click is timed alone, at 80³ cells, and compared
-with the least that it could take (`update_cost`). Writes `interaction.json` and `interaction.md`.
+Drives the session of the Slicer module on a real scene, without views: what Slicer takes to draw is not counted. The event loop
+is one that holds Python's lock while it idles, as Slicer's does, and asks the session for news as often as the panel has it do.
+The features are made up, at 64³ cells with 384 channels, since only their number matters here; with --weights, features are
+also extracted for real, to see whether that blocks. A result of 512×512×600 voxels is handed over and written as segments
+(`large_result`). Then what the session computes for a click is timed alone, at 80³ cells, and compared with the least that it
+could take (`update_cost`). Writes `interaction.json` and `interaction.md`.
 """
 
 from __future__ import annotations
@@ -13,59 +15,27 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from trame_slicer.core import SlicerApp
 
+from Benchmarks.interaction.large_result import measure_large_result
+from Benchmarks.interaction.made_up_volume import CELLS, cache_features, centres, phantom
 from Benchmarks.interaction.update_cost import CHANNELS, measure_updates
+from Benchmarks.interaction.watched_session import open_session
 from Benchmarks.shared.arguments import benchmark_parser
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.cache import FeatureCache
-from ViTTransferFunction.Logic.features.device import choose_device
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.settings import feature_key
-from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.weights.models import pretrained_model
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume
 
-CELLS = 64
 CLASSES = 5
 PAUSES_S = (0.1, 0.5, 1.0)
 """Between one click's answer and the next click. After a tenth of a second nothing else has begun yet; after half of one, the
 3D rendering and the refinement have, and have to be given up."""
-TICK_S = 0.005
-"""How often the session is polled: a quarter of the panel's interval, so that little of what is measured is waiting for it."""
-
-
-class Watched:
-    """A session whose every call is timed, as the window would feel it."""
-
-    def __init__(self, session: SceneSession) -> None:
-        self.session = session
-        self.longest_ms = 0.0
-
-    def call(self, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        """Call the session, and note how long it took."""
-        began = time.perf_counter()
-        result = function(*arguments, **named)
-        self.longest_ms = max(self.longest_ms, 1e3 * (time.perf_counter() - began))
-        return result
-
-    def until(self, finished: Callable[[], bool]) -> float:
-        """Poll until `finished`; the seconds that took."""
-        began = time.perf_counter()
-        while not finished():
-            self.call(self.session.poll)
-            time.sleep(TICK_S)
-        return time.perf_counter() - began
 
 
 def main() -> None:
@@ -77,7 +47,7 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as cache:
         os.environ["VITTF_CACHE"] = cache
-        volume = phantom(options.size)
+        volume = phantom((options.size, options.size, options.size))
         measured: dict[str, Any] = {
             "machine": machine(),
             "volume": options.size,
@@ -87,6 +57,7 @@ def main() -> None:
         }
         if options.weights:
             measured["extraction"] = measure_extraction(volume, options.weights)
+        measured["large_result"] = measure_large_result()
     measured["updates"] = measure_updates()
     write_results(options.results, "interaction", {**measured, "summary": summary(measured)}, text(measured))
 
@@ -98,39 +69,13 @@ def summary(measured: dict[str, Any]) -> dict[str, float]:
     return {
         "click_ms": paces[0]["median_ms"],
         "click_worst_ms": max(pace["worst_ms"] for pace in paces),
-        "blocked_ms": max(part["blocked_ms"] for part in (measured["clicks"], measured.get("extraction")) if part),
+        "blocked_ms": max(
+            part["blocked_ms"] for part in (measured["clicks"], measured.get("extraction"), measured["large_result"]) if part
+        ),
+        "large_result_s": measured["large_result"]["seconds"],
         "update_ms": update_ms,
         "update_floor_ratio": update_ms / updates["floor_ms"],
     }
-
-
-def phantom(size: int) -> Volume:
-    """Balls of different brightness in noise, (size, size, size) int16 at 1 mm."""
-    rng = np.random.default_rng(0)
-    array = rng.normal(0.0, 10.0, (size, size, size)).astype(np.float32)
-    k, j, i = np.ogrid[:size, :size, :size]
-    for value, centre in zip((100, 200, 300, 400, 500), centres(size), strict=True):
-        array[(k - centre[0]) ** 2 + (j - centre[1]) ** 2 + (i - centre[2]) ** 2 < (size / 8) ** 2] += value
-    return Volume(array.astype(np.int16), Geometry(array.shape, np.diag([1.0, 1.0, 1.0, 1.0])), "phantom")
-
-
-def centres(size: int) -> np.ndarray:
-    """Of the five balls, (k, j, i)."""
-    return size * np.array([[0.3, 0.3, 0.3], [0.7, 0.3, 0.3], [0.3, 0.7, 0.3], [0.3, 0.3, 0.7], [0.7, 0.7, 0.7]])
-
-
-def cache_features(volume: Volume) -> None:
-    """Features in which each ball has a direction of its own, as if they had been extracted."""
-    rng = np.random.default_rng(1)
-    step = volume.shape[0] // CELLS
-    brightness = volume.array[step // 2 :: step, step // 2 :: step, step // 2 :: step]
-    directions = rng.normal(0.0, 1.0, (6, CHANNELS)).astype(np.float16)
-    array = directions[np.clip(np.rint(brightness / 100), 0, 5).astype(int)]
-    array += 0.5 * rng.standard_normal(array.shape, dtype=np.float32).astype(np.float16)
-    preset = PRESETS[DEFAULT_PRESET]
-    model = pretrained_model(preset.model)
-    key = feature_key(volume, model.name, model.sha256 or "", preset.features, choose_device("auto"))
-    FeatureCache().put(FeatureVolume(array, volume.geometry.resized((CELLS, CELLS, CELLS)), key))
 
 
 def measure_clicks(volume: Volume, clicks: int) -> dict[str, Any]:
@@ -143,7 +88,7 @@ def measure_clicks(volume: Volume, clicks: int) -> dict[str, Any]:
     ids = [watched.call(session.annotations.add_class, f"ball {n}").id for n in range(CLASSES)]
     watched.call(session.select_class, ids[0])
     rng = np.random.default_rng(2)
-    places = volume.geometry.ijk_to_ras_points(centres(volume.shape[0])[:, ::-1])
+    places = volume.geometry.ijk_to_ras_points(centres(volume.shape)[:, ::-1])
     for id_, place in zip(ids, places, strict=True):
         session.annotations.add_points(id_, place[None], positive=True)
     watched.until(lambda: not session.busy)
@@ -181,16 +126,6 @@ def measure_extraction(volume: Volume, weights: Path) -> dict[str, Any]:
     return {"grid": 32, "seconds": seconds, "blocked_ms": watched.longest_ms}
 
 
-def open_session(app: Any, volume: Volume, **parameters: Any) -> Watched:
-    """A session on `volume`."""
-    node = add_volume(app.scene, volume)
-    watched = Watched(SceneSession(app.scene, app.app_logic, add_parameter_node(app.scene)))
-    for name, value in parameters.items():
-        watched.session.parameters.set(name, value)
-    watched.call(watched.session.set_volume, node)
-    return watched
-
-
 def text(measured: dict[str, Any]) -> str:
     """The report for people."""
     updates = measured["updates"]
@@ -222,6 +157,11 @@ def window_rows(measured: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "cached features loaded, from choosing the volume", f"{clicks['features_loaded_s']:.1f} s"
     yield "all classes refined, from the last click", f"{clicks['refined_after_s']:.1f} s"
     yield "longest that the window was blocked", f"{clicks['blocked_ms']:.0f} ms"
+    large = measured["large_result"]
+    k, j, i = large["shape"]
+    what = f"result of {i}×{j}×{k} voxels, from the last step of computing it to {large['segments']} segments"
+    yield what, f"{large['seconds']:.2f} s"
+    yield "longest that the window was blocked by that", f"{large['blocked_ms']:.0f} ms"
     if "extraction" in measured:
         extraction = measured["extraction"]
         what = f"longest that it was blocked while features were extracted, {extraction['seconds']:.0f} s at grid "

@@ -1,0 +1,59 @@
+"""A volume of five balls, and features of it as if they had been extracted: what counts here is how many there are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from Benchmarks.interaction.update_cost import CHANNELS
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.device import choose_device
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.features.settings import feature_key
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+
+CELLS = 64
+"""Along the longest edge."""
+
+Shape = tuple[int, int, int]
+
+
+def phantom(shape: Shape) -> Volume:
+    """Balls of different brightness in noise, (K, J, I) int16 at 1 mm."""
+    rng = np.random.default_rng(0)
+    array = rng.normal(0.0, 10.0, shape).astype(np.int16)
+    k, j, i = (np.arange(count) for count in shape)
+    radius = min(shape) / 8
+    for value, centre in zip((100, 200, 300, 400, 500), centres(shape), strict=True):
+        box = tuple(slice(int(c - radius), int(c + radius) + 2) for c in centre)
+        squared = sum(
+            (positions[extent].reshape(place) - c) ** 2
+            for positions, extent, place, c in zip((k, j, i), box, ((-1, 1, 1), (-1, 1), (-1,)), centre, strict=True)
+        )
+        array[box][squared < radius**2] += value
+    return Volume(array, Geometry(shape, np.eye(4)), "phantom")
+
+
+def centres(shape: Shape) -> np.ndarray:
+    """Of the five balls, (5, 3), voxels along (k, j, i)."""
+    shares = np.array([[0.3, 0.3, 0.3], [0.7, 0.3, 0.3], [0.3, 0.7, 0.3], [0.3, 0.3, 0.7], [0.7, 0.7, 0.7]])
+    return shares * shape
+
+
+def cache_features(volume: Volume) -> None:
+    """Features in which each ball has a direction of its own, as if they had been extracted."""
+    rng = np.random.default_rng(1)
+    k, j, i = (max(1, CELLS * count // max(volume.shape)) for count in volume.shape)
+    middles = [
+        ((np.arange(cells) + 0.5) * count / cells).astype(int) for cells, count in zip((k, j, i), volume.shape, strict=True)
+    ]
+    brightness = volume.array[np.ix_(*middles)]
+    directions = rng.normal(0.0, 1.0, (6, CHANNELS)).astype(np.float16)
+    array = directions[np.clip(np.rint(brightness / 100), 0, 5).astype(int)]
+    array += 0.5 * rng.standard_normal(array.shape, dtype=np.float32).astype(np.float16)
+    preset = PRESETS[DEFAULT_PRESET]
+    model = pretrained_model(preset.model)
+    key = feature_key(volume, model.name, model.sha256 or "", preset.features, choose_device("auto"))
+    FeatureCache().put(FeatureVolume(array, volume.geometry.resized((k, j, i)), key))
