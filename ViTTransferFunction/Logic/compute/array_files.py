@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -61,6 +62,10 @@ class ArrayFiles:
             arrays = tuple(_read(file, np.dtype(array["dtype"]), array["shape"]) for array in description["arrays"])
         path.unlink()
         return arrays
+
+    def remove_folder(self) -> None:
+        """Delete the folder and what is left in it, as far as that can be done."""
+        shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def _bytes_of(array: np.ndarray) -> memoryview:

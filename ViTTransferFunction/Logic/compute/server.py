@@ -75,7 +75,8 @@ class Server:
                 self._cancelled |= set(cancel.numbers)
             else:
                 (self._clicks if holds(message, ComputeMaps) else self._others).put(message)
-        # Nobody is left to compute for, not even what is being computed.
+        # Nobody is left to compute for, not even what is being computed; and maybe nobody to tidy up.
+        self._files.remove_folder()
         os._exit(0)
 
     def _answer(self, messages: queue.SimpleQueue[Message]) -> None:

@@ -194,6 +194,18 @@ def test_only_the_user_can_read_the_arrays_and_closing_leaves_none(tmp_path: Pat
 
 
 @pytest.mark.slow
+def test_nothing_is_left_where_the_program_that_started_it_just_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    process = ComputeProcess()
+    (process.folder / "1-0").write_bytes(b"voxels")
+    process.requests.close()
+    polls_until(lambda: not process.runs)
+    assert list(tmp_path.iterdir()) == []
+    process.end()
+    process.clean_up()
+
+
+@pytest.mark.slow
 def test_where_the_temporary_folder_has_no_room_the_reason_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
 ) -> None:
