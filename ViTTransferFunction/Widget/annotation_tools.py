@@ -101,9 +101,12 @@ class AnnotationTools(Section):
         else:
             self._place_mode.stop()
             size_mm = self.ui.brushSizeSlider.value
-            # The eraser's circles overlap, so that no point slips between two of them.
-            step_mm = size_mm / 2 if self.tool == "eraser" else size_mm
-            self._stroke_mode.start(step_mm, self._erase if self.tool == "eraser" else self._paint)
+            if self.tool == "eraser":
+                # Its circles overlap, so that no point slips between two of them.
+                self._stroke_mode.start(size_mm / 2, size_mm, self._erase)
+            else:
+                # Points that are as far apart as the circle is wide.
+                self._stroke_mode.start(size_mm, size_mm / 2, self._paint)
         self._check_buttons()
 
     def _paint(self, points_ras: np.ndarray, continued: bool) -> None:

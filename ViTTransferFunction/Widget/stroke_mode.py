@@ -21,11 +21,14 @@ class StrokeMode:
         if self._layout_manager is not None:
             self._layout_manager.layoutChanged.connect(self._on_layout_changed)
 
-    def start(self, step_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> None:
-        """Call `on_point` with each point that a stroke leaves every `step_mm`, and whether it continues the stroke."""
+    def start(self, step_mm: float, radius_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> None:
+        """Call `on_point` with each point that a stroke leaves every `step_mm`, and whether it continues the stroke.
+
+        A circle of radius `radius_mm` follows the mouse.
+        """
         self.stop()
-        self._restart = lambda: self.start(step_mm, on_point)
-        self._tools = [StrokeTool(*place, step_mm, on_point) for place in self._views()]
+        self._restart = lambda: self.start(step_mm, radius_mm, on_point)
+        self._tools = [self._tool(name, step_mm, radius_mm, on_point) for name in self._view_names()]
         for tool in self._tools:
             tool.activate()
 
@@ -36,12 +39,20 @@ class StrokeMode:
         self._tools = []
         self._restart = None
 
-    def _views(self) -> list[tuple[Any, Any]]:
-        """The interactor and the slice node of every slice view; there is none where Slicer runs without a window."""
-        if self._layout_manager is None:
-            return []
-        widgets = [self._layout_manager.sliceWidget(name) for name in self._layout_manager.sliceViewNames()]
-        return [(widget.sliceView().interactor(), widget.mrmlSliceNode()) for widget in widgets]
+    def _view_names(self) -> list[str]:
+        """Of every slice view, in whichever window; there is none where Slicer runs without a window."""
+        return list(self._layout_manager.sliceViewNames()) if self._layout_manager is not None else []
+
+    def _tool(self, name: str, step_mm: float, radius_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> StrokeTool:
+        widget: Any = self._layout_manager.sliceWidget(name)
+        interactor, slice_node = widget.sliceView().interactor(), widget.mrmlSliceNode()
+        return StrokeTool(interactor, slice_node, step_mm, radius_mm, on_point, draw=lambda: self._draw(name))
+
+    def _draw(self, name: str) -> None:
+        # The view may be gone, with the layout that had it.
+        widget = self._layout_manager.sliceWidget(name)
+        if widget is not None:
+            widget.sliceView().scheduleRender()
 
     def _on_layout_changed(self) -> None:
         # Another layout may have views that were not there when the stroke tools were made.
