@@ -20,27 +20,27 @@ class StrokeTool:
     Args:
         interactor: of the view's render window.
         slice_node: says where the view lies in the patient.
+        draw: has the view drawn again soon.
         step_mm: distance along a stroke after which it leaves the next point.
         radius_mm: of the circle about the mouse.
         on_point: gets each point as it is left, (1, 3) RAS millimetres, and whether it continues a stroke.
-        draw: has the view drawn again soon.
     """
 
     def __init__(
         self,
         interactor: vtk.vtkRenderWindowInteractor,
         slice_node: slicer.vtkMRMLSliceNode,
+        draw: Callable[[], None],
         step_mm: float,
         radius_mm: float,
         on_point: Callable[[np.ndarray, bool], None],
-        draw: Callable[[], None],
     ) -> None:
         self._interactor = interactor
         self._slice_node = slice_node
+        self._draw = draw
         self._step_mm = step_mm
         self._radius_mm = radius_mm
         self._on_point = on_point
-        self._draw = draw
         self._tags: list[int] = []
         self._slice_tag = 0
         self._circle: BrushCircle | None = None

@@ -41,7 +41,7 @@ def tool_in(
     interactor: Any, slice_node: Any, on_point: Callable[[np.ndarray, bool], None], radius_mm: float = 5.0
 ) -> StrokeTool:
     """A tool that leaves a point every 5 mm, active."""
-    tool = StrokeTool(interactor, slice_node, 5.0, radius_mm, on_point, draw=lambda: None)
+    tool = StrokeTool(interactor, slice_node, lambda: None, 5.0, radius_mm, on_point)
     tool.activate()
     return tool
 
@@ -155,7 +155,7 @@ def test_the_circle_is_gone_while_the_mouse_is_elsewhere(view: Any) -> None:
 
 def test_the_view_is_drawn_again_whenever_the_circle_changes(slice_node: Any, interactor: Any) -> None:
     drawn: list[str] = []
-    tool = StrokeTool(interactor, slice_node, 5.0, 5.0, lambda point, continued: None, draw=lambda: drawn.append(""))
+    tool = StrokeTool(interactor, slice_node, lambda: drawn.append(""), 5.0, 5.0, lambda point, continued: None)
     tool.activate()
     mouse(interactor, "MouseMoveEvent", 10, 10)
     mouse(interactor, "LeaveEvent", 0, 10)

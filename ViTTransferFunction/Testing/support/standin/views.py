@@ -94,6 +94,7 @@ class SliceWidget(QWidget):
         # Never drawn, but tools put their actors into it.
         window = vtk.vtkRenderWindow()
         window.SetOffScreenRendering(True)
+        window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
         window.AddRenderer(vtk.vtkRenderer())
         self._interactor.SetRenderWindow(window)
         self._interactor.SetInteractorStyle(vtk.vtkInteractorStyleUser())
