@@ -8,9 +8,10 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
+from ViTTransferFunction.Logic.scene.stroke_tool import StrokeTool
 from ViTTransferFunction.Widget.place_mode import PlaceMode
 from ViTTransferFunction.Widget.section import Section
-from ViTTransferFunction.Widget.stroke_mode import StrokeMode
+from ViTTransferFunction.Widget.slice_tools import SliceTools
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "eraser"]
 
@@ -27,7 +28,7 @@ class AnnotationTools(Section):
         self.tool: Tool | None = None
         self._used_on: str | None = None
         self._place_mode = PlaceMode(slicer.app.applicationLogic(), self.put_down)
-        self._stroke_mode = StrokeMode()
+        self._slice_tools = SliceTools()
         self._buttons: dict[Tool, Any] = {
             "pointOn": ui.pointOnButton,
             "pointOff": ui.pointOffButton,
@@ -67,7 +68,7 @@ class AnnotationTools(Section):
         """Give the mouse back to the views."""
         self.tool = None
         self._place_mode.stop()
-        self._stroke_mode.stop()
+        self._slice_tools.stop()
         self._check_buttons()
 
     def undo(self) -> None:
@@ -95,16 +96,22 @@ class AnnotationTools(Section):
         assert self.session is not None
         assert selected is not None
         self._used_on = selected.id
-        self._stroke_mode.stop()
+        self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
         else:
             self._place_mode.stop()
             size_mm = self.ui.brushSizeSlider.value
-            # The eraser's circles overlap, so that no point slips between two of them.
-            step_mm = size_mm / 2 if self.tool == "eraser" else size_mm
-            self._stroke_mode.start(step_mm, self._erase if self.tool == "eraser" else self._paint)
+            if self.tool == "eraser":
+                # Its circles overlap, so that no point slips between two of them.
+                self._use_strokes(size_mm / 2, size_mm, self._erase)
+            else:
+                # Points that are as far apart as the circle is wide.
+                self._use_strokes(size_mm, size_mm / 2, self._paint)
         self._check_buttons()
+
+    def _use_strokes(self, step_mm: float, radius_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> None:
+        self._slice_tools.start(lambda interactor, node, draw: StrokeTool(interactor, node, draw, step_mm, radius_mm, on_point))
 
     def _paint(self, points_ras: np.ndarray, continued: bool) -> None:
         selected = self.selected

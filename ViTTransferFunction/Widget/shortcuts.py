@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import qt
+import slicer
 from slicer.i18n import tr as _
 
 
@@ -65,9 +66,11 @@ def meanings() -> dict[str, str]:
 class Shortcuts:
     """Installs the keys for as long as the module is open.
 
+    They work in the main window and in every other window with views, and in no dialog.
+
     Args:
         ui: the widgets of the panel, by name: their tool tips and the list of shortcuts name the keys.
-        parent: the window in which the keys work.
+        parent: the main window.
         actions: what to do, by the name of the action.
     """
 
@@ -75,6 +78,9 @@ class Shortcuts:
         self._parent = parent
         self._actions = actions
         self.installed: list[Any] = []
+        layout_manager = slicer.app.layoutManager()
+        if layout_manager is not None:
+            layout_manager.layoutChanged.connect(self._on_layout_changed)
         ui.shortcutsLabel.text = shortcuts_table()
         for shortcut in SHORTCUTS:
             if shortcut.button:
@@ -84,7 +90,7 @@ class Shortcuts:
     def install(self) -> None:
         """Let the keys work."""
         if not self.installed:
-            self.installed = [self._make(shortcut) for shortcut in SHORTCUTS]
+            self.installed = [self._make(shortcut, window) for window in self._windows() for shortcut in SHORTCUTS]
 
     def remove(self) -> None:
         """Leave the keys to others."""
@@ -94,10 +100,27 @@ class Shortcuts:
             shortcut.deleteLater()
         self.installed = []
 
-    def _make(self, shortcut: Shortcut) -> Any:
-        made = qt.QShortcut(qt.QKeySequence(shortcut.key), self._parent)
+    def _make(self, shortcut: Shortcut, window: Any) -> Any:
+        made = qt.QShortcut(qt.QKeySequence(shortcut.key), window)
         made.activated.connect(self._actions[shortcut.action])
         return made
+
+    def _windows(self) -> list[Any]:
+        """The main window, and those in which Slicer puts views of other monitors."""
+        windows = [self._parent]
+        layout_manager = slicer.app.layoutManager()
+        for view in layout_manager.viewWidgets() if layout_manager is not None else ():
+            window = view.window()
+            # To Qt, a floating dock is part of the main window: with keys of its own, each would be there twice.
+            if window not in windows and not window.inherits("QDockWidget"):
+                windows.append(window)
+        return windows
+
+    def _on_layout_changed(self) -> None:
+        # Another layout may have other windows.
+        if self.installed:
+            self.remove()
+            self.install()
 
 
 def shortcuts_table() -> str:

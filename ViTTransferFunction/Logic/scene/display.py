@@ -17,11 +17,11 @@ class SceneDisplay:
 
     Args:
         scene: the scene.
-        app_logic: the application's logic, which has the volume rendering's.
+        app_logic: the application's logic, which has those of the slice views and of the volume rendering.
     """
 
     def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> None:
-        self._overlay = SimilarityOverlay(scene)
+        self._overlay = SimilarityOverlay(scene, app_logic)
         self._contours = Contours(scene)
         self._rendering = ClassRendering(scene, app_logic)
         self._volume: slicer.vtkMRMLScalarVolumeNode | None = None

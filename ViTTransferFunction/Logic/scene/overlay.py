@@ -1,6 +1,6 @@
 """A class's similarity map over the slices: its colour, the stronger the more similar.
 
-The map is shown as the foreground of all slice views. What was the foreground before comes back when the overlay goes.
+The map is a layer of its own in all slice views, over what the user chose to see there.
 
 It is a label map whose labels are similarities: of a scalar volume, Slicer shows each voxel fully or not at all, whatever
 its colour table says. Label maps are shown without interpolation, so coarse maps are interpolated here.
@@ -8,7 +8,7 @@ its colour table says. Label maps are shown without interpolation, so coarse map
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from ..core.class_map import ClassMap, box_above, in_units_of
 from ..core.colors import Color
 from ..core.geometry import Geometry
 from ..core.resampling import cell_positions, interpolated
-from .derived_nodes import DerivedNodes, nodes_of_class
+from .derived_nodes import DerivedNodes
+from .slice_layer import SliceLayer
 from .volume import set_image
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 VOLUME_NAME = "Similarity"
 COLORS_NAME = "Similarity colors"
-COMPOSITE_CLASS = "vtkMRMLSliceCompositeNode"
-"""The nodes that say which volumes a slice view shows."""
 
 FADE_IN = (0.4, 0.7, 1.0, 1.3)
 FADE_IN_OPACITY = (0.0, 0.12, 0.5, 0.75)
@@ -39,28 +38,20 @@ FINE_VOXELS = 2_000_000
 MOST_VOXELS_PER_CELL = 6
 
 
-class _Foreground(NamedTuple):
-    """What a slice view shows in its foreground."""
-
-    volume_id: str | None
-    opacity: float
-
-
 class SimilarityOverlay:
     """Shows one map at a time in all slice views.
 
     Args:
         scene: where slice views and volumes are.
+        app_logic: of the application, which knows the logics of the slice views.
     """
 
-    def __init__(self, scene: slicer.vtkMRMLScene) -> None:
-        self._scene = scene
+    def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> None:
         self._nodes = DerivedNodes(scene)
-        self._opacity = 0.0
-        self._before: dict[str, _Foreground] = {}
+        self._layer = SliceLayer(scene, app_logic)
 
     def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, class_map: ClassMap, color: Color, opacity: float) -> None:
-        """Show a map, or another one instead, in all slice views that there are.
+        """Show a map, or another one instead, in all slice views.
 
         Args:
             volume_node: the volume that the map is of; the overlay moves with it.
@@ -78,17 +69,11 @@ class SimilarityOverlay:
         volume.GetDisplayNode().SetAndObserveColorNodeID(colors.GetID())
         volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
         set_image(volume, levels, geometry.ijk_to_ras)
-        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS):
-            self._take_foreground(composite, volume, opacity)
-        self._opacity = opacity
+        self._layer.show(volume, opacity)
 
     def hide(self) -> None:
-        """Give every slice view back the foreground it had, unless it meanwhile got another one."""
-        volume = self._nodes.find(VOLUME_NAME)
-        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS) if volume else []:
-            if composite.GetForegroundVolumeID() == volume.GetID():
-                self._give_back(composite)
-        self._before.clear()
+        """Take the overlay out of all slice views."""
+        self._layer.hide()
 
     def remove(self) -> None:
         """Hide the overlay, and take its nodes out of the scene."""
@@ -100,26 +85,6 @@ class SimilarityOverlay:
         colors.SetTypeToUser()
         colors.SetNumberOfColors(LEVELS)
         return colors
-
-    def _take_foreground(self, composite: Any, volume: Any, opacity: float) -> None:
-        shown = _Foreground(composite.GetForegroundVolumeID(), composite.GetForegroundOpacity())
-        was_modifying = composite.StartModify()
-        if shown.volume_id != volume.GetID():
-            self._before[composite.GetID()] = shown
-            composite.SetForegroundVolumeID(volume.GetID())
-            composite.SetForegroundOpacity(opacity)
-        elif opacity != self._opacity:
-            # Otherwise the opacity that the user set in the view stays.
-            composite.SetForegroundOpacity(opacity)
-        composite.EndModify(was_modifying)
-
-    def _give_back(self, composite: Any) -> None:
-        before = self._before.get(composite.GetID(), _Foreground(None, 0.0))
-        exists = before.volume_id and self._scene.GetNodeByID(before.volume_id)
-        was_modifying = composite.StartModify()
-        composite.SetForegroundVolumeID(before.volume_id if exists else None)
-        composite.SetForegroundOpacity(before.opacity)
-        composite.EndModify(was_modifying)
 
 
 def _set_colors(colors: Any, iso: float, color: Color) -> None:

@@ -18,7 +18,8 @@ from ..rendering.optical_properties import (
     UNIT_VOXELS,
     opacity_points,
 )
-from .derived_nodes import DerivedNodes, nodes_of_class
+from .derived_nodes import DerivedNodes
+from .surface_smoothing import SurfaceSmoothing
 from .volume import set_image
 
 if TYPE_CHECKING:
@@ -45,10 +46,10 @@ class ClassRendering:
         self._scene = scene
         self._app_logic = app_logic
         self._nodes = DerivedNodes(scene)
-        self._smoothed_view_ids: set[str] = set()
+        self._smoothing = SurfaceSmoothing(scene)
 
     def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, rgba: np.ndarray, ijk_to_ras: np.ndarray) -> None:
-        """Show colours, or others instead, in all 3D views that there are.
+        """Show colours, or others instead, in all 3D views.
 
         Args:
             volume_node: the volume that they are of; they move with it.
@@ -72,18 +73,14 @@ class ClassRendering:
         if not volume.HasNodeReferenceID(volume.GetDisplayNodeReferenceRole(), display.GetID()):
             volume.AddAndObserveDisplayNodeID(display.GetID())
         display.SetVisibility(codes[1] > SURFACE)
-        self._smooth_surfaces()
+        self._smoothing.switch_on()
 
     def hide(self) -> None:
         """Take the colours out of the views, and undo what was set in them."""
         display = self._nodes.find(DISPLAY_NAME)
         if display is not None:
             display.SetVisibility(False)
-        for view_id in self._smoothed_view_ids:
-            view = self._scene.GetNodeByID(view_id)
-            if view is not None:
-                view.SetVolumeRenderingSurfaceSmoothing(False)
-        self._smoothed_view_ids.clear()
+        self._smoothing.restore()
 
     def remove(self) -> None:
         """Hide the colours, and take their nodes out of the scene."""
@@ -115,14 +112,6 @@ class ClassRendering:
         material.SetSpecular(SPECULAR)
         material.SetSpecularPower(SPECULAR_POWER)
         return node
-
-    def _smooth_surfaces(self) -> None:
-        """Let rays start at random depths, so that their steps leave no rings on translucent surfaces."""
-        for view in nodes_of_class(self._scene, "vtkMRMLViewNode"):
-            # A user who switches it off while the colours are shown does not want it back.
-            if view.GetID() not in self._smoothed_view_ids and not view.GetVolumeRenderingSurfaceSmoothing():
-                view.SetVolumeRenderingSurfaceSmoothing(True)
-                self._smoothed_view_ids.add(view.GetID())
 
 
 def _set_opacity(node: Any, codes: tuple[float, float]) -> None:

@@ -73,13 +73,8 @@ class SceneSession:
             slicer.vtkMRMLScene.EndRestoreEvent,
             slicer.vtkMRMLScene.EndCloseEvent,
         )
-        reactions = [
-            (slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed),
-            # What is shown is not saved, and must not stand in the way of what was shown before.
-            (slicer.vtkMRMLScene.StartSaveEvent, lambda caller, event: self._display.hide()),
-            (slicer.vtkMRMLScene.EndSaveEvent, lambda caller, event: self._show()),
-        ]
-        self._observers.observe(scene, reactions + [(event, self._on_other_scene) for event in other_scene])
+        reactions = [(event, self._on_other_scene) for event in other_scene]
+        self._observers.observe(scene, [(slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed), *reactions])
         self._observers.observe(parameter_node, [("ModifiedEvent", self._on_parameters)])
         self._on_parameters()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from colorsys import hsv_to_rgb
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -210,6 +211,41 @@ def test_settings_that_the_user_chose_stay(stage: Stage) -> None:
     node.SetVolumeRenderingSurfaceSmoothing(False)
     stage.show(two_balls(), [GREEN, RED])
     assert not node.GetVolumeRenderingSurfaceSmoothing()
+
+
+def test_surfaces_are_smoothed_in_a_view_that_appears_later(stage: Stage) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    node = stage.views.view_3d().get_view_node()
+    assert node.GetVolumeRenderingSurfaceSmoothing()
+    stage.rendering.hide()
+    assert not node.GetVolumeRenderingSurfaceSmoothing()
+    assert not stage.views.view_3d().get_view_node().GetVolumeRenderingSurfaceSmoothing()
+
+
+@pytest.mark.parametrize("chosen", [False, True])
+def test_a_scene_saved_while_classes_are_shown_opens_with_the_users_own_smoothing(
+    slicer_app: Any, stage: Stage, tmp_path: Path, chosen: bool
+) -> None:
+    node = stage.view.get_view_node()
+    node.SetVolumeRenderingSurfaceSmoothing(chosen)
+    stage.show(two_balls(), [RED, GREEN])
+    assert stage.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    assert node.GetVolumeRenderingSurfaceSmoothing()
+    later = type(slicer_app)()
+    assert later.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
+    ClassRendering(later.scene, later.app_logic)
+    (opened,) = nodes_of_class(later.scene, "vtkMRMLViewNode")
+    assert opened.GetVolumeRenderingSurfaceSmoothing() == chosen
+    assert opened.GetAttributeNames() == ()
+
+
+def test_a_saved_scene_opened_while_classes_are_shown_gets_its_own_smoothing_back(stage: Stage, tmp_path: Path) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    assert stage.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    assert stage.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
+    assert stage.view.get_view_node().GetVolumeRenderingSurfaceSmoothing()
+    stage.rendering.hide()
+    assert not stage.view.get_view_node().GetVolumeRenderingSurfaceSmoothing()
 
 
 def test_classes_move_with_the_volume(stage: Stage) -> None:

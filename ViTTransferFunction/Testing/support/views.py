@@ -21,6 +21,7 @@ class Views:
 
     Attributes:
         scene: the MRML scene.
+        app_logic: the application's logic.
         volume: a scalar volume node, equally grey everywhere, in the background of all slice views.
     """
 
@@ -32,6 +33,7 @@ class Views:
         self._app = slicer_app
         self._app.view_manager.register_factory(DirectViewFactory(do_render_offscreen=True))
         self.scene = slicer_app.scene
+        self.app_logic = slicer_app.app_logic
         self.volume = self.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
         set_image(self.volume, np.full(shape, BACKGROUND_GRAY, dtype=np.int16), np.eye(4) if ijk_to_ras is None else ijk_to_ras)
         self.volume.CreateDefaultDisplayNodes()

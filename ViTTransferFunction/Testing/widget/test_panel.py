@@ -14,7 +14,7 @@ import slicer
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QLineEdit, QProgressBar, QWidget
+from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QDialog, QLineEdit, QProgressBar, QWidget
 
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
@@ -254,6 +254,92 @@ def test_keys_do_what_the_buttons_do_while_the_module_is_open(widget: Any, host:
     host.representation.enter()
     QTest.keyClick(host.window, Qt.Key.Key_A)
     assert widget.panel.tools.tool == "pointOn"
+
+
+def in_front(window: QWidget) -> None:
+    window.activateWindow()
+    QTest.qWait(10)
+
+
+def test_keys_work_in_a_window_with_views_on_a_second_monitor(widget: Any, host: Host) -> None:
+    add_class(widget)
+    monitor = slicer.app.layoutManager().add_detached_view("Compare", host.window)
+    for window, key, tool in (
+        (monitor, Qt.Key.Key_N, "pointOff"),
+        (host.window, Qt.Key.Key_A, "pointOn"),
+        (monitor, Qt.Key.Key_Escape, None),
+    ):
+        in_front(window)
+        QTest.keyClick(window, key)
+        assert widget.panel.tools.tool == tool
+    host.representation.exit()
+    in_front(monitor)
+    QTest.keyClick(monitor, Qt.Key.Key_A)
+    assert widget.panel.tools.tool is None
+
+
+def test_keys_do_nothing_in_a_dialog(widget: Any, host: Host) -> None:
+    add_class(widget)
+    for modal in (False, True):
+        dialog = QDialog(host.window)
+        dialog.setModal(modal)
+        dialog.show()
+        in_front(dialog)
+        before = widget.panel.tools.tool
+        QTest.keyClick(dialog, Qt.Key.Key_N)
+        assert widget.panel.tools.tool == before
+        dialog.close()
+
+
+def test_keys_work_in_a_dock_whether_it_floats_or_not(widget: Any, host: Host) -> None:
+    add_class(widget)
+    dock = slicer.app.layoutManager().add_floating_view("Compare", host.window)
+    for floating, window, key, tool in ((True, dock, Qt.Key.Key_N, "pointOff"), (False, host.window, Qt.Key.Key_A, "pointOn")):
+        dock.setFloating(floating)
+        in_front(window)
+        QTest.keyClick(window, key)
+        assert widget.panel.tools.tool == tool
+
+
+def test_the_brush_works_in_views_that_appear_while_it_is_in_hand_and_ends_with_views_that_go(widget: Any, host: Host) -> None:
+    add_class(widget)
+    widget.ui.brushOnButton.click()
+    slicer.app.layoutManager().add_detached_view("Compare", host.window)
+    drag("Compare", (50, 100), (60, 100))
+    drag("Red", (50, 120), (60, 120))
+    assert len(widget.panel.session.classes[0].positive) == 4
+    slicer.app.layoutManager().remove_view("Compare")
+    drag("Red", (50, 140), (60, 140))
+    assert len(widget.panel.session.classes[0].positive) == 6
+
+
+def circle_is_in(view: str) -> bool:
+    window = slicer.app.layoutManager().sliceWidget(view).sliceView().interactor().GetRenderWindow()
+    return any(actor.GetVisibility() for actor in window.GetRenderers().GetFirstRenderer().GetActors2D())
+
+
+def move(view: str) -> None:
+    interactor = slicer.app.layoutManager().sliceWidget(view).sliceView().interactor()
+    interactor.SetEventInformation(80, 80)
+    interactor.InvokeEvent("MouseMoveEvent")
+
+
+def test_a_circle_follows_the_mouse_while_a_brush_or_the_eraser_is_in_hand(widget: Any, host: Host) -> None:
+    add_class(widget)
+    for button in (widget.ui.brushOnButton, widget.ui.brushOffButton, widget.ui.eraserButton):
+        button.click()
+        move("Green")
+        assert circle_is_in("Green")
+        assert not circle_is_in("Red")
+        button.click()
+        assert not circle_is_in("Green")
+    widget.ui.pointOnButton.click()
+    move("Green")
+    assert not circle_is_in("Green")
+    widget.ui.eraserButton.click()
+    move("Green")
+    slicer.app.layoutManager().add_detached_view("Compare", host.window)
+    assert not circle_is_in("Green")
 
 
 def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:

@@ -70,6 +70,7 @@ class Host:
         _read_properties_as_pythonqt_does()
         self.window = QMainWindow()
         self.window.setObjectName("qSlicerMainWindow")
+        slicer.app.layoutManager().setViewport(self.window)
         self.representation = Representation()
         slicer.modules.vittransferfunction = SimpleNamespace(
             path=str(MODULE_FILE), widgetRepresentation=lambda: self.representation

@@ -1,11 +1,13 @@
-"""Slice views as far as tools see them: a slice node, and an interactor whose events tests send."""
+"""The views as far as the panel sees them: widgets in windows, slice nodes, and interactors whose events tests send."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import slicer
-from PySide6.QtCore import QObject, Signal
+import vtk
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtWidgets import QDockWidget, QMainWindow, QVBoxLayout, QWidget
 from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
 
 SIZE_PIXELS = 200
@@ -13,7 +15,7 @@ FIELD_OF_VIEW_MM = 200.0
 
 
 class LayoutManager(QObject):
-    """Three slice views.
+    """Three slice views, and those that are added.
 
     Args:
         scene: gets their slice nodes.
@@ -23,22 +25,63 @@ class LayoutManager(QObject):
 
     def __init__(self, scene: Any) -> None:
         super().__init__()
+        self._scene = scene
         orientations = {"Red": "Axial", "Green": "Coronal", "Yellow": "Sagittal"}
         self._widgets = {name: SliceWidget(scene, name, orientation) for name, orientation in orientations.items()}
 
-    def sliceViewNames(self) -> tuple[str, ...]:  # noqa: N802
-        """Names of the slice views that the layout shows."""
-        return tuple(self._widgets)
+    def setViewport(self, window: QMainWindow) -> None:  # noqa: N802
+        """Put the views into the main window, where tests do not look at them."""
+        for widget in self._widgets.values():
+            widget.setParent(window)
+            widget.hide()
 
-    def sliceWidget(self, name: str) -> SliceWidget:  # noqa: N802
-        """A slice view by its name."""
+    def add_detached_view(self, name: str, main_window: QMainWindow) -> QWidget:
+        """Change to a layout with another view, in a window of its own as on a second monitor; returns that window."""
+        window = QWidget(main_window, Qt.WindowType.Window)
+        QVBoxLayout(window).addWidget(self._add(name))
+        window.show()
+        self.layoutChanged.emit(0)
+        return window
+
+    def add_floating_view(self, name: str, main_window: QMainWindow) -> QDockWidget:
+        """Change to a layout with another view, in a dock of the main window that floats; returns that dock."""
+        dock = QDockWidget(main_window)
+        dock.setWidget(self._add(name))
+        main_window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, dock)
+        dock.setFloating(True)
+        dock.show()
+        self.layoutChanged.emit(0)
+        return dock
+
+    def remove_view(self, name: str) -> None:
+        """Remove a view's node, and with it the view; then change to a layout without it."""
+        widget = self._widgets.pop(name)
+        self._scene.RemoveNode(widget.mrmlSliceNode())
+        widget.deleteLater()
+        self.layoutChanged.emit(0)
+
+    def _add(self, name: str) -> SliceWidget:
+        self._widgets[name] = SliceWidget(self._scene, name, "Axial")
         return self._widgets[name]
 
+    def sliceViewNames(self) -> tuple[str, ...]:  # noqa: N802
+        """Names of the slice views, shown or not."""
+        return tuple(self._widgets)
 
-class SliceWidget:
+    def sliceWidget(self, name: str) -> SliceWidget | None:  # noqa: N802
+        """A slice view by its name; None where there is none of that name."""
+        return self._widgets.get(name)
+
+    def viewWidgets(self) -> tuple[QWidget, ...]:  # noqa: N802
+        """All views, shown or not."""
+        return tuple(self._widgets.values())
+
+
+class SliceWidget(QWidget):
     """A slice view, and the view in it."""
 
     def __init__(self, scene: Any, name: str, orientation: str) -> None:
+        super().__init__()
         node = slicer.vtkMRMLSliceNode()
         node.SetLayoutName(name)
         node.SetSingletonTag(name)
@@ -48,6 +91,13 @@ class SliceWidget:
         self._node.SetDimensions(SIZE_PIXELS, SIZE_PIXELS, 1)
         self._node.SetFieldOfView(FIELD_OF_VIEW_MM, FIELD_OF_VIEW_MM, 1.0)
         self._interactor = vtkGenericRenderWindowInteractor()
+        # Never drawn, but tools put their actors into it.
+        window = vtk.vtkRenderWindow()
+        window.SetOffScreenRendering(True)
+        window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
+        window.AddRenderer(vtk.vtkRenderer())
+        self._interactor.SetRenderWindow(window)
+        self._interactor.SetInteractorStyle(vtk.vtkInteractorStyleUser())
 
     def mrmlSliceNode(self) -> Any:  # noqa: N802
         """Where the view lies in the patient."""
@@ -60,3 +110,6 @@ class SliceWidget:
     def interactor(self) -> Any:
         """Sends what the mouse does."""
         return self._interactor
+
+    def scheduleRender(self) -> None:  # noqa: N802
+        """Would draw the view soon."""

@@ -1,0 +1,70 @@
+"""A scene that is saved while everything is shown: the views do not change, and what the user chose for them is in the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
+from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres
+from ViTTransferFunction.Testing.support.views import Views, pixels
+
+
+def state_of_views(scene: Any) -> dict[str, Any]:
+    """What a user sets in slice and 3D views: names of volumes, opacities, smoothing, attributes."""
+    (composite,) = nodes_of_class(scene, COMPOSITE_CLASS)
+    (view,) = nodes_of_class(scene, "vtkMRMLViewNode")
+    ids = (composite.GetBackgroundVolumeID(), composite.GetForegroundVolumeID(), composite.GetLabelVolumeID())
+    return {
+        "volumes": [id_ and scene.GetNodeByID(id_).GetName() for id_ in ids],
+        "opacities": [composite.GetForegroundOpacity(), composite.GetLabelOpacity()],
+        "additional layers": composite.GetNumberOfAdditionalLayers(),
+        "smoothing": view.GetVolumeRenderingSurfaceSmoothing(),
+        "attributes": view.GetAttributeNames(),
+    }
+
+
+@pytest.mark.slow
+def test_views_of_a_saved_scene_are_as_the_user_had_them_and_show_the_maps_again_while_a_session_is_open(
+    slicer_app: Any, spheres: tuple[Volume, np.ndarray], tmp_path: Path
+) -> None:
+    views = Views(slicer_app)
+    session = open_spheres(slicer_app, spheres)
+    view, in_3d = views.slice_view(), views.view_3d()
+    view.set_background_volume_id(session.parameters.volume.GetID())
+    view.set_foreground_volume_id(add_volume(slicer_app.scene, Volume(*_pet(spheres), "PET")).GetID())
+    view.set_foreground_opacity(0.35)
+    view.fit_view_to_content()
+    chosen = state_of_views(slicer_app.scene)
+    annotate(session, spheres)
+    shown = state_of_views(slicer_app.scene)
+    assert shown["additional layers"] == 1
+    assert shown["smoothing"]
+    picture = pixels(view)
+    assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    np.testing.assert_array_equal(pixels(view), picture)
+    assert state_of_views(slicer_app.scene) == shown
+    session.close()
+    assert state_of_views(slicer_app.scene) == chosen
+    del in_3d
+
+    later = type(slicer_app)()
+    assert later.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
+    parameters = later.scene.GetSingletonNode("ViTTransferFunction", "vtkMRMLScriptedModuleNode")
+    session = SceneSession(later.scene, later.app_logic, parameters)
+    assert state_of_views(later.scene) == chosen
+    session.wait()
+    assert state_of_views(later.scene) == shown
+    session.close()
+    assert state_of_views(later.scene) == chosen
+
+
+def _pet(spheres: tuple[Volume, np.ndarray]) -> tuple[np.ndarray, Any]:
+    volume, labels = spheres
+    return 50.0 * labels.astype(np.float32), volume.geometry
