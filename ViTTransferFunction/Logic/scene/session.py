@@ -155,6 +155,10 @@ class SceneSession:
         class_map = self._proxy.maps.get(id_)
         return class_map.iso if class_map else None
 
+    def volume_ml(self, id_: str) -> float | None:
+        """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
+        return self._proxy.volumes_ml.get(id_)
+
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
         self._proxy.extract()

@@ -65,6 +65,21 @@ def test_segments_are_written_where_the_spheres_are(
         assert dice(mask, spheres[1] == int(name[-1])) > 0.9
 
 
+def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    ids = annotate(session, spheres)
+    live_ml = [session.volume_ml(id_) for id_ in ids]
+    session.write_segments()
+    session.wait()
+    masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    written_ml = [mask.sum() * spheres[0].geometry.voxel_volume_mm3 / 1000.0 for mask in masks.values()]
+    assert live_ml == pytest.approx(written_ml)
+    session.annotations.remove_class(ids[0])
+    session.wait()
+    assert session.volume_ml(ids[0]) is None
+
+
 @pytest.mark.slow
 def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
