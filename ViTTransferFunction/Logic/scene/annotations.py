@@ -23,6 +23,7 @@ from .classes import (
     class_id,
     class_nodes,
     create_class,
+    duplicate_class_state,
     negative_node,
     new_class_state,
     order_classes,
@@ -67,6 +68,30 @@ class SceneAnnotations:
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
         return state
+
+    def duplicate_class(self, id_: str) -> ClassState:
+        """Add a class with the same settings and points below a class.
+
+        Where both have the same points, the voxels stay with the upper one.
+        """
+        state = duplicate_class_state(list(self.classes), self._class(id_))
+        ids = [present.id for present in self.classes]
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+            ids.insert(ids.index(id_) + 1, state.id)
+            order_classes(self._parameter_node, ids)
+        return state
+
+    def move_class(self, id_: str, step: int) -> None:
+        """Move a class `step` places down, or up if negative; no further than the ends.
+
+        Segments are written in this order, and a voxel that two classes claim alike goes to the upper one.
+        """
+        ids = [state.id for state in self.classes]
+        place = ids.index(id_)
+        ids.insert(min(max(place + step, 0), len(ids) - 1), ids.pop(place))
+        with self._edit():
+            order_classes(self._parameter_node, ids)
 
     def remove_class(self, id_: str) -> None:
         """Remove a class and its points. Its segment, if it was written, stays."""

@@ -8,7 +8,7 @@ time and made again from the scene. Nothing here waits: a front end calls `poll`
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,12 @@ from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
-from .classes import ClassState
+from .classes import ClassState, Point, Polarity
 from .contours import ShownMap
 from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
+from .point_tour import PointTour
 from .segments import OutputSegment, write_segments
 from .volume import array_from_node, geometry_from_node, world_to_local
 
@@ -66,6 +67,7 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._display = SceneDisplay(scene, app_logic)
+        self._tour = PointTour(scene)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
         other_scene = (
@@ -149,6 +151,11 @@ class SceneSession:
     def select_class(self, id_: str) -> None:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
+
+    def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
+        """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
+        state = next(state for state in self.classes if state.id == id_)
+        return self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
