@@ -11,6 +11,7 @@ import slicer
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
+from ViTTransferFunction.Widget.class_actions import ClassActions
 from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
@@ -48,10 +49,12 @@ class Panel:
         report = self._messages.show
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
+        self._class_actions = ClassActions(ui, report)
         self._sections = (
             PyTorchSection(ui, report, on_installed=self.refresh),
             VolumeSection(ui, report),
             self._table,
+            self._class_actions,
             self.tools,
             ClassSettings(ui, report),
             OutputSection(ui, report),
