@@ -1,4 +1,4 @@
-"""The tools that add and remove points: place, brush and erase, undo, redo, and remove the last one."""
+"""The tools that add and remove points: place, brush, draw a region and erase, undo, redo, and remove the last one."""
 
 from __future__ import annotations
 
@@ -8,11 +8,24 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.region_tool import Shape
 from ViTTransferFunction.Widget.place_mode import PlaceMode
+from ViTTransferFunction.Widget.region_mode import RegionMode
 from ViTTransferFunction.Widget.section import Section
 from ViTTransferFunction.Widget.stroke_mode import StrokeMode
 
-Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "eraser"]
+Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
+
+_REGIONS: dict[Tool, tuple[Shape, bool]] = {
+    "lassoOn": ("lasso", True),
+    "lassoOff": ("lasso", False),
+    "boxOn": ("box", True),
+    "boxOff": ("box", False),
+}
+"""What each tool for regions draws, and whether it lies inside the structure."""
+_INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
+"""Those of the tools' icons."""
 
 
 class AnnotationTools(Section):
@@ -28,11 +41,16 @@ class AnnotationTools(Section):
         self._used_on: str | None = None
         self._place_mode = PlaceMode(slicer.app.applicationLogic(), self.put_down)
         self._stroke_mode = StrokeMode()
+        self._region_mode = RegionMode()
         self._buttons: dict[Tool, Any] = {
             "pointOn": ui.pointOnButton,
             "pointOff": ui.pointOffButton,
             "brushOn": ui.brushOnButton,
             "brushOff": ui.brushOffButton,
+            "lassoOn": ui.lassoOnButton,
+            "lassoOff": ui.lassoOffButton,
+            "boxOn": ui.boxOnButton,
+            "boxOff": ui.boxOffButton,
             "eraser": ui.eraserButton,
         }
         for tool, button in self._buttons.items():
@@ -68,6 +86,7 @@ class AnnotationTools(Section):
         self.tool = None
         self._place_mode.stop()
         self._stroke_mode.stop()
+        self._region_mode.stop()
         self._check_buttons()
 
     def undo(self) -> None:
@@ -96,8 +115,13 @@ class AnnotationTools(Section):
         assert selected is not None
         self._used_on = selected.id
         self._stroke_mode.stop()
+        self._region_mode.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
+        elif self.tool in _REGIONS:
+            self._place_mode.stop()
+            shape, inside = _REGIONS[self.tool]
+            self._region_mode.start(shape, _INSIDE_COLOR if inside else _OUTSIDE_COLOR, self._add_region)
         else:
             self._place_mode.stop()
             size_mm = self.ui.brushSizeSlider.value
@@ -110,6 +134,14 @@ class AnnotationTools(Section):
         selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.add_points(selected.id, points_ras, self.tool == "brushOn", continued)
+
+    def _add_region(self, outline_ras: np.ndarray) -> None:
+        selected = self.selected
+        if self.session is not None and selected is not None and self.tool in _REGIONS:
+            try:
+                self.session.add_region(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
+            except InputError as error:
+                self.report(str(error))
 
     def _erase(self, points_ras: np.ndarray, continued: bool) -> None:
         if self.session is not None:

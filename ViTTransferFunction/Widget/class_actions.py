@@ -10,6 +10,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
 
 
 class ClassActions(Section):
@@ -25,12 +26,12 @@ class ClassActions(Section):
         ui.moveClassDownButton.clicked.connect(self.move_down)
         ui.removeClassButton.clicked.connect(self.remove)
         ui.classTable.contextMenuPolicy = qt.Qt.ActionsContextMenu
-        self._rename = self._add(_("Rename"), self.rename, "F2")
+        self._rename = self._add(_("Rename"), self.rename, TABLE_KEYS["rename"])
         self._show_next_point = self._add(_("Show next point"), self.show_next_point)
         self._duplicate = self._add(_("Duplicate"), self.duplicate)
-        self._move_up = self._add(_("Move up"), self.move_up, "Alt+Up")
-        self._move_down = self._add(_("Move down"), self.move_down, "Alt+Down")
-        self._remove = self._add(_("Remove"), self.remove, "Del")
+        self._move_up = self._add(_("Move up"), self.move_up, TABLE_KEYS["moveUp"])
+        self._move_down = self._add(_("Move down"), self.move_down, TABLE_KEYS["moveDown"])
+        self._remove = self._add(_("Remove"), self.remove, TABLE_KEYS["remove"])
 
     def refresh(self) -> None:
         """Enable what can be done now."""

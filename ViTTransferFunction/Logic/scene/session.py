@@ -22,6 +22,7 @@ from ..compute.requests import TakeVolume
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
 from ..core.geometry import Geometry
+from ..core.outline_points import points_within_outline
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
@@ -151,6 +152,20 @@ class SceneSession:
     def select_class(self, id_: str) -> None:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
+
+    def add_region(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
+        """Add a few points of the inside of an outline (N, 3), RAS millimetres, to a class: one step for undo.
+
+        Raises:
+            InputError: no point of it lies in the volume.
+        """
+        points = points_within_outline(outline_ras)
+        volume = self.parameters.volume
+        if volume is not None and self._geometry is not None:
+            points = points[self._geometry.contains(world_to_local(volume, points))]
+        if not len(points):
+            raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
+        self.annotations.add_points(id_, points, positive)
 
     def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import slicer
+import vtk
 from PySide6.QtCore import QObject, Signal
 from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
 
@@ -48,6 +49,12 @@ class SliceWidget:
         self._node.SetDimensions(SIZE_PIXELS, SIZE_PIXELS, 1)
         self._node.SetFieldOfView(FIELD_OF_VIEW_MM, FIELD_OF_VIEW_MM, 1.0)
         self._interactor = vtkGenericRenderWindowInteractor()
+        # Never drawn, but tools put their actors into it.
+        window = vtk.vtkRenderWindow()
+        window.SetOffScreenRendering(True)
+        window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
+        window.AddRenderer(vtk.vtkRenderer())
+        self._interactor.SetRenderWindow(window)
 
     def mrmlSliceNode(self) -> Any:  # noqa: N802
         """Where the view lies in the patient."""
@@ -60,3 +67,6 @@ class SliceWidget:
     def interactor(self) -> Any:
         """Sends what the mouse does."""
         return self._interactor
+
+    def scheduleRender(self) -> None:  # noqa: N802
+        """Would draw the view soon."""
