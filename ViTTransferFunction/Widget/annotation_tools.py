@@ -9,10 +9,10 @@ import numpy as np
 import slicer
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.region_tool import Shape
+from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
 from ViTTransferFunction.Widget.place_mode import PlaceMode
-from ViTTransferFunction.Widget.region_mode import RegionMode
 from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.slice_tools import SliceTools
 from ViTTransferFunction.Widget.stroke_mode import StrokeMode
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
@@ -41,7 +41,7 @@ class AnnotationTools(Section):
         self._used_on: str | None = None
         self._place_mode = PlaceMode(slicer.app.applicationLogic(), self.put_down)
         self._stroke_mode = StrokeMode()
-        self._region_mode = RegionMode()
+        self._slice_tools = SliceTools()
         self._buttons: dict[Tool, Any] = {
             "pointOn": ui.pointOnButton,
             "pointOff": ui.pointOffButton,
@@ -86,7 +86,7 @@ class AnnotationTools(Section):
         self.tool = None
         self._place_mode.stop()
         self._stroke_mode.stop()
-        self._region_mode.stop()
+        self._slice_tools.stop()
         self._check_buttons()
 
     def undo(self) -> None:
@@ -115,13 +115,16 @@ class AnnotationTools(Section):
         assert selected is not None
         self._used_on = selected.id
         self._stroke_mode.stop()
-        self._region_mode.stop()
+        self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
         elif self.tool in _REGIONS:
             self._place_mode.stop()
             shape, inside = _REGIONS[self.tool]
-            self._region_mode.start(shape, _INSIDE_COLOR if inside else _OUTSIDE_COLOR, self._add_region)
+            color = _INSIDE_COLOR if inside else _OUTSIDE_COLOR
+            self._slice_tools.start(
+                lambda interactor, node, draw: RegionTool(interactor, node, draw, shape, color, self._add_region)
+            )
         else:
             self._place_mode.stop()
             size_mm = self.ui.brushSizeSlider.value

@@ -27,20 +27,20 @@ class RegionTool:
     Args:
         interactor: of the view's render window.
         slice_node: says where the view lies in the patient.
+        draw: has the view drawn again soon.
         shape: what a drag draws.
         color: of the outline.
         on_region: gets each outline when the button is released, (N, 3) RAS millimetres in the plane of the slice.
-        draw: has the view drawn again soon.
     """
 
     def __init__(
         self,
         interactor: vtk.vtkRenderWindowInteractor,
         slice_node: slicer.vtkMRMLSliceNode,
+        draw: Callable[[], None],
         shape: Shape,
         color: Color,
         on_region: Callable[[np.ndarray], None],
-        draw: Callable[[], None],
     ) -> None:
         self._interactor = interactor
         self._slice_node = slice_node

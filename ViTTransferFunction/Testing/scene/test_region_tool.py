@@ -27,7 +27,7 @@ class Stage:
         self.draws = 0
 
     def tool(self, shape: Shape) -> RegionTool:
-        tool = RegionTool(self.interactor, self.node, shape, COLOR, self.outlines.append, self.draw)
+        tool = RegionTool(self.interactor, self.node, self.draw, shape, COLOR, self.outlines.append)
         tool.activate()
         return tool
 
