@@ -21,7 +21,7 @@ from ..compute.proxy import Phase, SegmentationProxy
 from ..compute.requests import TakeVolume
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
-from ..core.geometry import Geometry
+from ..core.geometry import Geometry, transform_points
 from ..core.outline_points import points_within_outline
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
@@ -34,7 +34,8 @@ from .observers import SceneObservers
 from .parameters import SceneParameters
 from .point_tour import PointTour
 from .segments import OutputSegment, write_segments
-from .volume import array_from_node, geometry_from_node, world_to_local
+from .surface_points import moved_inside, placed_in_3d_view
+from .volume import array_from_node, geometry_from_node, matrix_to_world, world_to_local
 
 
 class SceneSession:
@@ -70,7 +71,7 @@ class SceneSession:
         self._display = SceneDisplay(scene, app_logic)
         self._tour = PointTour(scene)
         self._observers = SceneObservers()
-        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
+        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -232,6 +233,17 @@ class SceneSession:
         self._ask_for_maps()
         self._show()
         self._notify()
+
+    def _settled(self, point_ras: np.ndarray) -> np.ndarray:
+        """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
+        volume = self.parameters.volume
+        if volume is None or self._geometry is None or not placed_in_3d_view(self._scene, self._app_logic):
+            return point_ras
+        visible = {state.id for state in self.classes if state.visible}
+        maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
+        local_ras = world_to_local(volume, point_ras)[0]
+        inside_ras = moved_inside(local_ras, maps)
+        return point_ras if inside_ras is local_ras else transform_points(matrix_to_world(volume), inside_ras)[0]
 
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():
