@@ -72,9 +72,13 @@ class ClassActions(Section):
         self._move(+1)
 
     def remove(self) -> None:
-        """Remove the structure and its points."""
-        if self.session is not None and self.selected is not None:
-            self.session.annotations.remove_class(self.selected.id)
+        """Remove the structure and its points, and select the next one."""
+        if self.session is None or self.selected is None:
+            return
+        row = [state.id for state in self.session.classes].index(self.selected.id)
+        self.session.annotations.remove_class(self.selected.id)
+        if self.session.classes:
+            self.session.select_class(self.session.classes[min(row, len(self.session.classes) - 1)].id)
 
     def _move(self, step: int) -> None:
         if self.session is not None and self.selected is not None:

@@ -71,6 +71,7 @@ class ClassTable(Section):
         color.setToolTip(_("Double-click to change the colour."))
         name = self._item(row, NAME, qt.Qt.ItemIsEditable)
         _set_text(name, state.name)
+        name.setToolTip(state.name)
         shown = self._item(row, SHOWN, qt.Qt.ItemIsUserCheckable)
         shown.setCheckState(qt.Qt.Checked if state.visible else qt.Qt.Unchecked)
         for column, polarity in _POLARITIES.items():
@@ -78,7 +79,9 @@ class ClassTable(Section):
             _set_text(count, str(len(getattr(state, polarity))))
             count.setToolTip(_("Double-click to go from point to point in the slice views."))
         _set_text(self._item(row, THRESHOLD), self._threshold_text(state))
-        _set_text(self._item(row, VOLUME), self._volume_text(state))
+        volume = self._item(row, VOLUME)
+        _set_text(volume, self._volume_text(state))
+        volume.setToolTip(_("Volume in millilitres, by the points as they are: approximate until segments are created."))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""

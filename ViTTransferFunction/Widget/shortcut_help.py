@@ -18,8 +18,9 @@ class ShortcutHelp:
     """
 
     def __init__(self, parent: Any) -> None:
+        self._window = qt.QDialog(parent)
         # While a tool window is active, the keys of its main window go on working: those that close it among them.
-        self._window = qt.QDialog(parent, qt.Qt.Tool)
+        self._window.setWindowFlags(qt.Qt.Tool)
         self._window.windowTitle = _("Keyboard shortcuts")
         self._window.toolTip = _("Keys that work while this module is open. Esc or ? closes the list.")
         self._window.setAttribute(qt.Qt.WA_ShowWithoutActivating)

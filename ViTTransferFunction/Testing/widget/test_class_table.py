@@ -83,6 +83,18 @@ def test_structures_are_reordered_and_stay_selected(widget: Any) -> None:
     assert names(widget) == ["aorta", "liver", "spleen"]
 
 
+def test_the_next_structure_is_selected_when_one_is_removed(widget: Any) -> None:
+    for name in ("liver", "spleen", "aorta"):
+        add_class(widget, name)
+    widget.ui.classTable.selectRow(1)
+    choose(widget, "Remove")
+    assert selected_name(widget) == "aorta"
+    choose(widget, "Remove")
+    assert selected_name(widget) == "liver"
+    choose(widget, "Remove")
+    assert names(widget) == []
+
+
 def test_what_cannot_be_done_to_a_structure_cannot_be_pressed(widget: Any) -> None:
     ui, table = widget.ui, widget.ui.classTable
     buttons = (ui.duplicateClassButton, ui.moveClassUpButton, ui.moveClassDownButton, ui.removeClassButton)
