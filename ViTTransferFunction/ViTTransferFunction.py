@@ -92,6 +92,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
     def exit(self) -> None:
         """The user goes to another module; what is being computed goes on."""
         self.panel.shortcuts.remove()
+        self.panel.shortcut_help.close()
         self.panel.tools.put_down()
 
     def onSceneStartClose(self, caller: Any, event: str) -> None:  # noqa: N802

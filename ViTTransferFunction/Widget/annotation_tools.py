@@ -1,4 +1,4 @@
-"""The tools that add and remove points: place, brush and erase, undo, redo, and remove the last one."""
+"""The tools that add and remove points: place, brush, draw a region and erase, undo, redo, and remove the last one."""
 
 from __future__ import annotations
 
@@ -8,12 +8,24 @@ from typing import Any, Literal
 import numpy as np
 import slicer
 
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
 from ViTTransferFunction.Logic.scene.stroke_tool import StrokeTool
 from ViTTransferFunction.Widget.place_mode import PlaceMode
 from ViTTransferFunction.Widget.section import Section
 from ViTTransferFunction.Widget.slice_tools import SliceTools
 
-Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "eraser"]
+Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
+
+_REGIONS: dict[Tool, tuple[Shape, bool]] = {
+    "lassoOn": ("lasso", True),
+    "lassoOff": ("lasso", False),
+    "boxOn": ("box", True),
+    "boxOff": ("box", False),
+}
+"""What each tool for regions draws, and whether it lies inside the structure."""
+_INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
+"""Those of the tools' icons."""
 
 
 class AnnotationTools(Section):
@@ -34,6 +46,10 @@ class AnnotationTools(Section):
             "pointOff": ui.pointOffButton,
             "brushOn": ui.brushOnButton,
             "brushOff": ui.brushOffButton,
+            "lassoOn": ui.lassoOnButton,
+            "lassoOff": ui.lassoOffButton,
+            "boxOn": ui.boxOnButton,
+            "boxOff": ui.boxOffButton,
             "eraser": ui.eraserButton,
         }
         for tool, button in self._buttons.items():
@@ -99,6 +115,13 @@ class AnnotationTools(Section):
         self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
+        elif self.tool in _REGIONS:
+            self._place_mode.stop()
+            shape, inside = _REGIONS[self.tool]
+            color = _INSIDE_COLOR if inside else _OUTSIDE_COLOR
+            self._slice_tools.start(
+                lambda interactor, node, draw: RegionTool(interactor, node, draw, shape, color, self._add_region)
+            )
         else:
             self._place_mode.stop()
             size_mm = self.ui.brushSizeSlider.value
@@ -117,6 +140,14 @@ class AnnotationTools(Section):
         selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.add_points(selected.id, points_ras, self.tool == "brushOn", continued)
+
+    def _add_region(self, outline_ras: np.ndarray) -> None:
+        selected = self.selected
+        if self.session is not None and selected is not None and self.tool in _REGIONS:
+            try:
+                self.session.add_region(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
+            except InputError as error:
+                self.report(str(error))
 
     def _erase(self, points_ras: np.ndarray, continued: bool) -> None:
         if self.session is not None:

@@ -1,4 +1,4 @@
-"""The table of structures: colour, name, visibility, numbers of points, threshold."""
+"""The table of structures: colour, name, visibility, numbers of points, threshold, volume."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.classes import ClassState, Polarity
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 
-COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD = range(6)
-_WIDTHS = {COLOR: 28, SHOWN: 44, POSITIVE: 34, NEGATIVE: 34, THRESHOLD: 76}
+COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
+_WIDTHS = {COLOR: 28, SHOWN: 44, POSITIVE: 34, NEGATIVE: 34, THRESHOLD: 76, VOLUME: 48}
+_POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
 class ClassTable(Section):
-    """Shows the classes, has them renamed, recoloured, hidden and selected, and adds and removes them.
+    """Shows the classes, has them renamed, recoloured, hidden and selected, and adds them.
 
     Args:
         ui: the widgets of the panel, by name.
@@ -38,7 +39,6 @@ class ClassTable(Section):
         self._table.cellDoubleClicked.connect(self._on_double_click)
         self._table.itemSelectionChanged.connect(self._on_selection)
         ui.addClassButton.clicked.connect(self.add)
-        ui.removeClassButton.clicked.connect(self._on_remove)
 
     def refresh(self) -> None:
         """Show the classes as they are."""
@@ -52,7 +52,6 @@ class ClassTable(Section):
                 if selected is not None and state.id == selected.id and self._table.currentRow() != row:
                     self._table.selectRow(row)
         self.ui.addClassButton.enabled = session is not None
-        self.ui.removeClassButton.enabled = selected is not None
 
     def add(self) -> None:
         """Add a class and select it."""
@@ -72,11 +71,17 @@ class ClassTable(Section):
         color.setToolTip(_("Double-click to change the colour."))
         name = self._item(row, NAME, qt.Qt.ItemIsEditable)
         _set_text(name, state.name)
+        name.setToolTip(state.name)
         shown = self._item(row, SHOWN, qt.Qt.ItemIsUserCheckable)
         shown.setCheckState(qt.Qt.Checked if state.visible else qt.Qt.Unchecked)
-        _set_text(self._item(row, POSITIVE), str(len(state.positive)))
-        _set_text(self._item(row, NEGATIVE), str(len(state.negative)))
+        for column, polarity in _POLARITIES.items():
+            count = self._item(row, column)
+            _set_text(count, str(len(getattr(state, polarity))))
+            count.setToolTip(_("Double-click to go from point to point in the slice views."))
         _set_text(self._item(row, THRESHOLD), self._threshold_text(state))
+        volume = self._item(row, VOLUME)
+        _set_text(volume, self._volume_text(state))
+        volume.setToolTip(_("Volume in millilitres, by the points as they are: approximate until segments are created."))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""
@@ -85,7 +90,7 @@ class ClassTable(Section):
             item = qt.QTableWidgetItem()
             flags = qt.Qt.ItemIsEnabled | qt.Qt.ItemIsSelectable
             item.setFlags(flags | ability if ability is not None else flags)
-            if column in (POSITIVE, NEGATIVE, THRESHOLD):
+            if column in (POSITIVE, NEGATIVE, THRESHOLD, VOLUME):
                 item.setTextAlignment(qt.Qt.AlignCenter)
             self._table.setItem(row, column, item)
         return item
@@ -96,6 +101,13 @@ class ClassTable(Section):
         if threshold is None:
             return "–"
         return f"({threshold:.2f})" if state.iso is None else f"{threshold:.2f}"
+
+    def _volume_text(self, state: ClassState) -> str:
+        """To a tenth as long as that is more than noise."""
+        volume_ml = self.session.volume_ml(state.id) if self.session else None
+        if volume_ml is None:
+            return "–"
+        return f"{volume_ml:.1f}" if volume_ml < 99.95 else f"{volume_ml:.0f}"
 
     def _on_cell_changed(self, row: int, column: int) -> None:
         if self.session is None or row >= len(self.session.classes):
@@ -111,22 +123,20 @@ class ClassTable(Section):
                 self.refresh()
 
     def _on_double_click(self, row: int, column: int) -> None:
-        if column != COLOR or self.session is None:
+        if self.session is None:
             return
         state = self.session.classes[row]
-        color = ask_color(state.color, state.name, self._table)
-        if color is not None:
-            self.session.annotations.set_class(state.id, color=color)
+        if column == COLOR:
+            color = ask_color(state.color, state.name, self._table)
+            if color is not None:
+                self.session.annotations.set_class(state.id, color=color)
+        elif column in _POLARITIES:
+            self.session.show_next_point(state.id, [_POLARITIES[column]])
 
     def _on_selection(self) -> None:
         row = self._table.currentRow()
         if self.session is not None and 0 <= row < len(self.session.classes):
             self.session.select_class(self.session.classes[row].id)
-
-    def _on_remove(self) -> None:
-        selected = self.session.selected_class if self.session else None
-        if self.session is not None and selected is not None:
-            self.session.annotations.remove_class(selected.id)
 
 
 def ask_color(color: Color, name: str, parent: Any) -> Color | None:

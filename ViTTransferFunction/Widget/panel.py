@@ -11,12 +11,14 @@ import slicer
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
+from ViTTransferFunction.Widget.class_actions import ClassActions
 from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
 from ViTTransferFunction.Widget.pytorch_installation import PyTorchSection
+from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
@@ -24,6 +26,10 @@ POLL_MS = 10
 """How often the session is asked for news while something runs."""
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""
+
+_TOOLS = ("PointOn", "PointOff", "BrushOn", "BrushOff", "LassoOn", "LassoOff", "BoxOn", "BoxOff", "Eraser")
+ICONS = (*_TOOLS, "Undo", "Redo", "RemoveLast")
+"""Of the buttons that have one, by the names of their files."""
 
 
 class Panel:
@@ -38,6 +44,7 @@ class Panel:
         session: the session that is shown; None while the scene is being closed.
         tools: what places, brushes and erases.
         shortcuts: the keys.
+        shortcut_help: the list of the keys.
     """
 
     def __init__(self, ui: Any, window: Any, icons: Path) -> None:
@@ -48,17 +55,20 @@ class Panel:
         report = self._messages.show
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
+        self._class_actions = ClassActions(ui, report)
         self._sections = (
             PyTorchSection(ui, report, on_installed=self.refresh),
             VolumeSection(ui, report),
             self._table,
+            self._class_actions,
             self.tools,
             ClassSettings(ui, report),
             OutputSection(ui, report),
             AdvancedSection(ui, report),
         )
+        self.shortcut_help = ShortcutHelp(window)
         self.shortcuts = Shortcuts(ui, window, self._actions())
-        for name in ("PointOn", "PointOff", "BrushOn", "BrushOff", "Eraser", "Undo", "Redo", "RemoveLast"):
+        for name in ICONS:
             getattr(ui, f"{name[0].lower()}{name[1:]}Button").icon = qt.QIcon(str(icons / f"{name}.svg"))
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
@@ -77,6 +87,7 @@ class Panel:
     def close(self) -> None:
         """Stop what runs and show nothing; what the user decided stays in the scene."""
         self.tools.put_down()
+        self.shortcut_help.close()
         self.release_parameters()
         self._timer.stop()
         if self.session is not None:
@@ -124,6 +135,11 @@ class Panel:
         if self.tools.tool != "pointOn":
             self.tools.toggle("pointOn")
 
+    def _put_down(self) -> None:
+        """The list of keys first: it lies above what the tool is used on."""
+        if not self.shortcut_help.close():
+            self.tools.put_down()
+
     def _actions(self) -> dict[str, Any]:
         tools = self.tools
         return {
@@ -131,11 +147,17 @@ class Panel:
             "pointOff": lambda: tools.toggle("pointOff"),
             "brushOn": lambda: tools.toggle("brushOn"),
             "brushOff": lambda: tools.toggle("brushOff"),
+            "lassoOn": lambda: tools.toggle("lassoOn"),
+            "lassoOff": lambda: tools.toggle("lassoOff"),
+            "boxOn": lambda: tools.toggle("boxOn"),
+            "boxOff": lambda: tools.toggle("boxOff"),
             "eraser": lambda: tools.toggle("eraser"),
-            "putDown": tools.put_down,
+            "putDown": self._put_down,
             "undo": tools.undo,
             "redo": tools.redo,
             "removeLast": tools.remove_last,
             "previousClass": lambda: self._table.select_neighbour(-1),
             "nextClass": lambda: self._table.select_neighbour(+1),
+            "nextPoint": self._class_actions.show_next_point,
+            "help": self.shortcut_help.toggle,
         }

@@ -36,6 +36,10 @@ SHORTCUTS: tuple[Shortcut, ...] = (
     Shortcut("N", "pointOff", "pointOffButton"),
     Shortcut("Shift+A", "brushOn", "brushOnButton"),
     Shortcut("Shift+N", "brushOff", "brushOffButton"),
+    Shortcut("L", "lassoOn", "lassoOnButton"),
+    Shortcut("Shift+L", "lassoOff", "lassoOffButton"),
+    Shortcut("D", "boxOn", "boxOnButton"),
+    Shortcut("Shift+D", "boxOff", "boxOffButton"),
     Shortcut("E", "eraser", "eraserButton"),
     Shortcut("Esc", "putDown"),
     Shortcut("Z", "undo", "undoButton"),
@@ -43,7 +47,12 @@ SHORTCUTS: tuple[Shortcut, ...] = (
     Shortcut("X", "removeLast", "removeLastButton"),
     Shortcut("Q", "previousClass"),
     Shortcut("W", "nextClass"),
+    Shortcut("J", "nextPoint"),
+    Shortcut("?", "help"),
 )
+
+TABLE_KEYS: dict[str, str] = {"rename": "F2", "moveUp": "Alt+Up", "moveDown": "Alt+Down", "remove": "Del"}
+"""Keys of the table of structures, by action: they work only while it has the focus."""
 
 
 def meanings() -> dict[str, str]:
@@ -53,6 +62,10 @@ def meanings() -> dict[str, str]:
         "pointOff": _("place points outside the structure"),
         "brushOn": _("brush over the inside"),
         "brushOff": _("brush over the outside"),
+        "lassoOn": _("draw a line around the inside"),
+        "lassoOff": _("draw a line around the outside"),
+        "boxOn": _("pull up a box inside"),
+        "boxOff": _("pull up a box outside"),
         "eraser": _("erase points"),
         "putDown": _("put the tool down"),
         "undo": _("undo"),
@@ -60,6 +73,12 @@ def meanings() -> dict[str, str]:
         "removeLast": _("remove the last point"),
         "previousClass": _("select the structure above"),
         "nextClass": _("select the structure below"),
+        "nextPoint": _("show the next point of the structure"),
+        "help": _("show or hide this list"),
+        "rename": _("rename the structure"),
+        "moveUp": _("move the structure up"),
+        "moveDown": _("move the structure down"),
+        "remove": _("remove the structure"),
     }
 
 
@@ -125,8 +144,11 @@ class Shortcuts:
 
 def shortcuts_table() -> str:
     """The list of keys, as rich text."""
-    told = meanings()
-    rows = (
-        f"<tr><td><b>{html.escape(s.key)}</b>&nbsp;&nbsp;</td><td>{html.escape(told[s.action])}</td></tr>" for s in SHORTCUTS
-    )
-    return f"<table>{''.join(rows)}</table>"
+    rows = [_row(shortcut.key, shortcut.action) for shortcut in SHORTCUTS]
+    heading = f"<tr><td colspan='2'><br>{html.escape(_('In the table of structures:'))}</td></tr>"
+    of_table = [_row(key, action) for action, key in TABLE_KEYS.items()]
+    return f"<table>{''.join([*rows, heading, *of_table])}</table>"
+
+
+def _row(key: str, action: str) -> str:
+    return f"<tr><td><b>{html.escape(key)}</b>&nbsp;&nbsp;</td><td>{html.escape(meanings()[action])}</td></tr>"

@@ -68,6 +68,7 @@ class SegmentationProxy:
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
         maps: by class id; S_H where `refined`, else S_L.
+        volumes_ml: by class id, of the segment that the class gets by these maps, millilitres.
         rendering: for the 3D views; None until there is one.
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
     """
@@ -103,6 +104,7 @@ class SegmentationProxy:
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
         self.maps: dict[str, ClassMap] = {}
+        self.volumes_ml: dict[str, float] = {}
         self.refined = False
         self.rendering: ColorVolume | None = None
         self.labels: tuple[Labels, list[str]] | None = None
@@ -242,9 +244,9 @@ class SegmentationProxy:
     def _send_maps(self) -> None:
         self._maps_due = False
         if not self._classes:
-            self.maps, self.rendering = {}, None
+            self.maps, self.volumes_ml, self.rendering = {}, {}, None
             return
-        self._ask(ComputeMaps(self._classes))
+        self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
 
@@ -311,14 +313,19 @@ class SegmentationProxy:
         return {"state"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        self.maps = _by_id(request.classes, reply)
+        self._take_maps(request.classes, reply)
         self.refined, self._rendering_due_s = False, time.monotonic() + RENDER_AFTER_S
         return {"maps"}
 
     def _on_refined_maps(self, request: RefineMaps, reply: Maps) -> set[Event]:
-        self.maps = _by_id(request.classes, reply)
+        self._take_maps(request.classes, reply)
         self.refined, self._rendering_due_s = True, time.monotonic()
         return {"refined"}
+
+    def _take_maps(self, classes: Sequence[ClassRequest], reply: Maps) -> None:
+        ids = [annotated.id for annotated in classes]
+        self.maps = dict(zip(ids, reply.maps, strict=True))
+        self.volumes_ml = dict(zip(ids, reply.volumes_ml, strict=True))
 
     def _on_rendering(self, request: Render, reply: ColorVolume) -> set[Event]:
         self.rendering = reply
@@ -340,7 +347,3 @@ class SegmentationProxy:
             f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your annotations are untouched; "
             "compute the features again, with a coarser grid or another device if it happens again."
         )
-
-
-def _by_id(classes: Sequence[ClassRequest], reply: Maps) -> dict[str, ClassMap]:
-    return {annotated.id: class_map for annotated, class_map in zip(classes, reply.maps, strict=True)}

@@ -60,9 +60,15 @@ class Extract:
 
 @dataclass(frozen=True)
 class ComputeMaps:
-    """S_L of all classes. Replied to by `Maps`, while other requests are still being served."""
+    """S_L of all classes. Replied to by `Maps`, while other requests are still being served.
+
+    Attributes:
+        classes: of which classes.
+        only_annotated_components: whether volumes count the parts alone that hold a positive point, see `Refinement`.
+    """
 
     classes: tuple[ClassRequest, ...]
+    only_annotated_components: bool = True
 
 
 @dataclass(frozen=True)
@@ -117,9 +123,15 @@ class Done:
 
 @dataclass(frozen=True)
 class Maps:
-    """A map for each class, in the order of the request."""
+    """A map for each class, in the order of the request.
+
+    Attributes:
+        maps: S_L or S_H.
+        volumes_ml: of the segment that each class gets by these maps, millilitres: to the size of a cell by S_L, exact by S_H.
+    """
 
     maps: tuple[ClassMap, ...]
+    volumes_ml: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)

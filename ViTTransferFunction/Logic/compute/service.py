@@ -98,14 +98,16 @@ class SegmentationService:
         return Done()
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
-        maps = self._the_session.low_resolution_maps(request.classes)
+        session = self._the_session
+        maps = session.low_resolution_maps(request.classes)
         self._maps = maps
-        return Maps(tuple(maps))
+        return Maps(tuple(maps), session.low_resolution_volumes_ml(request.classes, maps, request.only_annotated_components))
 
     def _refine_maps(self, request: RefineMaps) -> Maps:
         geometry = self._the_volume.geometry
-        crops = self._segment(request.classes, request.refinement).crops
-        return Maps(tuple(ClassMap(crop.array, geometry.part(crop.box), crop.iso) for crop in crops))
+        segmented = self._segment(request.classes, request.refinement)
+        maps = tuple(ClassMap(crop.array, geometry.part(crop.box), crop.iso) for crop in segmented.crops)
+        return Maps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
 
     def _segment_classes(self, request: SegmentClasses) -> Labels:
         return Labels(self._segment(request.classes, request.refinement).segmentation.labels)

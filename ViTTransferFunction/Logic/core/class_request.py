@@ -62,6 +62,11 @@ class ClassRequest:
     def __hash__(self) -> int:
         return hash(self._values)
 
+    def claims(self, points_ras: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of the points (N, 3) are among the class's positive ones, to the last digit."""
+        claimed: np.ndarray = (points_ras[:, None] == self.positive[None]).all(axis=2).any(axis=1)
+        return claimed
+
     @property
     def _values(self) -> tuple[Any, ...]:
         points = (self.positive.tobytes(), self.negative.tobytes())

@@ -23,6 +23,7 @@ from .classes import (
     class_id,
     class_nodes,
     create_class,
+    duplicate_class_state,
     negative_node,
     new_class_state,
     order_classes,
@@ -43,17 +44,23 @@ class SceneAnnotations:
         scene: the scene.
         parameter_node: refers to the classes.
         on_change: called after any class or point has changed.
+        settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie: itself, or elsewhere.
 
     Attributes:
         classes: as they are now, in order.
     """
 
     def __init__(
-        self, scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, on_change: Callable[[], None]
+        self,
+        scene: slicer.vtkMRMLScene,
+        parameter_node: slicer.vtkMRMLScriptedModuleNode,
+        on_change: Callable[[], None],
+        settle: Callable[[np.ndarray], np.ndarray] = lambda point_ras: point_ras,
     ) -> None:
         self._scene = scene
         self._parameter_node = parameter_node
         self._on_change = on_change
+        self._settle = settle
         self._observers = SceneObservers()
         self._paused = 0
         self._last_grown: dict[str, str] = {}
@@ -67,6 +74,30 @@ class SceneAnnotations:
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
         return state
+
+    def duplicate_class(self, id_: str) -> ClassState:
+        """Add a class with the same settings and points below a class.
+
+        Where both have the same points, the voxels stay with the upper one.
+        """
+        state = duplicate_class_state(list(self.classes), self._class(id_))
+        ids = [present.id for present in self.classes]
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+            ids.insert(ids.index(id_) + 1, state.id)
+            order_classes(self._parameter_node, ids)
+        return state
+
+    def move_class(self, id_: str, step: int) -> None:
+        """Move a class `step` places down, or up if negative; no further than the ends.
+
+        Segments are written in this order, and a voxel that two classes claim alike goes to the upper one.
+        """
+        ids = [state.id for state in self.classes]
+        place = ids.index(id_)
+        ids.insert(min(max(place + step, 0), len(ids) - 1), ids.pop(place))
+        with self._edit():
+            order_classes(self._parameter_node, ids)
 
     def remove_class(self, id_: str) -> None:
         """Remove a class and its points. Its segment, if it was written, stays."""
@@ -166,9 +197,25 @@ class SceneAnnotations:
 
     def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
         markups = slicer.vtkMRMLMarkupsNode
-        steps = (markups.PointPositionDefinedEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
+        steps = (markups.PointEndInteractionEvent, markups.PointRemovedEvent)
         passing = ("ModifiedEvent", slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent)
-        return [*((event, self._on_step) for event in steps), *((event, self._on_passing) for event in passing)]
+        return [
+            (markups.PointPositionDefinedEvent, self._on_placed),
+            *((event, self._on_step) for event in steps),
+            *((event, self._on_passing) for event in passing),
+        ]
+
+    def _on_placed(self, caller: vtk.vtkObject, event: str) -> None:
+        if self._paused:
+            return
+        last = caller.GetNumberOfControlPoints() - 1
+        placed = np.array(caller.GetNthControlPointPositionWorld(last))
+        settled = self._settle(placed)
+        if settled is not placed:
+            self._paused += 1
+            caller.SetNthControlPointPositionWorld(last, *settled)
+            self._paused -= 1
+        self._on_step(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
         if not self._paused:

@@ -8,8 +8,8 @@ scene holds everything, and a user who deletes or renames a list in the Data mod
 from __future__ import annotations
 
 import uuid
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import slicer
@@ -24,6 +24,8 @@ _PREFIX = "ViTTransferFunction."
 
 Point = tuple[float, float, float]
 """R, A and S in millimetres."""
+
+Polarity = Literal["positive", "negative"]
 
 
 @dataclass(frozen=True)
@@ -141,6 +143,14 @@ def new_class_state(existing: list[ClassState], name: str | None = None, color: 
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
     return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", color or default_color(next(free, len(existing))))
+
+
+def duplicate_class_state(existing: list[ClassState], original: ClassState) -> ClassState:
+    """A class with the settings and points of `original`, but a name and colour of its own."""
+    taken = {state.name for state in existing}
+    names = (f"{original.name} copy{f' {n}' if n > 1 else ''}" for n in range(1, len(existing) + 2))
+    fresh = new_class_state(existing, next(name for name in names if name not in taken))
+    return replace(original, id=fresh.id, name=fresh.name, color=fresh.color)
 
 
 def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:

@@ -8,7 +8,7 @@ time and made again from the scene. Nothing here waits: a front end calls `poll`
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +21,21 @@ from ..compute.proxy import Phase, SegmentationProxy
 from ..compute.requests import TakeVolume
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
-from ..core.geometry import Geometry
+from ..core.geometry import Geometry, transform_points
+from ..core.outline_points import points_within_outline
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
-from .classes import ClassState
+from .classes import ClassState, Point, Polarity
 from .contours import ShownMap
 from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
+from .point_tour import PointTour
 from .segments import OutputSegment, write_segments
-from .volume import array_from_node, geometry_from_node, world_to_local
+from .surface_points import moved_inside, placed_in_3d_view
+from .volume import array_from_node, geometry_from_node, matrix_to_world, world_to_local
 
 
 class SceneSession:
@@ -66,8 +69,9 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._display = SceneDisplay(scene, app_logic)
+        self._tour = PointTour(scene)
         self._observers = SceneObservers()
-        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
+        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -145,10 +149,33 @@ class SceneSession:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
 
+    def add_region(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
+        """Add a few points of the inside of an outline (N, 3), RAS millimetres, to a class: one step for undo.
+
+        Raises:
+            InputError: no point of it lies in the volume.
+        """
+        points = points_within_outline(outline_ras)
+        volume = self.parameters.volume
+        if volume is not None and self._geometry is not None:
+            points = points[self._geometry.contains(world_to_local(volume, points))]
+        if not len(points):
+            raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
+        self.annotations.add_points(id_, points, positive)
+
+    def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
+        """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
+        state = next(state for state in self.classes if state.id == id_)
+        return self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
+
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
         class_map = self._proxy.maps.get(id_)
         return class_map.iso if class_map else None
+
+    def volume_ml(self, id_: str) -> float | None:
+        """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
+        return self._proxy.volumes_ml.get(id_)
 
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
@@ -201,6 +228,17 @@ class SceneSession:
         self._ask_for_maps()
         self._show()
         self._notify()
+
+    def _settled(self, point_ras: np.ndarray) -> np.ndarray:
+        """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
+        volume = self.parameters.volume
+        if volume is None or self._geometry is None or not placed_in_3d_view(self._scene, self._app_logic):
+            return point_ras
+        visible = {state.id for state in self.classes if state.visible}
+        maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
+        local_ras = world_to_local(volume, point_ras)[0]
+        inside_ras = moved_inside(local_ras, maps)
+        return point_ras if inside_ras is local_ras else transform_points(matrix_to_world(volume), inside_ras)[0]
 
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():

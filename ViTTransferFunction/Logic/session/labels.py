@@ -33,6 +33,12 @@ def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, in
     return labels
 
 
+def count_labels(labels: np.ndarray, count: int) -> list[int]:
+    """How many voxels carry each of the labels 1 to `count` in a label map (K, J, I)."""
+    # One label at a time: NumPy's bincount would first make eight bytes of each voxel.
+    return [int(np.count_nonzero(labels == label)) for label in range(1, count + 1)]
+
+
 def keep_annotated_components(labels: np.ndarray, label: int, geometry: Geometry, points_ras: np.ndarray) -> None:
     """Keep of one label only the connected components (26-neighbourhood) that hold a point; in place.
 

@@ -5,7 +5,7 @@ It knows no widgets, no files and no MRML. `opening.open_session` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from threading import Lock
@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest, check_requests
+from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.progress import Progress, no_progress
 from ..core.stopwatch import Stopwatch
@@ -25,7 +26,7 @@ from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import SimilarityRule, similarity_rule
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
-from .labels import assign_labels, keep_annotated_components
+from .labels import assign_labels, count_labels, keep_annotated_components
 from .presets import Preset
 
 
@@ -214,12 +215,32 @@ class SegmentationSession:
                 yield full.array, full.iso
                 progress(index + 1, len(requests), "Segmenting classes")
 
-        labels = assign_labels(maps(), self.volume.shape)
+        labels = self._labels(maps(), self.volume.geometry, requests, only_annotated_components)
+        return Segmentation(labels, tuple(self._results(requests, isos, labels)))
+
+    def low_resolution_volumes_ml(
+        self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
+    ) -> tuple[float, ...]:
+        """How large each class's segment will be, millilitres, to the size of a cell: its S_L, segmented as `segment` does."""
+        maps = ((low.array, low.iso) for low in low_maps)
+        geometry = self.features.geometry
+        labels = self._labels(maps, geometry, requests, only_annotated_components)
+        return tuple(cells * _voxel_ml(geometry) for cells in count_labels(labels, len(requests)))
+
+    def _labels(
+        self,
+        maps: Iterable[tuple[np.ndarray, float]],
+        geometry: Geometry,
+        requests: Sequence[ClassRequest],
+        only_annotated_components: bool,
+    ) -> np.ndarray:
+        """Labels (K, J, I) uint16 on `geometry` from the classes' maps on it and their thresholds."""
+        labels = assign_labels(maps, geometry.shape)
         with self.watch.step("components"):
             if only_annotated_components:
                 for label, request in enumerate(requests, start=1):
-                    keep_annotated_components(labels, label, self.volume.geometry, request.positive)
-        return Segmentation(labels, tuple(self._results(requests, isos, labels)))
+                    keep_annotated_components(labels, label, geometry, request.positive)
+        return labels
 
     @property
     def _the_source(self) -> FeatureSource:
@@ -228,7 +249,10 @@ class SegmentationSession:
         return self._source
 
     def _results(self, requests: Sequence[ClassRequest], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
-        counts = np.bincount(labels.ravel(), minlength=len(requests) + 1)
-        voxel_ml = self.volume.geometry.voxel_volume_mm3 / 1000.0
-        for request, iso, count in zip(requests, isos, counts[1:].tolist(), strict=True):
+        voxel_ml = _voxel_ml(self.volume.geometry)
+        for request, iso, count in zip(requests, isos, count_labels(labels, len(requests)), strict=True):
             yield ClassResult(request.name, iso, count, count * voxel_ml)
+
+
+def _voxel_ml(geometry: Geometry) -> float:
+    return geometry.voxel_volume_mm3 / 1000.0

@@ -80,7 +80,8 @@ def mean_clamped_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
 
 
 def _iso(similarity: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], index: int) -> float:
-    """The threshold between a class's map at its positive points, and at its negative and all other classes' points."""
-    others = [other.positive for position, other in enumerate(requests) if position != index]
-    positive, negative = requests[index].positive, np.concatenate([requests[index].negative, *others])
+    """The threshold between a class's map at its positive points, and at its negative and all points of other classes alone."""
+    request = requests[index]
+    others = [other.positive[~request.claims(other.positive)] for other in requests]
+    positive, negative = request.positive, np.concatenate([request.negative, *others])
     return iso_between_points(*(sample_at(similarity[..., None], geometry, points) for points in (positive, negative)))

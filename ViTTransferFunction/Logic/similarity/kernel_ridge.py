@@ -171,15 +171,16 @@ def _prior(request: ClassRequest) -> float:
 def _targets(requests: Sequence[ClassRequest]) -> tuple[np.ndarray, np.ndarray]:
     """All points (P, 3) and what each class should be there (P, classes): 1, 0, or NaN where a point says nothing of a class.
 
-    A negative point says that its own class is not there, and leaves open what is.
+    A negative point says that its own class is not there, and leaves open what is. A point that two classes claim, such as a
+    class and its duplicate, speaks against neither.
     """
     points, targets = [], []
     for index, request in enumerate(requests):
-        for positions, own, of_others in ((request.positive, 1.0, 0.0), (request.negative, 0.0, np.nan)):
-            rows = np.full((len(positions), len(requests)), of_others)
-            rows[:, index] = own
-            points.append(positions)
-            targets.append(rows)
+        positive = np.stack([np.where(other.claims(request.positive), np.nan, 0.0) for other in requests], axis=1)
+        negative = np.full((len(request.negative), len(requests)), np.nan)
+        positive[:, index], negative[:, index] = 1.0, 0.0
+        points += [request.positive, request.negative]
+        targets += [positive, negative]
     return np.concatenate(points), np.concatenate(targets)
 
 

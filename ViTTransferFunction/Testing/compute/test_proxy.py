@@ -159,7 +159,7 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     ready.look("similarity", {"liver": ((1.0, 0.0, 0.0), 1.0)})
     ready.update([LIVER], Refinement())
     ready.poll()
-    client.answer(ComputeMaps, Maps((MAP,)))
+    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
     ready.poll()
     assert client.asked[-1] == Render("similarity", False, (((1.0, 0.0, 0.0), 1.0),))
     rendering = len(client.asked)
@@ -176,17 +176,32 @@ def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: Segment
     ready.look("transfer function", {})
     ready.update([LIVER], Refinement("guided"))
     ready.poll()
-    client.answer(ComputeMaps, Maps((MAP,)))
+    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
     assert ready.poll() == {"maps"}
     assert ready.maps == {"liver": MAP}
     client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), GEOMETRY))
     assert ready.poll() == {"rendering"}
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
-    client.answer(RefineMaps, Maps((MAP,)))
+    client.answer(RefineMaps, Maps((MAP,), (1.5,)))
     assert ready.poll() == {"refined"}
     assert ready.refined
     assert isinstance(client.asked[-1], Render)
     assert client.asked[-1].refined
+
+
+def test_volumes_come_with_the_maps_and_go_with_the_classes(ready: SegmentationProxy, client: Client) -> None:
+    ready.update([LIVER], Refinement(only_annotated_components=False))
+    ready.poll()
+    assert client.asked[-1] == ComputeMaps((LIVER,), only_annotated_components=False)
+    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
+    ready.poll()
+    assert ready.volumes_ml == {"liver": 1.5}
+    client.answer(RefineMaps, Maps((MAP,), (1.25,)))
+    ready.poll()
+    assert ready.volumes_ml == {"liver": 1.25}
+    ready.update([], Refinement())
+    ready.poll()
+    assert ready.volumes_ml == {}
 
 
 def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, client: Client) -> None:

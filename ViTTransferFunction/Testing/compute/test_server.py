@@ -74,6 +74,10 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
     assert isinstance(refined, Maps)
     assert isinstance(labels, Labels)
     for label in (1, 2, 3):
+        volume_ml = (labels.array == label).sum() * spheres[0].geometry.voxel_volume_mm3 / 1000.0
+        assert refined.volumes_ml[label - 1] == pytest.approx(volume_ml)
+        # Off by as much as a shell of half a cell.
+        assert maps.volumes_ml[label - 1] == pytest.approx(volume_ml, rel=0.5)
         assert dice(labels.array == label, spheres[1] == label) > 0.9
         crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.

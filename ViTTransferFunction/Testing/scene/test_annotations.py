@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +77,64 @@ def test_a_removed_class_comes_back_with_its_points_and_settings(session: SceneS
     session.annotations.undo()
     assert {state.id: state for state in session.classes} == before
     assert [state.id for state in session.classes] == list(before)
+
+
+def test_a_region_is_a_few_points_of_its_inside_and_one_step(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    square = np.array([[0.0, 5.0, 0.0], [40.0, 5.0, 0.0], [40.0, 5.0, 40.0], [0.0, 5.0, 40.0]])
+    session.add_region(state.id, square, positive=True)
+    session.add_region(state.id, square + np.array([100.0, 0.0, 0.0]), positive=False)
+    (state,) = session.classes
+    for points, left in ((state.positive, 0.0), (state.negative, 100.0)):
+        assert len(points) == 8
+        assert ((np.array(points) - [left, 5.0, 0.0])[:, [0, 2]] > 1.0).all()
+        assert ((np.array(points) - [left, 5.0, 0.0])[:, [0, 2]] < 39.0).all()
+    session.annotations.undo()
+    assert (len(session.classes[0].positive), session.classes[0].negative) == (8, ())
+    session.annotations.undo()
+    assert session.classes[0].positive == ()
+
+
+def names(session: SceneSession) -> list[str]:
+    return [state.name for state in session.classes]
+
+
+def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.annotations.set_class(id_, iso=0.25, refine=False)
+    session.annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
+    duplicate = session.annotations.duplicate_class(id_)
+    original, copy, *_ = session.classes
+    assert names(session) == ["sphere 1", "sphere 1 copy", "sphere 2", "sphere 3"]
+    assert replace(copy, id=original.id, name=original.name, color=original.color) == original
+    assert copy.id == duplicate.id
+    assert copy.color not in {state.color for state in session.classes if state.id != copy.id}
+    session.annotations.duplicate_class(id_)
+    assert names(session)[:3] == ["sphere 1", "sphere 1 copy 2", "sphere 1 copy"]
+
+
+def test_a_duplicate_goes_and_comes_back_by_one_step_of_undo_and_redo(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    before = session.classes
+    session.annotations.duplicate_class(id_)
+    after = session.classes
+    session.annotations.undo()
+    assert session.classes == before
+    session.annotations.redo()
+    assert session.classes == after
+
+
+def test_a_class_moves_up_and_down_as_far_as_the_ends_and_back_by_undo(session: SceneSession, spheres: Spheres) -> None:
+    first, second, third = annotate(session, spheres)
+    orders = []
+    for id_, step in ((first, 1), (first, 1), (first, 1), (third, -1)):
+        session.annotations.move_class(id_, step)
+        orders.append([state.id for state in session.classes])
+    assert orders == [[second, first, third], [second, third, first], [second, third, first], [third, second, first]]
+    session.annotations.undo()
+    session.annotations.undo()
+    # A move that changed nothing was no step.
+    assert [state.id for state in session.classes] == [second, first, third]
 
 
 def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession, spheres: Spheres) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.session.labels import assign_labels, keep_annotated_components
+from ViTTransferFunction.Logic.session.labels import assign_labels, count_labels, keep_annotated_components
 
 SHAPE = (1, 1, 5)
 
@@ -26,6 +26,10 @@ def test_each_voxel_goes_to_the_class_furthest_above_its_own_iso_value() -> None
 def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class() -> None:
     labels = assign_labels(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
     np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
+
+
+def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
+    assert count_labels(np.array([0, 3, 3, 1, 0], dtype=np.uint16).reshape(SHAPE), 4) == [1, 0, 2, 0]
 
 
 def test_no_more_than_two_maps_are_in_memory_at_once() -> None:

@@ -54,13 +54,17 @@ def test_an_iso_value_that_the_user_set_is_used_as_it_is(session: SegmentationSe
     assert loose.voxels > strict.voxels
 
 
-def test_parts_without_a_click_are_dropped_unless_asked_for(session: SegmentationSession, spheres: Spheres) -> None:
+def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
+    """Make them equal to the network, so that a click on one finds both."""
     source = session.features.source
     array = source.array.copy()
-    # Spheres 1 and 2 become equal to the network, so that a click on one finds both.
     array[..., 1] += array[..., 2]
     array[..., 2] = 0.0
     session.use_features(FeatureVolume(array, source.geometry, source.key))
+
+
+def test_parts_without_a_click_are_dropped_unless_asked_for(session: SegmentationSession, spheres: Spheres) -> None:
+    make_spheres_1_and_2_alike(session)
     clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
     dropped = session.segment(clicked).labels > 0
     kept = session.segment(clicked, only_annotated_components=False).labels > 0
@@ -78,6 +82,24 @@ def test_a_click_is_answered_at_low_resolution(session: SegmentationSession, sph
     for low in session.low_resolution_maps(requests_of(spheres)):
         assert low.array.shape == session.features.geometry.shape
         assert 0.0 < low.iso < low.array.max()
+
+
+def test_volumes_at_low_resolution_are_those_of_the_segments_to_the_size_of_a_cell(
+    session: SegmentationSession, spheres: Spheres
+) -> None:
+    requests = requests_of(spheres)
+    volumes_ml = session.low_resolution_volumes_ml(requests, session.low_resolution_maps(requests))
+    radii_mm = [np.cbrt(3000.0 * ml / (4.0 * np.pi)) for ml in volumes_ml]
+    assert radii_mm == pytest.approx([16.0] * 3, abs=session.features.geometry.spacing_mm.max() / 2.0)
+
+
+def test_volumes_at_low_resolution_leave_out_what_the_segments_do(session: SegmentationSession, spheres: Spheres) -> None:
+    look_alikes = np.isin(spheres[1], (1, 2)).sum() / (spheres[1] == 1).sum()
+    make_spheres_1_and_2_alike(session)
+    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
+    low_maps = session.low_resolution_maps(clicked)
+    (alone,), (both,) = (session.low_resolution_volumes_ml(clicked, low_maps, only) for only in (True, False))
+    assert both == pytest.approx(look_alikes * alone, rel=0.1)
 
 
 @pytest.mark.parametrize("method", get_args(SimilarityMethod))

@@ -73,6 +73,15 @@ def test_a_negative_point_lowers_the_map_where_it_lies(features: NormalisedFeatu
     assert after[2, 4, 4] < 1e-6
 
 
+def test_a_duplicate_has_the_threshold_of_the_original_and_does_not_alter_it(features: NormalisedFeatures) -> None:
+    rule = CosineSimilarity(features, TURNED_CELLS, mean_cosine)
+    original, other = a_class(at_turned_cells((1, 2, 3))), ClassRequest("b", at_turned_cells((4, 4, 2)))
+    (similarity, *_) = rule.maps([original])
+    duplicated = [original, ClassRequest("a copy", original.positive), other]
+    alone = rule.iso(similarity, [original, other], 0)
+    assert [rule.iso(similarity, duplicated, index) for index in (0, 1)] == [alone, alone]
+
+
 def test_the_order_of_points_does_not_matter(features: NormalisedFeatures) -> None:
     points = at_turned_cells((1, 2, 3), (4, 4, 2), (0, 0, 0))
     forward = map_of(features, a_class(points), mean_cosine)

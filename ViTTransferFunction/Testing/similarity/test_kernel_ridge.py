@@ -48,6 +48,14 @@ def a_class(name: str, positive: np.ndarray, **fields: object) -> ClassRequest:
 IN_LEFT, IN_RIGHT, IN_ABOVE = at_cell(4, 6, 3), at_cell(4, 6, 9), at_cell(9, 6, 6)
 
 
+def test_a_duplicate_has_the_map_of_the_original_and_does_not_alter_it(similarity: KernelRidge) -> None:
+    original, other = a_class("a", IN_LEFT, negative=IN_RIGHT), a_class("b", IN_ABOVE)
+    alone = similarity.maps([original, other])
+    duplicated = similarity.maps([original, a_class("a copy", IN_LEFT, negative=IN_RIGHT), other])
+    for index, expected in ((0, alone[0]), (1, alone[0]), (2, alone[1])):
+        np.testing.assert_allclose(duplicated[index], expected, atol=0.01)
+
+
 def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT)
     (found,) = similarity.maps([annotated])

@@ -14,7 +14,7 @@ import slicer
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QDialog, QLineEdit, QProgressBar, QWidget
+from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QDialog, QLabel, QLineEdit, QProgressBar, QWidget
 
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
@@ -220,6 +220,66 @@ def test_strokes_in_any_slice_view_leave_points_and_the_eraser_takes_them(widget
     widget.ui.eraserButton.click()
     drag("Red", (70, 100), (70, 100))
     assert len(widget.panel.session.classes[0].positive) == 1
+
+
+@pytest.mark.parametrize(("kind", "path"), [("lasso", [(60, 60), (140, 60), (100, 140)]), ("box", [(60, 60), (140, 140)])])
+def test_regions_in_any_slice_view_become_a_few_points_in_one_step(widget: Any, kind: str, path: list[tuple[int, int]]) -> None:
+    add_class(widget)
+    getattr(widget.ui, f"{kind}OnButton").click()
+    drag("Red", *path)
+    getattr(widget.ui, f"{kind}OffButton").click()
+    drag("Green", *path)
+    state = widget.panel.session.classes[0]
+    for points in (state.positive, state.negative):
+        assert 4 <= len(points) <= 8
+        # Within 40 pixels of 1 mm about the middle of the view.
+        assert np.abs(points).max() < 40.0
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0].negative == ()
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0].positive == ()
+
+
+def test_a_region_beside_the_volume_is_said_to_be_there_and_adds_nothing(ready: Any) -> None:
+    add_class(ready)
+    ready.ui.boxOffButton.click()
+    drag("Red", (5, 5), (40, 40))
+    assert "no part in the volume" in ready.ui.messageLabel.text()
+    assert ready.panel.session.classes[0].negative == ()
+
+
+def test_the_list_of_keys_opens_and_closes_and_leaves_the_keyboard_to_the_main_window(widget: Any, host: Host) -> None:
+    add_class(widget)
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_Question)
+    (shown,) = (window for window in host.window.findChildren(QDialog) if window.isVisible())
+    told = "".join(label.text() for label in shown.findChildren(QLabel))
+    assert all(f"<b>{key}</b>" in told for key in ("A", "Shift+L", "J", "?", "F2", "Del"))
+    assert not shown.isModal()
+    QTest.keyClick(host.window, Qt.Key.Key_N)
+    assert widget.panel.tools.tool == "pointOff"
+    QTest.keyClick(host.window, Qt.Key.Key_Question)
+    assert not shown.isVisible()
+    QTest.keyClick(host.window, Qt.Key.Key_Question)
+    QTest.keyClick(host.window, Qt.Key.Key_Escape)
+    assert not shown.isVisible()
+    assert widget.panel.tools.tool == "pointOff"
+    QTest.keyClick(host.window, Qt.Key.Key_Escape)
+    assert widget.panel.tools.tool is None
+    for key in (Qt.Key.Key_Escape, Qt.Key.Key_Question):
+        QTest.keyClick(host.window, Qt.Key.Key_Question)
+        shown.activateWindow()
+        QTest.qWait(10)
+        QTest.keyClick(shown, key)
+        assert not shown.isVisible()
+
+
+def test_the_list_of_keys_goes_with_the_module(widget: Any, host: Host) -> None:
+    widget.panel.shortcut_help.toggle()
+    host.representation.exit()
+    assert not any(window.isVisible() for window in host.window.findChildren(QDialog))
+    host.representation.enter()
 
 
 def test_the_keys_listed_are_the_keys_installed_and_none_is_slicer_s(widget: Any) -> None:

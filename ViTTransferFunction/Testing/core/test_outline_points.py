@@ -1,0 +1,73 @@
+"""Points inside an outline."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.outline_points import CLOSEST_MM, MOST_POINTS, points_within_outline
+
+OBLIQUE = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [0.0, 1.0, -1.0], [2.0, 0.0, 1.0]]))[0]
+"""Three orthogonal axes of which none is the patient's."""
+AWAY_RAS = np.array([120.0, -80.0, 900.0])
+
+
+def in_patient(outline: np.ndarray) -> np.ndarray:
+    """An outline (N, 2), millimetres, in an oblique plane far from the origin."""
+    return AWAY_RAS + outline @ OBLIQUE[:2]
+
+
+def in_plane(points_ras: np.ndarray) -> np.ndarray:
+    """The way back, (M, 3); the last number is the distance from the plane."""
+    return (points_ras - AWAY_RAS) @ OBLIQUE.T
+
+
+def circle(radius_mm: float, count: int = 60, turns: float = 1.0) -> np.ndarray:
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, count, endpoint=False)
+    return radius_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def test_points_lie_well_inside_in_the_outlines_plane_and_far_from_each_other() -> None:
+    points = in_plane(points_within_outline(in_patient(circle(30.0))))
+    assert len(points) == MOST_POINTS
+    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-9)
+    assert np.linalg.norm(points[:, :2], axis=1).max() <= 20.5
+    distances = np.linalg.norm(points[:, None] - points[None], axis=2)
+    # Seven on a circle of 20 mm and one in its middle are 17 mm apart at best.
+    assert distances[np.triu_indices(MOST_POINTS, 1)].min() > 11.0
+
+
+def test_a_small_region_has_fewer_points_and_at_least_one() -> None:
+    small = points_within_outline(in_patient(circle(6.0)))
+    assert 1 < len(small) < MOST_POINTS
+    assert np.linalg.norm(np.diff(small, axis=0), axis=1).min() >= CLOSEST_MM
+    assert len(points_within_outline(in_patient(circle(1.0)))) == 1
+
+
+def test_a_crescent_has_points_in_both_horns_and_none_in_its_hollow() -> None:
+    outer, inner = circle(30.0), circle(22.0) + np.array([12.0, 0.0])
+    crescent = np.concatenate([outer[8:-7], inner[8:-7][::-1]])
+    points = in_plane(points_within_outline(in_patient(crescent)))[:, :2]
+    assert (np.linalg.norm(points - [12.0, 0.0], axis=1) > 22.0).all()
+    assert (np.linalg.norm(points, axis=1) < 30.0).all()
+    assert points[:, 1].min() < -10.0
+    assert points[:, 1].max() > 10.0
+
+
+def test_a_lasso_that_goes_around_twice_is_full() -> None:
+    once, twice = (points_within_outline(in_patient(circle(30.0, 120, turns))) for turns in (1.0, 1.9))
+    assert len(twice) == len(once)
+    assert np.linalg.norm(in_plane(twice)[:, :2], axis=1).min() < 5.0
+
+
+@pytest.mark.parametrize("box", [(40.0, 20.0), (200.0, 3.0)])
+def test_the_points_of_a_rectangle_are_in_it_whatever_its_shape(box: tuple[float, float]) -> None:
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]) * box
+    points = in_plane(points_within_outline(in_patient(corners)))[:, :2]
+    assert ((points > 0.0) & (points < np.array(box))).all()
+    assert np.ptp(points[:, 0]) > 0.6 * box[0]
+
+
+@pytest.mark.parametrize("outline", [np.zeros((1, 2)), np.zeros((5, 2)), np.array([[0.0, 0.0], [10.0, 10.0], [20.0, 20.0]])])
+def test_an_outline_without_an_area_has_no_points(outline: np.ndarray) -> None:
+    assert points_within_outline(in_patient(outline)).shape == (0, 3)

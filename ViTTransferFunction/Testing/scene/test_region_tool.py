@@ -1,0 +1,125 @@
+"""A line or a box drawn in a slice view becomes an outline in the patient, and is seen while it is drawn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
+from ViTTransferFunction.Testing.support.views import Views, pixels
+
+COLOR = (0.0, 1.0, 0.0)
+
+
+class Stage:
+    """An axial slice at S = 20 mm, and what the tool says about it."""
+
+    def __init__(self, slicer_app: Any) -> None:
+        self.views = Views(slicer_app, (40, 40, 40))
+        self.view = self.views.slice_view("Axial")
+        self.node = self.view.get_view_node()
+        self.node.JumpSliceByOffsetting(0.0, 0.0, 20.0)
+        self.interactor = self.view.interactor()
+        self.outlines: list[np.ndarray] = []
+        self.draws = 0
+
+    def tool(self, shape: Shape) -> RegionTool:
+        tool = RegionTool(self.interactor, self.node, self.draw, shape, COLOR, self.outlines.append)
+        tool.activate()
+        return tool
+
+    def draw(self) -> None:
+        self.draws += 1
+
+    def mouse(self, event: str, x: int, y: int) -> None:
+        self.interactor.SetEventInformation(x, y, 0, 0)
+        self.interactor.InvokeEvent(event)
+
+    def press_and_move(self, *path: tuple[int, int]) -> None:
+        self.mouse("LeftButtonPressEvent", *path[0])
+        for position in path[1:]:
+            self.mouse("MouseMoveEvent", *position)
+
+    def drag(self, *path: tuple[int, int]) -> None:
+        self.press_and_move(*path)
+        self.mouse("LeftButtonReleaseEvent", *path[-1])
+
+    def on_screen(self, outline_ras: np.ndarray) -> np.ndarray:
+        """Where the slice view shows points (N, 3), in pixels (N, 2)."""
+        to_xy = vtk.vtkMatrix4x4()
+        vtk.vtkMatrix4x4.Invert(self.node.GetXYToRAS(), to_xy)
+        return np.array([to_xy.MultiplyPoint((*point, 1.0))[:2] for point in outline_ras])
+
+    def drawn(self) -> np.ndarray:
+        """Which pixels have the outline's colour."""
+        picture = pixels(self.view).astype(int)
+        return picture[..., 1] - picture[..., 0] > 100
+
+
+@pytest.fixture
+def stage(slicer_app: Any) -> Stage:
+    return Stage(slicer_app)
+
+
+def test_a_lasso_is_the_way_of_the_mouse_in_the_plane_of_the_slice(stage: Stage) -> None:
+    stage.tool("lasso")
+    way = [(40, 40), (90, 45), (80, 90), (50, 80)]
+    stage.drag(*way)
+    (outline,) = stage.outlines
+    np.testing.assert_allclose(stage.on_screen(outline), way, atol=1e-6)
+    np.testing.assert_allclose(outline[:, 2], 20.0)
+
+
+def test_a_box_has_its_corners_where_the_button_was_pressed_and_released(stage: Stage) -> None:
+    stage.tool("box")
+    stage.drag((90, 40), (20, 20), (30, 100))
+    (outline,) = stage.outlines
+    corners = stage.on_screen(outline)
+    np.testing.assert_allclose(corners.min(axis=0), [30, 40], atol=1e-6)
+    np.testing.assert_allclose(corners.max(axis=0), [90, 100], atol=1e-6)
+    assert len(corners) == 4
+
+
+@pytest.mark.parametrize("shape", ["lasso", "box"])
+def test_a_click_is_no_region(stage: Stage, shape: Shape) -> None:
+    stage.tool(shape)
+    stage.drag((40, 40))
+    stage.drag((40, 40), (42, 41))
+    assert stage.outlines == []
+
+
+def test_the_outline_is_seen_while_it_is_drawn_and_not_after(stage: Stage) -> None:
+    tool = stage.tool("box")
+    assert not stage.drawn().any()
+    stage.press_and_move((40, 50), (60, 60), (100, 90))
+    drawn = stage.drawn()
+    rows, columns = np.nonzero(drawn)
+    assert [columns.min(), columns.max(), rows.min(), rows.max()] == pytest.approx([40, 100, 50, 90], abs=2)
+    assert drawn[50:54, 70].any()
+    assert not drawn[70, 70]
+    assert stage.draws == 2
+    stage.mouse("LeftButtonReleaseEvent", 100, 90)
+    assert stage.draws == 3
+    assert not stage.drawn().any()
+    stage.press_and_move((40, 50), (100, 90))
+    tool.deactivate()
+    assert not stage.drawn().any()
+    stage.mouse("LeftButtonReleaseEvent", 100, 90)
+    assert len(stage.outlines) == 1
+
+
+def test_the_view_does_not_react_while_the_user_draws(stage: Stage) -> None:
+    reactions: list[str] = []
+    for event in ("LeftButtonPressEvent", "MouseMoveEvent", "LeftButtonReleaseEvent"):
+        stage.interactor.AddObserver(event, lambda caller, name: reactions.append(name), 50.0)
+    tool = stage.tool("lasso")
+    stage.drag((40, 40), (90, 45), (80, 90))
+    assert reactions == []
+    stage.mouse("MouseMoveEvent", 70, 10)
+    assert reactions == ["MouseMoveEvent"]
+    tool.deactivate()
+    stage.drag((40, 40), (90, 45))
+    assert len(reactions) == 4

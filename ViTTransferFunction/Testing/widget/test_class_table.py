@@ -1,0 +1,161 @@
+"""The table of structures and what can be done with the selected one: by button, menu and key."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QFontMetrics
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLineEdit
+
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+NAME, POSITIVE, NEGATIVE, VOLUME = 1, 3, 4, 6
+
+
+def names(widget: Any) -> list[str]:
+    return [text(widget.ui.classTable, row, NAME) for row in range(widget.ui.classTable.rowCount())]
+
+
+def selected_name(widget: Any) -> str:
+    return text(widget.ui.classTable, widget.ui.classTable.currentRow(), NAME)
+
+
+def choose(widget: Any, entry: str) -> None:
+    """Choose an entry of the table's menu."""
+    (action,) = (action for action in widget.ui.classTable.actions() if action.text() == entry)
+    assert action.isEnabled()
+    action.trigger()
+
+
+def focus(widget: Any, host: Host) -> Any:
+    """Give the table the keyboard; returns it."""
+    table = widget.ui.classTable
+    host.window.activateWindow()
+    table.setFocus()
+    wait_until(table.hasFocus)
+    return table
+
+
+def centres() -> list[tuple[float, ...]]:
+    """Where the slice views look."""
+    manager = slicer.app.layoutManager()
+    matrices = [manager.sliceWidget(name).mrmlSliceNode().GetSliceToRAS() for name in manager.sliceViewNames()]
+    return [tuple(matrix.GetElement(row, 3) for row in range(3)) for matrix in matrices]
+
+
+def test_a_duplicate_is_selected_and_undone(widget: Any) -> None:
+    add_class(widget, "liver")
+    place(widget, (1.0, 2.0, 3.0))
+    add_class(widget, "spleen")
+    widget.ui.classTable.selectRow(0)
+    widget.ui.duplicateClassButton.click()
+    assert names(widget) == ["liver", "liver copy", "spleen"]
+    assert selected_name(widget) == "liver copy"
+    assert text(widget.ui.classTable, 1, POSITIVE) == "1"
+    widget.ui.undoButton.click()
+    assert names(widget) == ["liver", "spleen"]
+
+
+def test_structures_are_reordered_and_stay_selected(widget: Any) -> None:
+    for name in ("liver", "spleen", "aorta"):
+        add_class(widget, name)
+    widget.ui.moveClassUpButton.click()
+    assert names(widget) == ["liver", "aorta", "spleen"]
+    assert selected_name(widget) == "aorta"
+    choose(widget, "Move up")
+    assert names(widget) == ["aorta", "liver", "spleen"]
+    assert not widget.ui.moveClassUpButton.isEnabled()
+    widget.ui.moveClassDownButton.click()
+    assert names(widget) == ["liver", "aorta", "spleen"]
+    widget.ui.undoButton.click()
+    assert names(widget) == ["aorta", "liver", "spleen"]
+
+
+def test_the_next_structure_is_selected_when_one_is_removed(widget: Any) -> None:
+    for name in ("liver", "spleen", "aorta"):
+        add_class(widget, name)
+    widget.ui.classTable.selectRow(1)
+    choose(widget, "Remove")
+    assert selected_name(widget) == "aorta"
+    choose(widget, "Remove")
+    assert selected_name(widget) == "liver"
+    choose(widget, "Remove")
+    assert names(widget) == []
+
+
+def test_what_cannot_be_done_to_a_structure_cannot_be_pressed(widget: Any) -> None:
+    ui, table = widget.ui, widget.ui.classTable
+    buttons = (ui.duplicateClassButton, ui.moveClassUpButton, ui.moveClassDownButton, ui.removeClassButton)
+    assert not any(button.isEnabled() for button in buttons)
+    assert not any(action.isEnabled() for action in table.actions())
+    add_class(widget)
+    assert [button.isEnabled() for button in buttons] == [True, False, False, True]
+    enabled = {action.text() for action in table.actions() if action.isEnabled()}
+    assert enabled == {"Rename", "Duplicate", "Remove"}
+    assert table.contextMenuPolicy() == Qt.ContextMenuPolicy.ActionsContextMenu
+
+
+def test_delete_removes_the_selected_structure_where_the_table_has_the_keyboard(widget: Any, host: Host) -> None:
+    add_class(widget, "liver")
+    add_class(widget, "spleen")
+    host.window.activateWindow()
+    widget.ui.volumeSelector.setFocus()
+    QTest.keyClick(widget.ui.volumeSelector, Qt.Key.Key_Delete)
+    assert names(widget) == ["liver", "spleen"]
+    QTest.keyClick(focus(widget, host), Qt.Key.Key_Delete)
+    assert names(widget) == ["liver"]
+    widget.ui.undoButton.click()
+    assert names(widget) == ["liver", "spleen"]
+
+
+def test_f2_renames_and_delete_then_deletes_a_letter(widget: Any, host: Host) -> None:
+    add_class(widget, "liver")
+    table = focus(widget, host)
+    QTest.keyClick(table, Qt.Key.Key_F2)
+    editor = table.findChild(QLineEdit)
+    QTest.keyClick(editor, Qt.Key.Key_Home)
+    QTest.keyClick(editor, Qt.Key.Key_Delete)
+    QTest.keyClick(editor, Qt.Key.Key_Return)
+    wait_until(lambda: names(widget) == ["iver"])
+
+
+def test_a_double_click_on_a_count_goes_from_point_to_point_of_that_kind(widget: Any) -> None:
+    first, second, outside = (1.0, 2.0, 3.0), (-4.0, 5.0, 6.0), (7.0, -8.0, 9.0)
+    add_class(widget)
+    place(widget, first, second)
+    widget.ui.pointOffButton.click()
+    place(widget, outside)
+    for column, expected in ((POSITIVE, first), (POSITIVE, second), (POSITIVE, first), (NEGATIVE, outside)):
+        widget.ui.classTable.cellDoubleClicked.emit(0, column)
+        assert centres() == [pytest.approx(expected)] * 3
+    choose(widget, "Show next point")
+    assert centres() == [pytest.approx(first)] * 3
+
+
+def test_the_volume_is_shown_in_millilitres_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:
+    add_class(ready)
+    table = ready.ui.classTable
+    assert text(table, 0, VOLUME) == "–"
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: text(table, 0, VOLUME) != "–" and not ready.panel.session.busy)
+    sphere_ml = 4.0 / 3.0 * 3.1416 * 1.6**3
+    assert float(text(table, 0, VOLUME)) == pytest.approx(sphere_ml, rel=0.1)
+
+
+def test_all_columns_fit_into_the_panel_and_leave_room_for_a_name(widget: Any) -> None:
+    add_class(widget, "Left adrenal gland")
+    table = widget.ui.classTable
+    assert table.horizontalHeader().length() <= table.viewport().width()
+    assert table.columnWidth(NAME) >= QFontMetrics(table.font()).horizontalAdvance("Left adrenal gland")

@@ -1,0 +1,94 @@
+"""What can be done with the selected structure: by buttons below the table, and by the menu and keys of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import qt
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Widget.class_table import NAME
+from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
+
+
+class ClassActions(Section):
+    """Rename, duplicate, move, remove, and a look at the points. Undo takes all of them back but the look.
+
+    The keys work only while the table has the focus: neither elsewhere, nor while a name is typed.
+    """
+
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+        super().__init__(ui, report)
+        ui.duplicateClassButton.clicked.connect(self.duplicate)
+        ui.moveClassUpButton.clicked.connect(self.move_up)
+        ui.moveClassDownButton.clicked.connect(self.move_down)
+        ui.removeClassButton.clicked.connect(self.remove)
+        ui.classTable.contextMenuPolicy = qt.Qt.ActionsContextMenu
+        self._rename = self._add(_("Rename"), self.rename, TABLE_KEYS["rename"])
+        self._show_next_point = self._add(_("Show next point"), self.show_next_point)
+        self._duplicate = self._add(_("Duplicate"), self.duplicate)
+        self._move_up = self._add(_("Move up"), self.move_up, TABLE_KEYS["moveUp"])
+        self._move_down = self._add(_("Move down"), self.move_down, TABLE_KEYS["moveDown"])
+        self._remove = self._add(_("Remove"), self.remove, TABLE_KEYS["remove"])
+
+    def refresh(self) -> None:
+        """Enable what can be done now."""
+        ui, selected, ids = self.ui, self.selected, [state.id for state in self.session.classes] if self.session else []
+        for button, action, possible in (
+            (ui.duplicateClassButton, self._duplicate, selected is not None),
+            (ui.moveClassUpButton, self._move_up, selected is not None and selected.id != ids[0]),
+            (ui.moveClassDownButton, self._move_down, selected is not None and selected.id != ids[-1]),
+            (ui.removeClassButton, self._remove, selected is not None),
+        ):
+            button.enabled = action.enabled = possible
+        self._rename.enabled = selected is not None
+        self._show_next_point.enabled = selected is not None and bool(selected.positive or selected.negative)
+
+    def rename(self) -> None:
+        """Have the user type a name."""
+        table = self.ui.classTable
+        item = table.item(table.currentRow(), NAME)
+        if item is not None:
+            table.editItem(item)
+
+    def show_next_point(self) -> None:
+        """Centre the slice views on the next point, inside or outside."""
+        if self.session is not None and self.selected is not None:
+            self.session.show_next_point(self.selected.id)
+
+    def duplicate(self) -> None:
+        """Add a structure with the same settings and points, and select it."""
+        if self.session is not None and self.selected is not None:
+            self.session.select_class(self.session.annotations.duplicate_class(self.selected.id).id)
+
+    def move_up(self) -> None:
+        """Swap the structure with the one above."""
+        self._move(-1)
+
+    def move_down(self) -> None:
+        """Swap the structure with the one below."""
+        self._move(+1)
+
+    def remove(self) -> None:
+        """Remove the structure and its points, and select the next one."""
+        if self.session is None or self.selected is None:
+            return
+        row = [state.id for state in self.session.classes].index(self.selected.id)
+        self.session.annotations.remove_class(self.selected.id)
+        if self.session.classes:
+            self.session.select_class(self.session.classes[min(row, len(self.session.classes) - 1)].id)
+
+    def _move(self, step: int) -> None:
+        if self.session is not None and self.selected is not None:
+            self.session.annotations.move_class(self.selected.id, step)
+
+    def _add(self, text: str, react: Callable[[], None], key: str = "") -> Any:
+        """An action of the table's menu."""
+        action = qt.QAction(text, self.ui.classTable)
+        action.shortcutContext = qt.Qt.WidgetShortcut
+        action.shortcut = qt.QKeySequence(key)
+        action.triggered.connect(react)
+        self.ui.classTable.addAction(action)
+        return action
