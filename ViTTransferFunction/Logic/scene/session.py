@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import slicer
@@ -28,10 +28,11 @@ from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
 from .classes import ClassState
 from .contours import ShownMap
+from .corrections import Corrections
 from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
-from .segments import OutputSegment, write_segments
+from .segment_output import SegmentOutput
 from .volume import array_from_node, geometry_from_node, world_to_local
 
 
@@ -66,6 +67,8 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._display = SceneDisplay(scene, app_logic)
+        self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
+        self._corrections: Corrections = "keep"
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
         other_scene = (
@@ -94,8 +97,8 @@ class SceneSession:
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of the running extraction or segmentation."""
-        return self._proxy.progress
+        """Of the running extraction or segmentation, or of the writing of segments."""
+        return self._proxy.progress or self._output.progress
 
     @property
     def estimate(self) -> FeatureEstimate | None:
@@ -105,7 +108,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending
+        return self._proxy.busy or self._display.pending or self._output.busy
 
     @property
     def up_to_date(self) -> bool:
@@ -163,14 +166,30 @@ class SceneSession:
     def cancel(self) -> None:
         """Stop the extraction or segmentation that runs; what was there before stays."""
         self._proxy.cancel()
+        self._output.cancel()
+        self._notify()
 
-    def write_segments(self) -> None:
-        """Have all classes segmented and written as segments; into a new segmentation where none is chosen."""
+    def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
+        """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
+
+        Args:
+            corrections: what becomes of segments whose voxels were changed since they were written. "keep": they stay, and new
+                segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
+                otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
+        """
         if self.phase != "ready" or not self._requests():
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
             return
-        self._proxy.segment(self.parameters.refinement())
+        if corrections == "ask":
+            self._output.find_corrections(if_none=self.write_segments)
+        else:
+            self._corrections = corrections
+            self._proxy.segment(self.parameters.refinement())
         self._notify()
+
+    def take_corrected(self) -> tuple[str, ...]:
+        """Names of the segments about which the front end has to ask the user since the last call; most often none."""
+        return self._output.take_corrected()
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
@@ -179,9 +198,10 @@ class SceneSession:
             self._show()
         elif self._display.pending:
             self._display.advance()
-        if "labels" in events:
-            self._write_labels()
-        if events:
+        writing = self._output.busy
+        if "labels" in events or writing:
+            self._advance_output()
+        if events or writing:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -254,6 +274,7 @@ class SceneSession:
             self._opened = (place, settings)
             self._geometry = geometry
             self._asked = None
+            self._output.cancel()
             volume = TakeVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
             self._proxy.open(volume, settings)
 
@@ -309,29 +330,16 @@ class SceneSession:
         )
         self._display.show_rendering(volume, self._proxy.rendering)
 
-    def _write_labels(self) -> None:
-        """Turn the labels that arrived into segments of the classes that are still there."""
-        assert self._proxy.labels is not None
-        (labels, ids), self._proxy.labels = self._proxy.labels, None
-        volume = self.parameters.volume
-        states = {state.id: state for state in self.classes}
-        segments = [
-            OutputSegment(id_, states[id_].name, states[id_].color, labels.array == label)
-            for label, id_ in enumerate(ids, start=1)
-            if id_ in states
-        ]
-        if volume is None or not segments:
-            return
+    def _advance_output(self) -> None:
+        """Take labels in that have arrived, or go on to turn them into segments."""
         try:
-            node = self.parameters.segmentation or self._new_segmentation(volume)
-            write_segments(node, volume, segments, self.parameters.get("respectOtherSegments"), self._app_logic)
+            if self._proxy.labels is not None:
+                (labels, ids), self._proxy.labels = self._proxy.labels, None
+                self._output.write(labels, ids, self._corrections)
+            else:
+                self._output.advance()
         except InputError as error:
             self._report(str(error))
-
-    def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
-        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", f"{volume.GetName()} segmentation")
-        self.set_segmentation(node)
-        return node
 
     def _report(self, message: str) -> None:
         self._error = message

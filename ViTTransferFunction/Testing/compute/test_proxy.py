@@ -174,7 +174,7 @@ def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, cli
     ready.poll()
     assert ready.progress is not None
     assert (ready.progress.done, ready.progress.total) == (1, 2)
-    labels = Labels(np.zeros((2, 2, 2), dtype=np.uint16))
+    labels = Labels(np.zeros((2, 2, 2), dtype=np.uint8), (0, 0, 0))
     client.answer(SegmentClasses, labels)
     assert "labels" in ready.poll()
     assert ready.labels == (labels, ["spleen", "liver"])
