@@ -92,7 +92,9 @@ class SegmentOutput:
         if volume is None or not any(present):
             return
         wanted = ClassLabels(labels.array, labels.first, present)
-        writing = _SegmentWriting(node, volume, wanted, self._parameters.get("respectOtherSegments"), corrections)
+        continued = {state.id: state.continues for state in self._classes() if state.continues}
+        respect_others = self._parameters.get("respectOtherSegments")
+        writing = _SegmentWriting(node, volume, wanted, respect_others, corrections, continued)
 
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
@@ -178,13 +180,11 @@ class _CorrectionSearch:
 class _SegmentWriting:
     """Turns labels into segments; nothing has changed until `write`."""
 
-    def __init__(
-        self, segmentation_node: Any, volume_node: Any, labels: ClassLabels, respect_others: bool, corrections: Corrections
-    ) -> None:
+    def __init__(self, segmentation_node: Any, volume_node: Any, labels: ClassLabels, *choices: Any) -> None:
         self.nodes = (volume_node, *((segmentation_node,) if segmentation_node else ()))
         self.labels = labels
         self._segmentation_node, self._volume_node = segmentation_node, volume_node
-        self._arguments = (segmentation_node, volume_node, labels, respect_others, corrections)
+        self._arguments = (segmentation_node, volume_node, labels, *choices)
         if segmentation_node is not None:
             check_writable(segmentation_node, volume_node)
         self._begin()

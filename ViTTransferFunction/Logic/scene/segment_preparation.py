@@ -68,12 +68,18 @@ class PreparedSegments:
 
 
 def prepare_segments(
-    segmentation_node: Any | None, volume_node: Any, labels: ClassLabels, respect_others: bool, corrections: Corrections
+    segmentation_node: Any | None,
+    volume_node: Any,
+    labels: ClassLabels,
+    respect_others: bool,
+    corrections: Corrections,
+    continued: Mapping[str, str],
 ) -> Steps[PreparedSegments]:
     """Make everything that the segments of these classes will consist of, and change nothing; in steps.
 
     Other segments are those that are not written, also finished ones of classes that are gone, and corrected ones that are
-    kept. A corrected segment does not stand in the way of its own class, whose new result would be what is missing there.
+    kept. A corrected segment does not stand in the way of its own class, whose result would be what is left over there; nor
+    does the segment that a class continues.
 
     Args:
         segmentation_node: where to; None: a new one, without segments and transform. See `check_writable`.
@@ -81,6 +87,7 @@ def prepare_segments(
         labels: the results.
         respect_others: leave out voxels that belong to other segments; otherwise segments may overlap with those.
         corrections: what becomes of segments that were changed by hand.
+        continued: by class id, the ID of the segment that it continues.
     """
     grid = grid_in_segmentation(volume_node, segmentation_node)
     segmentation = segmentation_node.GetSegmentation() if segmentation_node else slicer.vtkSegmentation()
@@ -90,7 +97,7 @@ def prepare_segments(
         kept = yield from corrected_segments(segmentation, ids)
     ids = {class_id: segment_id for class_id, segment_id in ids.items() if class_id not in kept}
     others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ids.values()]
-    obstacles = _obstacles(segmentation, others, labels, kept) if respect_others else []
+    obstacles = _obstacles(segmentation, others, labels, continued, kept) if respect_others else []
     labelmap = Labelmap(new_image(grid, labels.box, labels.array.dtype), {})
     digests = dict.fromkeys(labels.label_of_class.values(), VoxelDigest.of_nothing())
     if labels.array.size:
@@ -139,15 +146,17 @@ class _Obstacle:
     taken: dict[int, list[int]]
 
 
-def _obstacles(segmentation: Any, others: Collection[str], labels: ClassLabels, kept: Mapping[str, str]) -> list[_Obstacle]:
-    kept_of = {segment_id: class_id for class_id, segment_id in kept.items()}
+def _obstacles(
+    segmentation: Any, others: Collection[str], labels: ClassLabels, continued: Mapping[str, str], kept: Mapping[str, str]
+) -> list[_Obstacle]:
     label_of = labels.label_of_class
+    class_of = {segment_id: class_id for class_id, segment_id in (*continued.items(), *kept.items())}
     obstacles = []
     for labelmap in labelmaps_of(segmentation, others):
         taken: dict[int, list[int]] = {}
         for segment_id, label in labelmap.labels.items():
-            of_class = kept_of.get(segment_id) or read_tag(segmentation.GetSegment(segment_id), CORRECTED_TAG)
-            taken.setdefault(label_of.get(of_class or "", 0), []).append(label)
+            of_class = class_of.get(segment_id) or read_tag(segmentation.GetSegment(segment_id), CORRECTED_TAG) or ""
+            taken.setdefault(label_of.get(of_class, 0), []).append(label)
         obstacles.append(_Obstacle(labelmap.voxels, labelmap.geometry, taken))
     return obstacles
 

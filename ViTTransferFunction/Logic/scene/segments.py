@@ -72,8 +72,8 @@ def write_prepared(
             look = looks[class_id]
             new = class_id not in ids
             segment = slicer.vtkSegment() if new else segmentation.GetSegment(ids[class_id])
-            beside = class_id in prepared.kept
-            _dress(segment, class_id, look, _free_name(segmentation, look.name) if beside else look.name, terminologies_logic)
+            name = _free_name(segmentation, look.name) if new else look.name
+            _dress(segment, class_id, look, name, terminologies_logic)
             _give_voxels(segment, prepared, label)
             if new:
                 ids[class_id] = segmentation.GenerateUniqueSegmentID()

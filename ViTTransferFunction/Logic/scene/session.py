@@ -31,9 +31,18 @@ from .contours import ShownMap
 from .corrections import Corrections
 from .display import SceneDisplay
 from .observers import SceneObservers
+from .outside_points import outside_points
 from .parameters import SceneParameters
 from .segment_output import SegmentOutput
+from .segment_points import SegmentPoints
+from .segment_tags import segments_of_classes
 from .volume import array_from_node, geometry_from_node, world_to_local
+
+CONTINUED_POINTS = 5
+"""Points that a class begins with which continues a segment: those of a user who clicks with care."""
+
+SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
+"""After which other segments may have other voxels."""
 
 
 class SceneSession:
@@ -69,6 +78,8 @@ class SceneSession:
         self._display = SceneDisplay(scene, app_logic)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
+        self._segment_points = SegmentPoints(scene)
+        self._continued: tuple[Any, str] | None = None
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
         other_scene = (
@@ -108,7 +119,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending or self._output.busy
+        return self._proxy.busy or self._display.pending or self._output.busy or self._segment_points.busy
 
     @property
     def up_to_date(self) -> bool:
@@ -153,6 +164,13 @@ class SceneSession:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
 
+    def continue_segment(self, segment_id: str) -> None:
+        """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
+        if self.parameters.segmentation is not None:
+            self._continued = self.parameters.segmentation, segment_id
+            self._use_segment_points()
+            self._notify()
+
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
         class_map = self._proxy.maps.get(id_)
@@ -187,6 +205,11 @@ class SceneSession:
             self._proxy.segment(self.parameters.refinement())
         self._notify()
 
+    def segment_of(self, id_: str) -> str | None:
+        """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
+        node = self.parameters.segmentation
+        return segments_of_classes(node.GetSegmentation(), {id_}).get(id_) if node else None
+
     def take_corrected(self) -> tuple[str, ...]:
         """Names of the segments about which the front end has to ask the user since the last call; most often none."""
         return self._output.take_corrected()
@@ -198,6 +221,8 @@ class SceneSession:
             self._show()
         elif self._display.pending:
             self._display.advance()
+        if self._segment_points.busy and self._segment_points.advance():
+            self._use_segment_points()
         writing = self._output.busy
         if "labels" in events or writing:
             self._advance_output()
@@ -230,7 +255,7 @@ class SceneSession:
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():
             return  # The scene is half loaded or half closed.
-        self._watch_volume()
+        self._watch_nodes()
         self._open_volume()
         self.annotations.refresh()
         self._on_annotations()
@@ -242,13 +267,20 @@ class SceneSession:
 
     def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
         self.annotations.restart()
+        self._segment_points.forget()
+        self._continued = None
         self._on_parameters()
 
     def _on_voxels(self, caller: vtk.vtkObject, event: str) -> None:
         self._opened = None
         self._on_parameters()
 
-    def _watch_volume(self) -> None:
+    def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:
+        if not self._scene.IsBatchProcessing():
+            self._ask_for_maps()
+            self._notify()
+
+    def _watch_nodes(self) -> None:
         volume, kept = self.parameters.volume, [self._scene, self.parameters.node]
         if volume is not None:
             reactions = (
@@ -258,6 +290,12 @@ class SceneSession:
             )
             self._observers.observe(volume, reactions)
             kept.append(volume)
+        segmentation = self.parameters.segmentation
+        if segmentation is not None:
+            events = (getattr(slicer.vtkSegmentation, name) for name in SEGMENT_EVENTS)
+            display = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent
+            self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, display)])
+            kept.append(segmentation)
         self._observers.keep_only(kept)
 
     def _open_volume(self) -> None:
@@ -285,18 +323,56 @@ class SceneSession:
             self._asked = asked
             self._proxy.update(*asked)
 
+    def _use_segment_points(self) -> None:
+        """Use what is known of points in segments; what is not known yet is being searched for."""
+        try:
+            self._begin_continued()
+        except InputError as error:
+            self._continued = None
+            self._report(str(error))
+        self._ask_for_maps()
+
+    def _begin_continued(self) -> None:
+        """Add the class that continues a segment, once points in that are known."""
+        if self._continued is None:
+            return
+        node, segment_id = self._continued
+        segment = node.GetSegmentation().GetSegment(segment_id)
+        if not self._scene.IsNodePresent(node) or segment is None:
+            self._continued = None
+            return
+        points = self._segment_points.of(node, segment_id, CONTINUED_POINTS)
+        if points is None:
+            return
+        self._continued = None
+        if not len(points):
+            raise InputError(
+                f"The segment '{segment.GetName()}' has no voxels; expected one to continue from. Choose another one."
+            )
+        self.select_class(self.annotations.continue_segment(segment_id, segment.GetName(), segment.GetColor(), points).id)
+
+    def _outside_points(self) -> dict[str, np.ndarray]:
+        """By class id, points in other segments that count as negative."""
+        node = self.parameters.segmentation
+        if node is None or not self.parameters.get("otherSegmentsAreOutside"):
+            return {}
+        return outside_points(node, self.classes, self._segment_points)
+
     def _requests(self) -> list[ClassRequest]:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
         if node is None or self._geometry is None:
             return []
-        requests = (self._request(state, node, self._geometry) for state in self.classes)
+        outside = self._outside_points()
+        requests = (self._request(state, outside.get(state.id, ()), node, self._geometry) for state in self.classes)
         return [request for request in requests if request is not None]
 
-    def _request(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> ClassRequest | None:
+    def _request(
+        self, state: ClassState, outside: Any, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry
+    ) -> ClassRequest | None:
         """In the volume's local frame, without the points beyond it; None where no positive one is left."""
         positive, negative = (
-            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, state.negative)
+            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, (*state.negative, *outside))
         )
         inside = positive[geometry.contains(positive)]
         if not len(inside):

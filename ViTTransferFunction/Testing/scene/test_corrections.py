@@ -175,3 +175,14 @@ def test_a_correction_is_overwritten_where_the_user_says_so(a_segmentation: Any,
     assert write_segments(a_segmentation, a_volume, segments, respect_others=True, corrections="overwrite") == written
     assert voxels_of(a_segmentation, written[0]) == positions_of(block(1, 4), a_volume)
     assert corrected(a_segmentation) == set()
+
+
+def test_the_segment_that_a_class_continues_is_not_in_its_way(a_segmentation: Any, a_volume: Any) -> None:
+    """Only in the way of others; and the result gets a name of its own."""
+    theirs = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    segments = organs(block(2, 5), block(0, 2))
+    liver, spleen = write_segments(a_segmentation, a_volume, segments, respect_others=True, continued={LIVER: theirs})
+    assert voxels_of(a_segmentation, liver) == positions_of(block(2, 5), a_volume)
+    assert voxels_of(a_segmentation, spleen) == positions_of(block(0, 1), a_volume)
+    assert voxels_of(a_segmentation, theirs) == positions_of(block(1, 4), a_volume)
+    assert a_segmentation.GetSegmentation().GetSegment(liver).GetName() == "liver (2)"
