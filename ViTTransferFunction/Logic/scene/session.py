@@ -31,15 +31,11 @@ from .contours import ShownMap
 from .corrections import Corrections
 from .display import SceneDisplay
 from .observers import SceneObservers
-from .outside_points import outside_points
+from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .segment_output import SegmentOutput
-from .segment_points import SegmentPoints
 from .segment_tags import segments_of_classes
 from .volume import array_from_node, geometry_from_node, world_to_local
-
-CONTINUED_POINTS = 5
-"""Points that a class begins with which continues a segment: those of a user who clicks with care."""
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -78,8 +74,7 @@ class SceneSession:
         self._display = SceneDisplay(scene, app_logic)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
-        self._segment_points = SegmentPoints(scene)
-        self._continued: tuple[Any, str] | None = None
+        self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations)
         other_scene = (
@@ -119,7 +114,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending or self._output.busy or self._segment_points.busy
+        return self._proxy.busy or self._display.pending or self._output.busy or self._other_segments.busy
 
     @property
     def up_to_date(self) -> bool:
@@ -166,10 +161,9 @@ class SceneSession:
 
     def continue_segment(self, segment_id: str) -> None:
         """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
-        if self.parameters.segmentation is not None:
-            self._continued = self.parameters.segmentation, segment_id
-            self._use_segment_points()
-            self._notify()
+        self._other_segments.choose_continued(segment_id)
+        self._use_segment_points()
+        self._notify()
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
@@ -221,7 +215,7 @@ class SceneSession:
             self._show()
         elif self._display.pending:
             self._display.advance()
-        if self._segment_points.busy and self._segment_points.advance():
+        if self._other_segments.busy and self._other_segments.advance():
             self._use_segment_points()
         writing = self._output.busy
         if "labels" in events or writing:
@@ -267,8 +261,7 @@ class SceneSession:
 
     def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
         self.annotations.restart()
-        self._segment_points.forget()
-        self._continued = None
+        self._other_segments.forget()
         self._on_parameters()
 
     def _on_voxels(self, caller: vtk.vtkObject, event: str) -> None:
@@ -326,44 +319,20 @@ class SceneSession:
     def _use_segment_points(self) -> None:
         """Use what is known of points in segments; what is not known yet is being searched for."""
         try:
-            self._begin_continued()
+            begun = self._other_segments.begin_continued(self.annotations)
         except InputError as error:
-            self._continued = None
+            begun = None
             self._report(str(error))
+        if begun is not None:
+            self.select_class(begun.id)
         self._ask_for_maps()
-
-    def _begin_continued(self) -> None:
-        """Add the class that continues a segment, once points in that are known."""
-        if self._continued is None:
-            return
-        node, segment_id = self._continued
-        segment = node.GetSegmentation().GetSegment(segment_id)
-        if not self._scene.IsNodePresent(node) or segment is None:
-            self._continued = None
-            return
-        points = self._segment_points.of(node, segment_id, CONTINUED_POINTS)
-        if points is None:
-            return
-        self._continued = None
-        if not len(points):
-            raise InputError(
-                f"The segment '{segment.GetName()}' has no voxels; expected one to continue from. Choose another one."
-            )
-        self.select_class(self.annotations.continue_segment(segment_id, segment.GetName(), segment.GetColor(), points).id)
-
-    def _outside_points(self) -> dict[str, np.ndarray]:
-        """By class id, points in other segments that count as negative."""
-        node = self.parameters.segmentation
-        if node is None or not self.parameters.get("otherSegmentsAreOutside"):
-            return {}
-        return outside_points(node, self.classes, self._segment_points)
 
     def _requests(self) -> list[ClassRequest]:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
         if node is None or self._geometry is None:
             return []
-        outside = self._outside_points()
+        outside = self._other_segments.outside(self.classes)
         requests = (self._request(state, outside.get(state.id, ()), node, self._geometry) for state in self.classes)
         return [request for request in requests if request is not None]
 
