@@ -1,43 +1,61 @@
-"""The structures as segments of a segmentation that the user chooses."""
+"""The structures as segments of a segmentation that the user chooses, and what else can be done with its segments."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.segments import CLASS_TAG
+from ViTTransferFunction.Logic.scene.corrections import Corrections
+from ViTTransferFunction.Logic.scene.segment_tags import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 
 class OutputSection(Section):
-    """Selector of the segmentation, the button that writes, and its progress."""
+    """Selector of the segmentation, the button that writes, its progress, and ways to go on with the segments."""
 
     def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "segmentation")
+        self._segments_menu = qt.QMenu(ui.continueSegmentButton)
+        ui.continueSegmentButton.setMenu(self._segments_menu)
         ui.segmentationSelector.setMRMLScene(slicer.mrmlScene)
         ui.segmentationSelector.currentNodeChanged.connect(self._on_segmentation_selected)
         ui.writeSegmentsButton.clicked.connect(self._on_write)
+        ui.editSegmentsButton.clicked.connect(self._on_edit)
+        self._segments_menu.aboutToShow.connect(self._list_segments)
         self._progress.cancel_button.clicked.connect(self._on_cancel)
 
     def refresh(self) -> None:
-        """Show where segments go to, and whether they can be written now."""
+        """Show where segments go to, and what can be done now; ask where corrections are in the way."""
         session = self.session
         node = session.parameters.segmentation if session else None
         self.ui.segmentationSelector.enabled = session is not None
         with signals_blocked(self.ui.segmentationSelector):
             self.ui.segmentationSelector.setCurrentNode(node)
+        self._refresh_writing()
+        self.ui.show3DButton.setSegmentationNode(node)
+        self.ui.editSegmentsButton.enabled = node is not None
+        self.ui.continueSegmentButton.enabled = bool(_segments(node))
+        corrected = session.take_corrected() if session else ()
+        if corrected:
+            # Not in the midst of a refresh: the panel goes on behind the question.
+            qt.QTimer.singleShot(0, lambda: self._ask(corrected))
+
+    def _refresh_writing(self) -> None:
+        session = self.session
         ready = session is not None and session.phase == "ready"
         running = session.progress if session and ready else None
         annotated = session is not None and any(state.positive for state in session.classes)
+        ours = any(segment.HasTag(CLASS_TAG) for _, segment in _segments(session.parameters.segmentation if session else None))
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
         self.ui.writeSegmentsButton.enabled = ready and annotated
-        self.ui.writeSegmentsButton.text = _("Update segments") if _has_our_segments(node) else _("Create segments")
+        self.ui.writeSegmentsButton.text = _("Update segments") if ours else _("Create segments")
         self.ui.writeSegmentsButton.toolTip = (
             _("Write every structure as a segment, at full resolution.")
             if ready and annotated
@@ -50,16 +68,78 @@ class OutputSection(Section):
 
     def _on_write(self) -> None:
         if self.session is not None:
-            self.session.write_segments()
+            self.session.write_segments("ask")
+
+    def _ask(self, corrected: tuple[str, ...]) -> None:
+        """Have the user decide about corrected segments, and go on as decided."""
+        session = self.session
+        answer = ask_about_corrections(corrected)
+        if answer is not None and session is not None and session is self.session:
+            session.write_segments(answer)
+
+    def _on_edit(self) -> None:
+        """Go to the Segment Editor, with the selected structure's segment in hand where there is one."""
+        session, selected = self.session, self.selected
+        node = session.parameters.segmentation if session else None
+        if session is None or node is None:
+            return
+        volume = session.parameters.volume
+        slicer.util.selectModule("SegmentEditor")
+        editor = slicer.modules.segmenteditor.widgetRepresentation().self().editor
+        # In this order: the editor takes a source volume only for a segmentation that it has.
+        editor.setSegmentationNode(node)
+        if volume is not None:
+            editor.setSourceVolumeNode(volume)
+        segment_id = session.segment_of(selected.id) if selected else None
+        if segment_id is not None:
+            editor.setCurrentSegmentID(segment_id)
+
+    def _list_segments(self) -> None:
+        self._segments_menu.clear()
+        for segment_id, segment in _segments(self.session.parameters.segmentation if self.session else None):
+            self._offer(segment_id, segment.GetName())
+
+    def _offer(self, segment_id: str, name: str) -> None:
+        # A menu takes a single & for the mark of a key.
+        action = self._segments_menu.addAction(name.replace("&", "&&"))
+        action.triggered.connect(lambda: self._on_continue(segment_id))
+
+    def _on_continue(self, segment_id: str) -> None:
+        if self.session is not None:
+            self.session.continue_segment(segment_id)
 
     def _on_cancel(self) -> None:
         if self.session is not None:
             self.session.cancel()
 
 
-def _has_our_segments(node: slicer.vtkMRMLSegmentationNode | None) -> bool:
+def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:
+    """Ask what is to become of segments that were changed by hand since they were written; None: nothing is to be written.
+
+    Corrections are kept, without a question, where the application is tested, as with Slicer's own questions.
+    """
+    if slicer.app.testingEnabled():
+        return "keep"
+    box = qt.QMessageBox(slicer.util.mainWindow())
+    box.icon = qt.QMessageBox.Question
+    box.windowTitle = _("Update segments")
+    box.text = _("Changed since they were written: {names}.\nKeep these corrections?").format(names=", ".join(names))
+    box.informativeText = _(
+        "If they are kept, their structures are written beside them, as new segments. All other structures are updated."
+    )
+    keep = box.addButton(_("Keep corrections"), qt.QMessageBox.AcceptRole)
+    overwrite = box.addButton(_("Overwrite corrections"), qt.QMessageBox.DestructiveRole)
+    box.addButton(_("Cancel"), qt.QMessageBox.RejectRole)
+    box.setDefaultButton(keep)
+    box.exec_()
+    clicked = box.clickedButton()
+    box.deleteLater()
+    return "keep" if clicked == keep else "overwrite" if clicked == overwrite else None
+
+
+def _segments(node: slicer.vtkMRMLSegmentationNode | None) -> list[tuple[str, Any]]:
+    """IDs and segments of a segmentation, in order."""
     if node is None:
-        return False
+        return []
     segmentation = node.GetSegmentation()
-    segments = (segmentation.GetNthSegment(n) for n in range(segmentation.GetNumberOfSegments()))
-    return any(segment.HasTag(CLASS_TAG) for segment in segments)
+    return [(segment_id, segmentation.GetSegment(segment_id)) for segment_id in segmentation.GetSegmentIDs()]

@@ -37,6 +37,7 @@ class PanelParameters:
     refinement: Annotated[str, Choice(_CHOICES["refinement"])] = _DEFAULTS["refinement"]
     onlyAnnotatedParts: bool = _DEFAULTS["onlyAnnotatedParts"]  # noqa: N815
     respectOtherSegments: bool = _DEFAULTS["respectOtherSegments"]  # noqa: N815
+    otherSegmentsAreOutside: bool = _DEFAULTS["otherSegmentsAreOutside"]  # noqa: N815
     overlayVisible: bool = _DEFAULTS["overlayVisible"]  # noqa: N815
     overlayOpacity: Annotated[float, WithinRange(*_RANGES["overlayOpacity"])] = _DEFAULTS["overlayOpacity"]  # noqa: N815
     rendering: Annotated[str, Choice(_CHOICES["rendering"])] = _DEFAULTS["rendering"]

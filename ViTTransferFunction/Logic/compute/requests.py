@@ -136,9 +136,16 @@ class Maps:
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """Labels (K, J, I) uint16 of the volume: 1 + index of the class in the request, 0 elsewhere."""
+    """Which class each voxel belongs to, on the smallest box that holds them all.
+
+    Attributes:
+        array: (K, J, I) of the box, uint8 where that has room for all classes, else uint16: 1 + index of the class in the
+            request, 0 elsewhere. Empty where no class has a voxel.
+        first: k, j and i of the box's first voxel in the volume.
+    """
 
     array: np.ndarray
+    first: tuple[int, int, int]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from ..core.bounding_box import bounding_box
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
@@ -110,7 +113,7 @@ class SegmentationService:
         return Maps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
 
     def _segment_classes(self, request: SegmentClasses) -> Labels:
-        return Labels(self._segment(request.classes, request.refinement).segmentation.labels)
+        return cropped_labels(self._segment(request.classes, request.refinement).segmentation.labels, len(request.classes))
 
     def _render(self, request: Render) -> ColorVolume:
         session = self._the_session
@@ -163,3 +166,10 @@ class SegmentationService:
         if self._session is None:
             raise InputError("The volume's settings cannot be used; correct them first.")
         return self._session
+
+
+def cropped_labels(labels: np.ndarray, classes: int) -> Labels:
+    """A label map (K, J, I) of a volume, cut down to the box that its classes fill; one byte a voxel where that is enough."""
+    box = bounding_box(labels) or (slice(0, 0), slice(0, 0), slice(0, 0))
+    k, j, i = (extent.start for extent in box)
+    return Labels(np.ascontiguousarray(labels[box], np.uint8 if classes < 256 else np.uint16), (k, j, i))

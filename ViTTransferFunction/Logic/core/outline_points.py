@@ -42,7 +42,7 @@ def points_within_outline(outline_ras: np.ndarray) -> np.ndarray:
     depth = _distance(inside, outline)
     deep = depth >= SHALLOWEST * depth.max()
     inside, depth = inside[deep], depth[deep]
-    taken = inside[spread_points(inside, int(depth.argmax()), MOST_POINTS, CLOSEST_MM)]
+    taken = inside[spread_points(inside, [int(depth.argmax())], MOST_POINTS, CLOSEST_MM)]
     points_ras: np.ndarray = centre_ras + taken @ axes
     return points_ras
 

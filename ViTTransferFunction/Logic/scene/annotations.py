@@ -99,6 +99,14 @@ class SceneAnnotations:
         with self._edit():
             order_classes(self._parameter_node, ids)
 
+    def continue_segment(self, segment_id: str, name: str, color: Color, points_ras: np.ndarray) -> ClassState:
+        """Add a class that begins with positive points (N, 3) in a segment, RAS millimetres; one step for undo."""
+        points = tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
+        state = replace(new_class_state(list(self.classes), name, color), positive=points, continues=segment_id)
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+        return state
+
     def remove_class(self, id_: str) -> None:
         """Remove a class and its points. Its segment, if it was written, stays."""
         with self._edit():

@@ -43,6 +43,7 @@ class ClassState:
         visible: whether it is shown.
         positive: points on the structure, in the scene's coordinates.
         negative: points off it.
+        continues: ID of the segment that the class was begun from, which its own segment may overlap; empty: there is none.
     """
 
     id: str
@@ -55,6 +56,7 @@ class ClassState:
     visible: bool = True
     positive: tuple[Point, ...] = ()
     negative: tuple[Point, ...] = ()
+    continues: str = ""
 
 
 SETTINGS: tuple[str, ...] = ("opacity", "iso", "proximity", "refine", "visible")
@@ -88,6 +90,7 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
         **_read_settings(positive),
         positive=defined_points(positive),
         negative=defined_points(negative) if negative else (),
+        continues=positive.GetAttribute(f"{_PREFIX}continues") or "",
     )
 
 
@@ -118,6 +121,8 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
         value = getattr(state, name)
         if (_read_settings(positive)[name]) != value:
             positive.SetAttribute(f"{_PREFIX}{name}", None if value is None else str(value))
+    if (positive.GetAttribute(f"{_PREFIX}continues") or "") != state.continues:
+        positive.SetAttribute(f"{_PREFIX}continues", state.continues or None)
 
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:

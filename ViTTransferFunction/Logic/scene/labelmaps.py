@@ -1,93 +1,85 @@
-"""Labelmaps of segmentations: masks into them, and what they hold, on a grid of one's own."""
+"""The labelmaps of segmentations, each of which may hold several segments under labels of their own."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import slicer
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonMath import vtkMatrix4x4
+import vtk
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ..core.geometry import Box, Geometry
-from ..core.resampling import resample_labels
+from ..core.stepped_work import Steps, slabs
 from .volume import numpy_matrix, vtk_matrix
 
 LABELMAP = slicer.vtkSegmentationConverter.GetSegmentationBinaryLabelmapRepresentationName()
 
 
-def labelmaps_from_masks(masks: Sequence[np.ndarray], grid: Geometry, box: Box) -> list[tuple[Any, int]]:
-    """Masks as labelmaps, each of which holds as many masks as fit without overlap.
+@dataclass(frozen=True, eq=False)
+class Labelmap:
+    """A labelmap that is not empty, and some of the segments in it.
 
-    Args:
-        masks: bool, each of the box's shape.
-        grid: of which the masks are a part, in the segmentation's local frame.
-        box: where in the grid the masks lie.
-
-    Returns:
-        For each mask the labelmap that holds it (vtkOrientedImageData) and its label there.
+    Attributes:
+        image: vtkOrientedImageData.
+        labels: the label of each of the segments, by its ID.
     """
-    layers: list[np.ndarray] = []
-    layer_of_mask: list[int] = []
-    for label, mask in enumerate(masks, start=1):
-        layer = next((index for index, labels in enumerate(layers) if not labels[mask].any()), len(layers))
-        if layer == len(layers):
-            layers.append(np.zeros(mask.shape, np.uint8 if len(masks) < 256 else np.uint16))
-        layers[layer][mask] = label
-        layer_of_mask.append(layer)
-    images = [_image(labels, grid, box) for labels in layers]
-    return [(images[layer], label) for label, layer in enumerate(layer_of_mask, start=1)]
+
+    image: Any
+    labels: dict[str, int]
+
+    @property
+    def voxels(self) -> np.ndarray:
+        """The labels of the voxels, (K, J, I): a view on them, not a copy."""
+        return vtk_to_numpy(self.image.GetPointData().GetScalars()).reshape(self.image.GetDimensions()[::-1])
+
+    @property
+    def geometry(self) -> Geometry:
+        """Of the voxels, in the segmentation's local frame."""
+        image_to_world = vtk.vtkMatrix4x4()
+        self.image.GetImageToWorldMatrix(image_to_world)
+        extent = self.image.GetExtent()
+        k, j, i = (slice(extent[2 * axis], extent[2 * axis + 1] + 1) for axis in (2, 1, 0))
+        return Geometry((0, 0, 0), numpy_matrix(image_to_world)).part((k, j, i))
 
 
-def occupied_voxels(segmentation: Any, segment_ids: Sequence[str], grid: Geometry, box: Box) -> np.ndarray:
-    """Which voxel centres lie in any of these segments, whatever grids those are on.
+def labelmaps_of(segmentation: Any, segment_ids: Collection[str]) -> list[Labelmap]:
+    """The labelmaps that hold these segments of a vtkSegmentation, each once; not those that are empty."""
+    labels: dict[Any, dict[str, int]] = {}
+    for segment_id in segment_ids:
+        segment = segmentation.GetSegment(segment_id)
+        labels.setdefault(segment.GetRepresentation(LABELMAP), {})[segment_id] = segment.GetLabelValue()
+    return [Labelmap(image, of_image) for image, of_image in labels.items() if image is not None and not image.IsEmpty()]
 
-    Args:
-        segmentation: vtkSegmentation with binary labelmaps.
-        segment_ids: which of its segments.
-        grid: in the segmentation's local frame.
-        box: the part of the grid that is asked for.
 
-    Returns:
-        bool, of the box's shape.
+def new_image(grid: Geometry, box: Box, dtype: np.dtype) -> Any:
+    """An image of labels for a box of a grid, its voxels not yet set.
+
+    It shares the grid's origin and says by its extent where it lies: by that, Slicer knows labelmaps of the same grid.
     """
-    part = grid.part(box)
-    occupied = np.zeros(part.shape, dtype=bool)
-    if occupied.size:
-        for labels, geometry, values in _layers(segmentation, segment_ids):
-            occupied |= resample_labels(np.isin(labels, values), geometry, part)
-    return occupied
-
-
-def _image(labels: np.ndarray, grid: Geometry, box: Box) -> Any:
-    """Shares the grid's origin and says by its extent where it lies: by that, Slicer knows labelmaps of the same grid."""
     image = slicer.vtkOrientedImageData()
     image.SetImageToWorldMatrix(vtk_matrix(grid.ijk_to_ras))
-    if labels.size:
+    if all(extent.stop > extent.start for extent in box):
         image.SetExtent([bound for part in reversed(box) for bound in (part.start, part.stop - 1)])
-        image.GetPointData().SetScalars(numpy_to_vtk(labels.ravel(), deep=True))
+        image.AllocateScalars(vtk.VTK_UNSIGNED_CHAR if dtype == np.uint8 else vtk.VTK_UNSIGNED_SHORT, 1)
     return image
 
 
-def _layers(segmentation: Any, segment_ids: Sequence[str]) -> Iterator[tuple[np.ndarray, Geometry, list[int]]]:
-    """Each labelmap with its geometry and the labels of those of the segments that are in it."""
-    values: dict[Any, list[int]] = {}
-    for segment_id in segment_ids:
-        segment = segmentation.GetSegment(segment_id)
-        values.setdefault(segment.GetRepresentation(LABELMAP), []).append(segment.GetLabelValue())
-    for image, labels in values.items():
-        if not image.IsEmpty():
-            yield _voxels(image), _geometry(image), labels
-
-
-def _voxels(image: Any) -> np.ndarray:
-    return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
-
-
-def _geometry(image: Any) -> Geometry:
-    image_to_world = vtkMatrix4x4()
-    image.GetImageToWorldMatrix(image_to_world)
-    extent = image.GetExtent()
-    k, j, i = (slice(extent[2 * axis], extent[2 * axis + 1] + 1) for axis in (2, 1, 0))
-    return Geometry((0, 0, 0), numpy_matrix(image_to_world)).part((k, j, i))
+def without_labels(labelmap: Labelmap, labels: Collection[int]) -> Steps[Any]:
+    """A copy of a labelmap's image in which these labels are free; in steps."""
+    image = slicer.vtkOrientedImageData()
+    image.CopyDirections(labelmap.image)
+    image.SetOrigin(labelmap.image.GetOrigin())
+    image.SetSpacing(labelmap.image.GetSpacing())
+    image.SetExtent(labelmap.image.GetExtent())
+    image.AllocateScalars(labelmap.image.GetScalarType(), 1)
+    source, copy = labelmap.voxels, Labelmap(image, {}).voxels
+    k, j, i = (slice(0, size) for size in source.shape)
+    for slab in slabs((k, j, i)):
+        part = copy[slab]
+        np.copyto(part, source[slab])
+        part[np.isin(part, list(labels))] = 0
+        yield part.size
+    return image

@@ -36,6 +36,7 @@ class SceneParameters:
         refinement: one of `REFINEMENT_METHODS`.
         onlyAnnotatedParts: drop the parts of a segment that no positive point lies in.
         respectOtherSegments: leave voxels to the segments that have them already.
+        otherSegmentsAreOutside: while clicking, count the visible segments of others as what structures are not.
         overlayVisible, overlayOpacity: of the selected class's similarity in the slice views.
         rendering: what the 3D views show ("off", "similarity" or "transfer function").
         selectedClass: id of the class that is annotated.
@@ -53,6 +54,7 @@ class SceneParameters:
         "refinement": "bilateral",
         "onlyAnnotatedParts": True,
         "respectOtherSegments": True,
+        "otherSegmentsAreOutside": False,
         "overlayVisible": True,
         "overlayOpacity": 0.5,
         "rendering": "similarity",

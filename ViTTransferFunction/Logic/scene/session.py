@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import slicer
@@ -29,13 +29,19 @@ from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
 from .classes import ClassState, Point, Polarity
 from .contours import ShownMap
+from .corrections import Corrections
 from .display import SceneDisplay
 from .observers import SceneObservers
+from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_tour import PointTour
-from .segments import OutputSegment, write_segments
+from .segment_output import SegmentOutput
+from .segment_tags import segments_of_classes
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import array_from_node, geometry_from_node, matrix_to_world, world_to_local
+
+SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
+"""After which other segments may have other voxels."""
 
 
 class SceneSession:
@@ -70,6 +76,9 @@ class SceneSession:
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._display = SceneDisplay(scene, app_logic)
         self._tour = PointTour(scene)
+        self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
+        self._corrections: Corrections = "keep"
+        self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
         other_scene = (
@@ -93,8 +102,8 @@ class SceneSession:
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of the running extraction or segmentation."""
-        return self._proxy.progress
+        """Of the running extraction or segmentation, or of the writing of segments."""
+        return self._proxy.progress or self._output.progress
 
     @property
     def estimate(self) -> FeatureEstimate | None:
@@ -104,7 +113,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending
+        return self._proxy.busy or self._display.pending or self._output.busy or self._other_segments.busy
 
     @property
     def up_to_date(self) -> bool:
@@ -168,6 +177,12 @@ class SceneSession:
         state = next(state for state in self.classes if state.id == id_)
         return self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
 
+    def continue_segment(self, segment_id: str) -> None:
+        """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
+        self._other_segments.choose_continued(segment_id)
+        self._use_segment_points()
+        self._notify()
+
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
         class_map = self._proxy.maps.get(id_)
@@ -185,14 +200,35 @@ class SceneSession:
     def cancel(self) -> None:
         """Stop the extraction or segmentation that runs; what was there before stays."""
         self._proxy.cancel()
+        self._output.cancel()
+        self._notify()
 
-    def write_segments(self) -> None:
-        """Have all classes segmented and written as segments; into a new segmentation where none is chosen."""
+    def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
+        """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
+
+        Args:
+            corrections: what becomes of segments whose voxels were changed since they were written. "keep": they stay, and new
+                segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
+                otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
+        """
         if self.phase != "ready" or not self._requests():
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
             return
-        self._proxy.segment(self.parameters.refinement())
+        if corrections == "ask":
+            self._output.find_corrections(if_none=self.write_segments)
+        else:
+            self._corrections = corrections
+            self._proxy.segment(self.parameters.refinement())
         self._notify()
+
+    def segment_of(self, id_: str) -> str | None:
+        """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
+        node = self.parameters.segmentation
+        return segments_of_classes(node.GetSegmentation(), {id_}).get(id_) if node else None
+
+    def take_corrected(self) -> tuple[str, ...]:
+        """Names of the segments about which the front end has to ask the user since the last call; most often none."""
+        return self._output.take_corrected()
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
@@ -201,9 +237,12 @@ class SceneSession:
             self._show()
         elif self._display.pending:
             self._display.advance()
-        if "labels" in events:
-            self._write_labels()
-        if events:
+        if self._other_segments.busy and self._other_segments.advance():
+            self._use_segment_points()
+        writing = self._output.busy
+        if "labels" in events or writing:
+            self._advance_output()
+        if events or writing:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -243,7 +282,7 @@ class SceneSession:
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():
             return  # The scene is half loaded or half closed.
-        self._watch_volume()
+        self._watch_nodes()
         self._open_volume()
         self.annotations.refresh()
         self._on_annotations()
@@ -255,13 +294,19 @@ class SceneSession:
 
     def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
         self.annotations.restart()
+        self._other_segments.forget()
         self._on_parameters()
 
     def _on_voxels(self, caller: vtk.vtkObject, event: str) -> None:
         self._opened = None
         self._on_parameters()
 
-    def _watch_volume(self) -> None:
+    def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:
+        if not self._scene.IsBatchProcessing():
+            self._ask_for_maps()
+            self._notify()
+
+    def _watch_nodes(self) -> None:
         volume, kept = self.parameters.volume, [self._scene, self.parameters.node]
         if volume is not None:
             reactions = (
@@ -271,6 +316,12 @@ class SceneSession:
             )
             self._observers.observe(volume, reactions)
             kept.append(volume)
+        segmentation = self.parameters.segmentation
+        if segmentation is not None:
+            events = (getattr(slicer.vtkSegmentation, name) for name in SEGMENT_EVENTS)
+            display = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent
+            self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, display)])
+            kept.append(segmentation)
         self._observers.keep_only(kept)
 
     def _open_volume(self) -> None:
@@ -287,6 +338,7 @@ class SceneSession:
             self._opened = (place, settings)
             self._geometry = geometry
             self._asked = None
+            self._output.cancel()
             volume = TakeVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
             self._proxy.open(volume, settings)
 
@@ -297,18 +349,32 @@ class SceneSession:
             self._asked = asked
             self._proxy.update(*asked)
 
+    def _use_segment_points(self) -> None:
+        """Use what is known of points in segments; what is not known yet is being searched for."""
+        try:
+            begun = self._other_segments.begin_continued(self.annotations)
+        except InputError as error:
+            begun = None
+            self._report(str(error))
+        if begun is not None:
+            self.select_class(begun.id)
+        self._ask_for_maps()
+
     def _requests(self) -> list[ClassRequest]:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
         if node is None or self._geometry is None:
             return []
-        requests = (self._request(state, node, self._geometry) for state in self.classes)
+        outside = self._other_segments.outside(self.classes)
+        requests = (self._request(state, outside.get(state.id, ()), node, self._geometry) for state in self.classes)
         return [request for request in requests if request is not None]
 
-    def _request(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> ClassRequest | None:
+    def _request(
+        self, state: ClassState, outside: Any, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry
+    ) -> ClassRequest | None:
         """In the volume's local frame, without the points beyond it; None where no positive one is left."""
         positive, negative = (
-            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, state.negative)
+            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, (*state.negative, *outside))
         )
         inside = positive[geometry.contains(positive)]
         if not len(inside):
@@ -342,29 +408,16 @@ class SceneSession:
         )
         self._display.show_rendering(volume, self._proxy.rendering)
 
-    def _write_labels(self) -> None:
-        """Turn the labels that arrived into segments of the classes that are still there."""
-        assert self._proxy.labels is not None
-        (labels, ids), self._proxy.labels = self._proxy.labels, None
-        volume = self.parameters.volume
-        states = {state.id: state for state in self.classes}
-        segments = [
-            OutputSegment(id_, states[id_].name, states[id_].color, labels.array == label)
-            for label, id_ in enumerate(ids, start=1)
-            if id_ in states
-        ]
-        if volume is None or not segments:
-            return
+    def _advance_output(self) -> None:
+        """Take labels in that have arrived, or go on to turn them into segments."""
         try:
-            node = self.parameters.segmentation or self._new_segmentation(volume)
-            write_segments(node, volume, segments, self.parameters.get("respectOtherSegments"), self._app_logic)
+            if self._proxy.labels is not None:
+                (labels, ids), self._proxy.labels = self._proxy.labels, None
+                self._output.write(labels, ids, self._corrections)
+            else:
+                self._output.advance()
         except InputError as error:
             self._report(str(error))
-
-    def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
-        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", f"{volume.GetName()} segmentation")
-        self.set_segmentation(node)
-        return node
 
     def _report(self, message: str) -> None:
         self._error = message

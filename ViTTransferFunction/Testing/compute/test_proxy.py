@@ -141,7 +141,7 @@ def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationPr
     ready.update([LIVER, SPLEEN], None)
     ready.update([SPLEEN], None)
     assert len(client.asked) == sent
-    client.answer(ComputeMaps, Maps((MAP,)))
+    client.answer(ComputeMaps, Maps((MAP,), (1.0,)))
     ready.poll()
     assert client.asked[sent:] == [ComputeMaps((SPLEEN,))]
 
@@ -211,7 +211,7 @@ def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, cli
     ready.poll()
     assert ready.progress is not None
     assert (ready.progress.done, ready.progress.total) == (1, 2)
-    labels = Labels(np.zeros((2, 2, 2), dtype=np.uint16))
+    labels = Labels(np.zeros((2, 2, 2), dtype=np.uint8), (0, 0, 0))
     client.answer(SegmentClasses, labels)
     assert "labels" in ready.poll()
     assert ready.labels == (labels, ["spleen", "liver"])

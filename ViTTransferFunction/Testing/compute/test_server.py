@@ -73,12 +73,15 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
     labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
     assert isinstance(refined, Maps)
     assert isinstance(labels, Labels)
+    assert labels.array.dtype == np.uint8
+    assert labels.array.size < 0.7 * spheres[1].size
+    box = tuple(slice(first, first + size) for first, size in zip(labels.first, labels.array.shape, strict=True))
     for label in (1, 2, 3):
         volume_ml = (labels.array == label).sum() * spheres[0].geometry.voxel_volume_mm3 / 1000.0
         assert refined.volumes_ml[label - 1] == pytest.approx(volume_ml)
         # Off by as much as a shell of half a cell.
         assert maps.volumes_ml[label - 1] == pytest.approx(volume_ml, rel=0.5)
-        assert dice(labels.array == label, spheres[1] == label) > 0.9
+        assert dice(labels.array == label, spheres[1][box] == label) > 0.9
         crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.
         assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
@@ -127,7 +130,7 @@ def test_a_click_is_answered_while_something_else_is_being_computed(client: Comp
 @pytest.mark.slow
 def test_the_end_of_the_process_is_noticed_and_its_reason_known(client: ComputeClient) -> None:
     # A reply is no request: no service answers it.
-    client.request(Labels(np.zeros(1)))
+    client.request(Labels(np.zeros((1, 1, 1)), (0, 0, 0)))
     until = time.monotonic() + 60.0
     while client.alive and time.monotonic() < until:
         client.replies()

@@ -20,10 +20,10 @@ from ViTTransferFunction.Testing.support.segments import (
     output,
     positions_of,
     voxels_of,
+    write_segments,
 )
 
 slicer = pytest.importorskip("slicer")
-write_segments = pytest.importorskip("ViTTransferFunction.Logic.scene.segments").write_segments
 
 MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -61,11 +61,12 @@ def test_nothing_of_ours_stays_in_a_labelmap_that_it_shared(
     segmentation = a_segmentation.GetSegmentation()
     (ours,) = write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
     segmentation.CollapseBinaryLabelmaps(False)
-    shared = segmentation.GetSegmentRepresentation(ours, LABELMAP)
     label = segmentation.GetSegment(ours).GetLabelValue()
-    assert label in vtk_to_numpy(shared.GetPointData().GetScalars())
+    shared = vtk_to_numpy(segmentation.GetSegmentRepresentation("bone", LABELMAP).GetPointData().GetScalars())
+    assert label in shared
     write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=False)
-    assert label not in vtk_to_numpy(shared.GetPointData().GetScalars())
+    shared = vtk_to_numpy(segmentation.GetSegmentRepresentation("bone", LABELMAP).GetPointData().GetScalars())
+    assert label not in shared
 
 
 def test_voxels_of_other_segments_are_left_out(

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import vtk
 
+from ViTTransferFunction.Logic.compute.service import cropped_labels
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.core.stepped_work import finished
+from ViTTransferFunction.Logic.scene.corrections import Corrections
+from ViTTransferFunction.Logic.scene.segment_preparation import ClassLabels, prepare_segments
+from ViTTransferFunction.Logic.scene.segments import ClassLook, check_writable, write_prepared
 from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix
 from ViTTransferFunction.Testing.support.scenes import segment_points
 
@@ -24,11 +31,40 @@ def block(start: int, stop: int) -> np.ndarray:
     return mask
 
 
-def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", color: Color = RED) -> Any:
+@dataclass(frozen=True, eq=False)
+class Output:
     """What is to be written for a class."""
-    from ViTTransferFunction.Logic.scene.segments import OutputSegment
 
-    return OutputSegment(class_id, name, color, mask)
+    class_id: str
+    name: str
+    color: Color
+    mask: np.ndarray
+
+
+def output(mask: np.ndarray, class_id: str = "class-1", name: str = "growth", color: Color = RED) -> Output:
+    """A mask (K, J, I) of the volume as a class's result."""
+    return Output(class_id, name, color, mask)
+
+
+def write_segments(
+    node: Any,
+    volume: Any,
+    outputs: Sequence[Output],
+    respect_others: bool,
+    app_logic: Any = None,
+    corrections: Corrections = "keep",
+    continued: Mapping[str, str] | None = None,
+) -> list[str]:
+    """Write masks that do not overlap as a label map; returns the segments' IDs."""
+    labels = np.zeros(outputs[0].mask.shape, dtype=np.uint16)
+    for label, wanted in enumerate(outputs, start=1):
+        labels[wanted.mask] = label
+    cropped = cropped_labels(labels, len(outputs))
+    of_classes = ClassLabels(cropped.array, cropped.first, tuple(wanted.class_id for wanted in outputs))
+    check_writable(node, volume)
+    prepared = finished(prepare_segments(node, volume, of_classes, respect_others, corrections, continued or {}))
+    looks = {wanted.class_id: ClassLook(wanted.name, wanted.color) for wanted in outputs}
+    return write_prepared(prepared, node, volume, looks, app_logic)
 
 
 def everything_about(node: Any, segment_id: str) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from ViTTransferFunction.Testing.support.standin import (
     scripted_loadable_module,
 )
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+from ViTTransferFunction.Testing.support.standin.segmentation_widgets import ModuleSelector, SegmentEditor
 from ViTTransferFunction.Testing.support.standin.views import LayoutManager
 
 MODULE_FILE = Path(__file__).parents[3] / "ViTTransferFunction.py"
@@ -68,10 +69,12 @@ class Host:
         for name, value in self._attributes.items():
             setattr(slicer, name, value)
         _read_properties_as_pythonqt_does()
-        self.window = QMainWindow()
-        self.window.setObjectName("qSlicerMainWindow")
+        self.window = MainWindow()
         slicer.app.layoutManager().setViewport(self.window)
         self.representation = Representation()
+        slicer.modules.segmenteditor = SegmentEditor(app.scene)
+        modules = {NAME: self.representation, "SegmentEditor": slicer.modules.segmenteditor}
+        self.window.module_selector = ModuleSelector(modules, NAME)
         slicer.modules.vittransferfunction = SimpleNamespace(
             path=str(MODULE_FILE), widgetRepresentation=lambda: self.representation
         )
@@ -106,6 +109,19 @@ class Host:
                 del sys.modules[name]
             else:
                 sys.modules[name] = module
+
+
+class MainWindow(QMainWindow):
+    """Slicer's main window."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("qSlicerMainWindow")
+        self.module_selector: ModuleSelector | None = None
+
+    def moduleSelector(self) -> ModuleSelector | None:  # noqa: N802
+        """What has the user go from module to module."""
+        return self.module_selector
 
 
 class Application:

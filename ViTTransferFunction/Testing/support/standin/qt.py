@@ -6,6 +6,7 @@ from PySide6 import QtCore, QtGui, QtUiTools, QtWidgets
 
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+from ViTTransferFunction.Testing.support.standin.segmentation_widgets import qMRMLSegmentationShow3DButton
 
 for _module in (QtCore, QtGui, QtWidgets):
     globals().update({name: getattr(_module, name) for name in dir(_module) if name.startswith("Q")})
@@ -13,11 +14,16 @@ for _module in (QtCore, QtGui, QtWidgets):
 # Read by `slicer.util.childWidgetVariables`; PythonQt gives every object this second name for `objectName`.
 setattr(QtCore.QObject, "name", property(lambda self: self.objectName()))  # noqa: B010  (type checkers know no such name)
 
+# PythonQt's name of what runs a dialog, and the one that Slicer's own files use.
+for _dialog in (QtWidgets.QDialog, QtWidgets.QMessageBox):
+    setattr(_dialog, "exec_", _dialog.exec)  # noqa: B010
+
 
 class QUiLoader(QtUiTools.QUiLoader):
     """Knows the widgets of CTK and Slicer."""
 
     def __init__(self) -> None:
         super().__init__()
-        for widget in (ctk.ctkCollapsibleButton, ctk.ctkSliderWidget, ctk.ctkPathLineEdit, qMRMLNodeComboBox):
+        of_ctk = (ctk.ctkCollapsibleButton, ctk.ctkSliderWidget, ctk.ctkPathLineEdit)
+        for widget in (*of_ctk, qMRMLNodeComboBox, qMRMLSegmentationShow3DButton):
             self.registerCustomWidget(widget)

@@ -1,0 +1,66 @@
+"""Work that takes longer than an event loop may stand still, done in short steps between which the loop goes on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator
+from typing import Generic, TypeVar
+
+from .geometry import Box
+
+Result = TypeVar("Result")
+
+Steps = Generator[int, None, Result]
+"""Work that stops after each short step, tells how many voxels the step was about, and returns its result in the end."""
+
+STEP_VOXELS = 1 << 20
+"""Voxels of a step: a few milliseconds of numpy's time, so that the voxels of one step stay in the processor's cache."""
+
+
+class SteppedWork(Generic[Result]):
+    """Steps that are taken for a while at a time.
+
+    Args:
+        steps: the work.
+
+    Attributes:
+        done: voxels that the steps so far were about.
+        result: None until it is finished.
+    """
+
+    def __init__(self, steps: Steps[Result]) -> None:
+        self._steps = steps
+        self.done = 0
+        self.result: Result | None = None
+
+    def advance(self, seconds: float) -> bool:
+        """Take steps until that much time has passed, at least one; returns whether the work is finished.
+
+        Raises whatever the work raises; it is over then.
+        """
+        until = time.perf_counter() + seconds
+        while True:
+            try:
+                self.done += next(self._steps)
+            except StopIteration as end:
+                self.result = end.value
+                return True
+            if time.perf_counter() >= until:
+                return False
+
+
+def finished(steps: Steps[Result]) -> Result:
+    """Take all steps at once, where no event loop waits."""
+    work = SteppedWork(steps)
+    while not work.advance(float("inf")):
+        pass
+    return work.result  # type: ignore[return-value]
+
+
+def slabs(box: Box) -> Iterator[Box]:
+    """A box in parts of consecutive k, each of about `STEP_VOXELS` voxels, in order."""
+    k, j, i = box
+    area = max((j.stop - j.start) * (i.stop - i.start), 1)
+    thickness = max(STEP_VOXELS // area, 1)
+    for start in range(k.start, k.stop, thickness):
+        yield slice(start, min(start + thickness, k.stop)), j, i

@@ -1,0 +1,218 @@
+"""From the wish to have segments to segments in the scene, without the event loop standing still in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import slicer
+
+from ..compute.requests import Labels
+from ..core.errors import InputError
+from ..core.progress import WorkProgress
+from ..core.stepped_work import SteppedWork
+from .classes import ClassState
+from .corrections import Corrections, corrected_segments
+from .parameters import SceneParameters
+from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
+from .segment_tags import segments_of_classes
+from .segments import ClassLook, check_writable, write_prepared
+
+ADVANCE_S = 0.015
+"""How long the event loop stands still at a time: less than one picture of a view that is being scrolled through."""
+
+
+class SegmentOutput:
+    """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
+
+    It ends quietly where a node that it is about leaves the scene.
+
+    Args:
+        scene: the scene.
+        app_logic: the application's logic.
+        parameters: say which volume and segmentation, and whether other segments are respected.
+        classes: tells the classes as they are.
+    """
+
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        parameters: SceneParameters,
+        classes: Callable[[], tuple[ClassState, ...]],
+    ) -> None:
+        self._scene = scene
+        self._app_logic = app_logic
+        self._parameters = parameters
+        self._classes = classes
+        self._work: _Work | None = None
+        self._then: Callable[[], None] = lambda: None
+        self._corrected: tuple[str, ...] = ()
+
+    @property
+    def busy(self) -> bool:
+        """Whether `advance` has something to do."""
+        return self._work is not None
+
+    @property
+    def progress(self) -> WorkProgress | None:
+        """Of what runs."""
+        return self._work.progress if self._work else None
+
+    def find_corrections(self, if_none: Callable[[], None]) -> None:
+        """Begin to look for corrected segments; `if_none` is called where there are none, else `take_corrected` names them."""
+        self.cancel()
+        node = self._parameters.segmentation
+        if node is None:
+            if_none()
+        else:
+            search = _CorrectionSearch(node, tuple(state.id for state in self._classes()))
+            self._work, self._then = search, lambda: self._on_searched(search, if_none)
+
+    def take_corrected(self) -> tuple[str, ...]:
+        """Names of the corrected segments that were found since the last call."""
+        names, self._corrected = self._corrected, ()
+        return names
+
+    def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections) -> None:
+        """Begin to turn labels into segments of the classes that are still there; a new segmentation is made if none is chosen.
+
+        Args:
+            labels: of the volume.
+            class_ids: what its labels 1, 2, … stand for.
+            corrections: what becomes of segments that were corrected by hand.
+
+        Raises:
+            InputError: they cannot be written there.
+        """
+        self.cancel()
+        there = {state.id for state in self._classes()}
+        present = tuple(id_ if id_ in there else None for id_ in class_ids)
+        volume, node = self._parameters.volume, self._parameters.segmentation
+        if volume is None or not any(present):
+            return
+        wanted = ClassLabels(labels.array, labels.first, present)
+        continued = {state.id: state.continues for state in self._classes() if state.continues}
+        respect_others = self._parameters.get("respectOtherSegments")
+        writing = _SegmentWriting(node, volume, wanted, respect_others, corrections, continued)
+
+        def on_prepared() -> None:
+            looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
+            if wanted.label_of_class.keys() <= looks.keys():
+                writing.write(lambda: self._new_segmentation(volume), looks, self._app_logic)
+            else:  # A class was removed meanwhile.
+                self.write(labels, class_ids, corrections)
+
+        self._work, self._then = writing, on_prepared
+
+    def advance(self) -> None:
+        """Go on for some milliseconds. Raises InputError where segments can no longer be written there; that is then over."""
+        work = self._work
+        if work is None:
+            return
+        if not all(self._scene.IsNodePresent(node) for node in work.nodes):
+            self._work = None
+            return
+        try:
+            finished = work.advance()
+        except InputError:
+            self._work = None
+            raise
+        if finished:
+            self._work = None
+            self._then()
+
+    def cancel(self) -> None:
+        """Stop; nothing has changed."""
+        self._work, self._corrected = None, ()
+
+    def _on_searched(self, search: _CorrectionSearch, if_none: Callable[[], None]) -> None:
+        self._corrected = search.names
+        if not search.names:
+            if_none()
+
+    def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
+        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", f"{volume.GetName()} segmentation")
+        self._parameters.set_reference("segmentation", node)
+        return node
+
+
+class _Work(Protocol):
+    """Something that is done a little at a time, about some nodes of the scene."""
+
+    nodes: tuple[Any, ...]
+
+    def advance(self) -> bool:
+        """Go on; returns whether it is finished."""
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is."""
+
+
+class _CorrectionSearch:
+    """Looks for segments that were corrected by hand; `names` has theirs once it is finished."""
+
+    def __init__(self, segmentation_node: Any, class_ids: tuple[str, ...]) -> None:
+        self.nodes = (segmentation_node,)
+        self.names: tuple[str, ...] = ()
+        self._segmentation = segmentation_node.GetSegmentation()
+        self._search = SteppedWork(corrected_segments(self._segmentation, segments_of_classes(self._segmentation, class_ids)))
+
+    def advance(self) -> bool:
+        """Look on; returns whether it is finished."""
+        if not self._search.advance(ADVANCE_S):
+            return False
+        found = set((self._search.result or {}).values())
+        self.names = tuple(
+            self._segmentation.GetSegment(segment_id).GetName()
+            for segment_id in self._segmentation.GetSegmentIDs()
+            if segment_id in found
+        )
+        return True
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is, which cannot be told."""
+        return WorkProgress(0, 0, "Looking for corrections by hand", None)
+
+
+class _SegmentWriting:
+    """Turns labels into segments; nothing has changed until `write`."""
+
+    def __init__(self, segmentation_node: Any, volume_node: Any, labels: ClassLabels, *choices: Any) -> None:
+        self.nodes = (volume_node, *((segmentation_node,) if segmentation_node else ()))
+        self.labels = labels
+        self._segmentation_node, self._volume_node = segmentation_node, volume_node
+        self._arguments = (segmentation_node, volume_node, labels, *choices)
+        if segmentation_node is not None:
+            check_writable(segmentation_node, volume_node)
+        self._begin()
+
+    def advance(self) -> bool:
+        """Prepare what is to be written, anew where the segmentation was changed meanwhile; returns whether it is ready."""
+        if not self._preparation.advance(ADVANCE_S):
+            return False
+        if self._segmentation_node is not None:
+            check_writable(self._segmentation_node, self._volume_node)
+        if segmentation_state(self._segmentation_node, self._volume_node) != self._state:
+            self._begin()
+            return False
+        return True
+
+    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], app_logic: Any) -> None:
+        """Write what is ready, at once, into a new segmentation where none was given."""
+        prepared: PreparedSegments | None = self._preparation.result
+        assert prepared is not None
+        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, app_logic)
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is."""
+        # Each voxel is copied, and then found to be what will count as uncorrected.
+        total = max(2 * self.labels.array.size, 1)
+        return WorkProgress(min(self._preparation.done, total), total, "Writing segments", None)
+
+    def _begin(self) -> None:
+        self._state = segmentation_state(self._segmentation_node, self._volume_node)
+        self._preparation = SteppedWork(prepare_segments(*self._arguments))

@@ -1,0 +1,171 @@
+"""Points in segments: to continue what others made, and to say what structures are not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
+from ViTTransferFunction.Logic.scene.outside_points import outside_points
+from ViTTransferFunction.Logic.scene.segment_points import SegmentPoints
+from ViTTransferFunction.Logic.scene.segment_tags import CORRECTED_TAG, set_tag
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment, put_under
+from ViTTransferFunction.Testing.support.segments import SHAPE, block, output, positions_of, rounded, write_segments
+
+MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@pytest.fixture
+def session(slicer_app: Any, a_segmentation: Any) -> Iterator[SceneSession]:
+    """A session without a volume, into whose segmentation a colleague wrote."""
+    a_segmentation.CreateDefaultDisplayNodes()
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    session.set_segmentation(a_segmentation)
+    yield session
+    session.close()
+
+
+def known(segmentation: Any, *segment_ids: str) -> SegmentPoints:
+    """The points of segments, all of them found."""
+    points = SegmentPoints(segmentation.GetScene())
+    for segment_id in segment_ids:
+        points.of(segmentation, segment_id, 3)
+    while points.busy:
+        points.advance()
+    return points
+
+
+def test_points_lie_in_the_segment_also_where_it_was_moved(a_segmentation: Any, a_volume: Any) -> None:
+    add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    add_segment(a_segmentation, "spleen", block(4, 6), OBLIQUE)
+    put_under(a_segmentation, MOVED)
+    put_under(a_volume, MOVED)
+    points = known(a_segmentation, "liver").of(a_segmentation, "liver", 3)
+    assert points is not None
+    assert len(points) == 3
+    assert set(rounded(points)) <= set(positions_of(block(1, 4), a_volume))
+
+
+def test_points_are_found_anew_when_voxels_change_and_only_then(a_segmentation: Any, a_volume: Any) -> None:
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    points = known(a_segmentation, ours)
+    first = points.of(a_segmentation, ours, 3)
+    a_segmentation.GetSegmentation().GetSegment(ours).SetName("renamed")
+    assert points.of(a_segmentation, ours, 3) is not None
+    assert not points.busy
+    write_segments(a_segmentation, a_volume, [output(block(5, 6))], respect_others=True)
+    assert points.of(a_segmentation, ours, 3) is None
+    while points.busy:
+        points.advance()
+    again = points.of(a_segmentation, ours, 3)
+    assert first is not None
+    assert again is not None
+    assert set(rounded(again)).isdisjoint(rounded(first))
+
+
+def test_a_class_continues_a_segment_in_one_step(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:
+    segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    a_segmentation.GetSegmentation().GetSegment(segment_id).SetColor(0.2, 0.4, 0.6)
+    session.continue_segment(segment_id)
+    session.wait()
+    (state,) = session.classes
+    assert (state.name, state.color, state.continues) == ("liver", pytest.approx((0.2, 0.4, 0.6)), segment_id)
+    assert session.selected_class == state
+    assert len(state.positive) == 5
+    assert set(rounded(np.array(state.positive))) <= set(positions_of(block(1, 4), a_volume))
+    session.annotations.undo()
+    assert session.classes == ()
+    session.annotations.redo()
+    assert session.classes == (state,)
+
+
+def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentation: Any) -> None:
+    session.continue_segment(add_segment(a_segmentation, "liver", np.zeros(SHAPE, dtype=bool), OBLIQUE))
+    session.wait()
+    assert session.classes == ()
+    assert "'liver' has no voxels" in (session.take_error() or "")
+
+
+def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSession, a_segmentation: Any) -> None:
+    segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    session.continue_segment(segment_id)
+    a_segmentation.GetSegmentation().RemoveSegment(segment_id)
+    session.wait()
+    assert (session.classes, session.take_error()) == ((), None)
+
+
+def class_at(session: SceneSession, mask: np.ndarray, volume: Any) -> Any:
+    """A class with a point in the middle of a mask."""
+    state = session.annotations.add_class()
+    points = positions_of(mask, volume)
+    session.annotations.add_points(state.id, np.array([points[len(points) // 2]]), positive=True)
+    return next(new for new in session.classes if new.id == state.id)
+
+
+def test_visible_segments_of_others_are_outside_of_all_classes(
+    session: SceneSession, a_segmentation: Any, a_volume: Any
+) -> None:
+    add_segment(a_segmentation, "bone", block(4, 6), OBLIQUE)
+    add_segment(a_segmentation, "hidden", block(3, 4), OBLIQUE)
+    a_segmentation.GetDisplayNode().SetSegmentVisibility("hidden", False)
+    first, second = class_at(session, block(0, 1), a_volume), class_at(session, block(1, 2), a_volume)
+    outside = outside_points(a_segmentation, session.classes, known(a_segmentation, "bone", "hidden"))
+    for state in (first, second):
+        assert len(outside[state.id]) == 3
+        assert set(rounded(outside[state.id])) <= set(positions_of(block(4, 6), a_volume))
+
+
+def test_a_segment_in_which_a_class_was_clicked_is_not_outside_of_it(
+    session: SceneSession, a_segmentation: Any, a_volume: Any
+) -> None:
+    """A body that holds everything says nothing about what is not an organ."""
+    add_segment(a_segmentation, "body", np.ones(SHAPE, dtype=bool), OBLIQUE)
+    add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    lesion, bone = class_at(session, block(2, 3), a_volume), class_at(session, block(5, 6), a_volume)
+    outside = outside_points(a_segmentation, session.classes, known(a_segmentation, "body", "liver"))
+    assert len(outside[lesion.id]) == 0
+    assert len(outside[bone.id]) == 3
+
+
+def test_segments_of_the_classes_themselves_are_not_outside(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:
+    first, second = class_at(session, block(0, 1), a_volume), class_at(session, block(1, 2), a_volume)
+    ids = write_segments(a_segmentation, a_volume, [output(block(3, 4), first.id), output(block(4, 5), second.id)], True)
+    points = known(a_segmentation, *ids)
+    outside = outside_points(a_segmentation, session.classes, points)
+    assert [len(outside[state.id]) for state in (first, second)] == [0, 0]
+    segment = a_segmentation.GetSegmentation().GetSegment(ids[0])
+    segment.RemoveTag("ViTTransferFunction.class")
+    set_tag(segment, CORRECTED_TAG, first.id)
+    outside = outside_points(a_segmentation, session.classes, points)
+    assert [len(outside[state.id]) for state in (first, second)] == [0, 3]
+
+
+def test_outside_points_are_asked_for_but_not_kept(
+    session: SceneSession, a_segmentation: Any, a_volume: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only where the user wants them, and anew when a segment changes."""
+    asked: list[Any] = []
+    monkeypatch.setattr(SegmentationProxy, "update", lambda self, classes, refinement: asked.append(tuple(classes)))
+    monkeypatch.setattr(SegmentationProxy, "open", lambda self, volume, settings: None)
+    add_segment(a_segmentation, "bone", block(4, 6), OBLIQUE)
+    session.set_volume(a_volume)
+    class_at(session, block(0, 1), a_volume)
+    assert len(asked[-1][0].negative) == 0
+    session.parameters.set("otherSegmentsAreOutside", True)
+    session.wait()
+    assert len(asked[-1][0].negative) == 3
+    assert session.classes[0].negative == ()
+    add_segment(a_segmentation, "vessel", block(2, 3), OBLIQUE)
+    session.wait()
+    assert len(asked[-1][0].negative) == 6
+    a_segmentation.GetDisplayNode().SetVisibility(False)
+    assert len(asked[-1][0].negative) == 0
+    session.parameters.set("otherSegmentsAreOutside", False)
+    count = len(asked)
+    a_segmentation.GetDisplayNode().SetVisibility(True)
+    session.wait()
+    assert len(asked) == count
