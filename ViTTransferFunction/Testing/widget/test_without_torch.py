@@ -1,11 +1,9 @@
-"""The module on a Slicer that has no PyTorch, how it gets it, and the module reloaded."""
+"""The module on a Slicer that has no PyTorch, and how it gets it."""
 
 from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
-import os
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +18,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 import slicer
 
 from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_at_file_scope
+from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.widgets import add_class
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -27,27 +26,6 @@ pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 MODULE = Path(__file__).parents[2]
 GUI = [MODULE / "ViTTransferFunction.py", *sorted((MODULE / "Widget").glob("*.py"))]
 GUI_OF_SLICER = {"slicer", "qt", "ctk", "ViTTransferFunction"}
-
-OPEN = """
-import sys
-import slicer
-from trame_slicer.core import SlicerApp
-from ViTTransferFunction.Testing.support.standin.host import Host
-app = SlicerApp()
-host = Host(app)
-widget = host.open_panel()
-ui, session = widget.ui, widget.panel.session
-"""
-
-
-def run(program: str, tmp_path: Path) -> None:
-    """Run a program in a Python of its own, in which it must not fail."""
-    environment = {**os.environ, "VITTF_CACHE": str(tmp_path), "PYTHONPATH": str(MODULE.parent)}
-    finished = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 0, finished.stderr
-
 
 @pytest.mark.parametrize("path", GUI, ids=lambda path: path.name)
 def test_a_file_of_the_panel_imports_at_file_scope_only_what_slicer_has(path: Path) -> None:
@@ -67,28 +45,6 @@ def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: P
         "assert 'PyTorch' in ui.pytorchLabel.text()\n"
         "ui.addClassButton.click()\n"
         "assert len(session.classes) == 1\n"
-        "host.close()\n"
-    )
-    run(program, tmp_path)
-
-
-@pytest.mark.slow
-def test_reloading_loads_all_files_again_closes_the_old_panel_and_never_imports_torch(tmp_path: Path) -> None:
-    program = OPEN + (
-        "assert not ui.pytorchFrame.isVisible()\n"
-        "ui.addClassButton.click()\n"
-        "ours = [name for name in sys.modules if name.startswith('ViTTransferFunction.') and '.Testing' not in name]\n"
-        "old = {name: sys.modules[name] for name in ours}\n"
-        "assert len(old) > 20\n"
-        "widget.onReload()\n"
-        "fresh = slicer.modules.ViTTransferFunctionWidget\n"
-        "assert fresh is not widget and widget.panel.session is None\n"
-        "host.representation.enter()\n"
-        "assert len(fresh.panel.session.classes) == 1\n"
-        "kept = [name for name, module in old.items() if sys.modules.get(name) is module]\n"
-        "assert kept == [], kept\n"
-        "assert type(fresh.panel) is not type(widget.panel)\n"
-        "assert 'torch' not in sys.modules\n"
         "host.close()\n"
     )
     run(program, tmp_path)
