@@ -181,7 +181,7 @@ def register_sample_data() -> None:
 
 
 class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
-    """The whole path on sample data, from the volume to segments; skipped without PyTorch, or without a network to get data by."""
+    """The whole path on sample data, from the volume to segments. Skipped without PyTorch, or a network where it is needed."""
 
     GRID = 16
     """Coarse, to take less than a minute."""

@@ -17,7 +17,6 @@ from contextlib import nullcontext
 from pathlib import Path
 
 
-
 def main() -> None:
     """Run the self-test and write what happened, the verdict last."""
     log = os.environ.get("VITTF_SELF_TEST_LOG")

@@ -14,14 +14,14 @@ from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights.store import file_in, remove_weights, weights_folder
-from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import size
 
 
 class AdvancedSection(Section):
     """The advanced settings; sizes on disk are looked up only while they are in sight."""
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         ui.weightsPathLineEdit.currentPathChanged.connect(self._on_weights)
         ui.clearWeightsButton.clicked.connect(self._on_clear_weights)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ class Panel:
         self._ui = ui
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
-        report = self._messages.show
+        report = self._report
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
         self._sections = (
@@ -99,12 +100,20 @@ class Panel:
 
     def refresh(self) -> None:
         """Show everything as it is now."""
-        error = self.session.take_error() if self.session else None
-        if error:
-            self._messages.show(error)
+        session = self.session
+        error = session.take_error() if session else None
+        if session and error:
+            self._messages.show(error, lambda: self.session is not session or error not in session.errors)
+        self._messages.refresh()
         for section in self._sections:
             section.refresh()
         self._set_pace()
+
+    def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
+        """Show why something that the user asked for was not done; by default until the structures are changed next."""
+        session = self.session
+        before = session.classes if session else ()
+        self._messages.show(message, solved or (lambda: self.session is not session or (session and session.classes) != before))
 
     def _set_pace(self) -> None:
         if self.session is None:

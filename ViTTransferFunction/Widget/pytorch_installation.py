@@ -14,7 +14,7 @@ from typing import Any
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.section import Report, Section
 
 REQUIREMENT = "torch>=2.0"
 
@@ -28,7 +28,7 @@ class PyTorchSection(Section):
         on_installed: called after the installation.
     """
 
-    def __init__(self, ui: Any, report: Callable[[str], None], on_installed: Callable[[], None]) -> None:
+    def __init__(self, ui: Any, report: Report, on_installed: Callable[[], None]) -> None:
         super().__init__(ui, report)
         self._on_installed = on_installed
         ui.installPyTorchButton.clicked.connect(self._on_install)

@@ -31,8 +31,13 @@ from .contours import ShownMap
 from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
+from .problems import Problems
 from .segments import OutputSegment, write_segments
-from .volume import array_from_node, geometry_from_node, world_to_local
+from .volume import array_from_node, world_to_local
+from .volume_content import Frame, VolumeContent, content_of, is_playing
+
+REST_S = 0.5
+"""How long a volume must have kept its voxels before they are taken up: somebody may be leafing through a sequence."""
 
 
 class SceneSession:
@@ -59,9 +64,11 @@ class SceneSession:
         self._scene = scene
         self._app_logic = app_logic
         self._listeners: list[Callable[[], None]] = []
-        self._error: str | None = None
-        self._geometry: Geometry | None = None
+        self._problems = Problems()
+        self._content: VolumeContent | None = None
         self._opened: tuple[Any, ...] | None = None
+        self._changed_s: float | None = None
+        self._outside: dict[str, int] = {}
         self._asked: tuple[Any, ...] | None = None
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
@@ -105,7 +112,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending
+        return self._proxy.busy or self._display.pending or self.volume_changed
 
     @property
     def up_to_date(self) -> bool:
@@ -124,8 +131,27 @@ class SceneSession:
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
-        error, self._error = self._error or self._proxy.take_error(), None
-        return error
+        return self._problems.take()
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """What went wrong and still stands in the way, whether it was taken or not."""
+        return self._problems.standing
+
+    @property
+    def volume_changed(self) -> bool:
+        """Whether the volume has got other voxels, which are taken up when it rests and nothing runs for those before."""
+        return self._changed_s is not None
+
+    @property
+    def frame(self) -> Frame | None:
+        """The frame of a sequence that phase, estimate and features are of; None where the volume is no sequence."""
+        return self._content.frame if self._content else None
+
+    @property
+    def points_outside(self) -> dict[str, int]:
+        """How many points lie outside the volume and do not count, by the id of their class; only classes that have some."""
+        return self._outside
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
         """Choose the volume to segment. Where its features are cached, they load at once."""
@@ -157,7 +183,8 @@ class SceneSession:
 
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
-        self._proxy.extract()
+        self._problems.solve("segments")
+        self._compute(self._proxy.extract)
         self._notify()
 
     def cancel(self) -> None:
@@ -166,8 +193,13 @@ class SceneSession:
 
     def write_segments(self) -> None:
         """Have all classes segmented and written as segments; into a new segmentation where none is chosen."""
+        self._problems.solve("segments")
+        self._problems.solve("computing")
         if self.phase != "ready" or not self._requests():
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
+            return
+        if self.volume_changed:
+            self._report("The volume has just changed. Wait until its features are ready again, then create the segments.")
             return
         self._proxy.segment(self.parameters.refinement())
         self._notify()
@@ -175,6 +207,11 @@ class SceneSession:
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
         events = self._proxy.poll()
+        if "maps" in events:
+            self._problems.solve("computing")
+        if error := self._proxy.take_error():
+            self._problems.put("computing", error)
+        self._take_up_changes()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
@@ -203,6 +240,7 @@ class SceneSession:
         self._display.remove()
 
     def _on_annotations(self) -> None:
+        self._problems.solve("segments")
         self._ask_for_maps()
         self._show()
         self._notify()
@@ -224,15 +262,11 @@ class SceneSession:
         self.annotations.restart()
         self._on_parameters()
 
-    def _on_voxels(self, caller: vtk.vtkObject, event: str) -> None:
-        self._opened = None
-        self._on_parameters()
-
     def _watch_volume(self) -> None:
         volume, kept = self.parameters.volume, [self._scene, self.parameters.node]
         if volume is not None:
             reactions = (
-                (slicer.vtkMRMLVolumeNode.ImageDataModifiedEvent, self._on_voxels),
+                (slicer.vtkMRMLVolumeNode.ImageDataModifiedEvent, self._on_parameters),
                 (slicer.vtkMRMLTransformableNode.TransformModifiedEvent, self._on_parameters),
                 ("ModifiedEvent", self._on_parameters),
             )
@@ -242,20 +276,44 @@ class SceneSession:
 
     def _open_volume(self) -> None:
         """Hand the volume to the compute process, if it or what decides its features has changed."""
-        node = self.parameters.volume
-        geometry, settings = None, SessionSettings()
+        node, content, settings = self.parameters.volume, None, SessionSettings()
         try:
             settings = self.parameters.session_settings()
-            geometry = geometry_from_node(node) if node else None
+            content = content_of(node) if node else None
+            self._problems.solve("volume")
         except InputError as error:
-            self._error = str(error)
-        place = (node.GetID(), geometry.shape, geometry.ijk_to_ras.tobytes()) if geometry else None
-        if (place, settings) != self._opened:
-            self._opened = (place, settings)
-            self._geometry = geometry
-            self._asked = None
-            volume = TakeVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
-            self._proxy.open(volume, settings)
+            self._problems.put("volume", str(error))
+        opened = (node.GetID() if content else None, settings)
+        if opened != self._opened:
+            self._opened = opened
+            self._hand_over(content, settings)
+        elif content is not None and self._content is not None:
+            self._changed_s = None if content.state == self._content.state else time.monotonic()
+
+    def _take_up_changes(self) -> None:
+        """Hand other voxels over once they rest. What the user waits for is finished first: it is kept for its frame."""
+        node = self.parameters.volume
+        if self._changed_s is None or self._proxy.progress is not None or node is None:
+            return
+        if is_playing(node):
+            self._changed_s = time.monotonic()
+        elif time.monotonic() >= self._changed_s + REST_S:
+            self._opened = None
+            self._on_parameters()
+
+    def _hand_over(self, content: VolumeContent | None, settings: SessionSettings) -> None:
+        self._content, self._changed_s, self._asked = content, None, None
+        node = self.parameters.volume
+        volume = TakeVolume(array_from_node(node), content.geometry, node.GetName()) if content else None
+        self._compute(lambda: self._proxy.open(volume, settings))
+
+    def _compute(self, ask: Callable[[], None]) -> None:
+        """Ask the compute process, which may not start."""
+        self._problems.solve("computing")
+        try:
+            ask()
+        except InputError as error:
+            self._problems.put("computing", str(error))
 
     def _ask_for_maps(self) -> None:
         """Ask for maps, unless what they depend on is as it was when they were asked for last."""
@@ -267,9 +325,11 @@ class SceneSession:
     def _requests(self) -> list[ClassRequest]:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
-        if node is None or self._geometry is None:
+        self._outside = {}
+        if node is None or self._content is None:
             return []
-        requests = (self._request(state, node, self._geometry) for state in self.classes)
+        geometry = self._content.geometry
+        requests = [self._request(state, node, geometry) for state in self.classes]
         return [request for request in requests if request is not None]
 
     def _request(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> ClassRequest | None:
@@ -277,13 +337,15 @@ class SceneSession:
         positive, negative = (
             world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, state.negative)
         )
-        inside = positive[geometry.contains(positive)]
+        inside, beside = positive[geometry.contains(positive)], negative[geometry.contains(negative)]
+        if outside := len(positive) + len(negative) - len(inside) - len(beside):
+            self._outside[state.id] = outside
         if not len(inside):
             return None
         return ClassRequest(
             state.id,
             inside,
-            negative[geometry.contains(negative)],
+            beside,
             iso=state.iso,
             proximity=state.proximity,
             refine=state.refine,
@@ -297,7 +359,7 @@ class SceneSession:
         styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
         self._proxy.look(self.parameters.rendering_mode(), styles)
         maps = self._proxy.maps
-        if volume is None or not maps:
+        if volume is None or not maps or self.volume_changed:
             self._display.hide()
             return
         overlaid = selected.id if selected and selected.id in visible and self.parameters.get("overlayVisible") else None
@@ -334,7 +396,7 @@ class SceneSession:
         return node
 
     def _report(self, message: str) -> None:
-        self._error = message
+        self._problems.put("segments", message)
         self._notify()
 
     def _notify(self) -> None:

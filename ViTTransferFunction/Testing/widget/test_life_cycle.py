@@ -55,7 +55,7 @@ def test_a_reload_while_the_module_is_open_leaves_a_panel_that_works(tmp_path: P
         "assert len(fresh.panel.session.classes) == 1\n"
         "assert fresh.panel.shortcuts.installed\n"
         "fresh.ui.addClassButton.click()\n"
-        "assert fresh.ui.classTable.rowCount() == 2\n"
+        "assert len(fresh.panel.session.classes) == 2\n"
         "host.representation.exit()\n"
         "assert fresh.panel.shortcuts.installed == []\n"
         "fresh.onReload()\n"
@@ -132,8 +132,7 @@ def test_the_modules_file_is_written_in_the_python_of_older_slicers() -> None:
 def test_an_older_slicer_is_told_which_one_is_needed_and_nothing_else_happens(tmp_path: Path) -> None:
     program = OPEN.replace(
         "widget = host.open_panel()",
-        f"before = set({OURS})\nslicer.app.minorVersion = 8\nwidget = host.open_panel()\n"
-        f"assert set({OURS}) == before",
+        f"before = set({OURS})\nslicer.app.minorVersion = 8\nwidget = host.open_panel()\nassert set({OURS}) == before",
     ).replace("ui, session = widget.ui, widget.panel.session", "") + (
         "from PySide6.QtWidgets import QLabel\n"
         "print(host.representation.findChild(QLabel).text())\n"

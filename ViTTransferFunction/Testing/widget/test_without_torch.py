@@ -27,6 +27,7 @@ MODULE = Path(__file__).parents[2]
 GUI = [MODULE / "ViTTransferFunction.py", *sorted((MODULE / "Widget").glob("*.py"))]
 GUI_OF_SLICER = {"slicer", "qt", "ctk", "ViTTransferFunction"}
 
+
 @pytest.mark.parametrize("path", GUI, ids=lambda path: path.name)
 def test_a_file_of_the_panel_imports_at_file_scope_only_what_slicer_has(path: Path) -> None:
     for name in imports_at_file_scope(path):

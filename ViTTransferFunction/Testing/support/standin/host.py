@@ -207,7 +207,7 @@ class Representation(QWidget):
         return self.python_widget
 
     def reload(self) -> None:
-        """Make the panel from the module's class, as it is now. Whether the module is open does not change, and nobody is told."""
+        """Make the panel from the module's class, as it is now. Nobody is told whether the module is open."""
         self.python_widget = sys.modules[NAME].ViTTransferFunctionWidget(self)
         slicer.modules.ViTTransferFunctionWidget = self.python_widget
         self.python_widget.setup()
