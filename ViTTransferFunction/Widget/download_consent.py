@@ -20,7 +20,7 @@ class DownloadConsent:
     def is_given(self, download: WeightsDownload) -> bool:
         """Whether the user agrees to a download, now or before."""
         if download not in self._given and slicer.util.confirmOkCancelDisplay(
-            download_question(download), windowTitle=_("Download the weights?")
+            download_question(download), _("Download the weights?")
         ):
             self._given.add(download)
         return download in self._given

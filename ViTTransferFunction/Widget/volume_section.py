@@ -47,10 +47,6 @@ class VolumeSection(Section):
         self._show_features(session, "extracting" if self._pressed else phase)
         self._show_points_outside(session)
 
-    def close(self) -> None:
-        """Watch the scene no longer."""
-        self._offered.close()
-
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
         ui, status = self.ui, status_text(session, phase)
         ui.extractionStartRow.visible = phase in ("no volume", "no features")
@@ -74,9 +70,7 @@ class VolumeSection(Section):
 
     def _on_volume_selected(self) -> None:
         if self.session is not None:
-            node = self.ui.volumeSelector.currentNode()
-            self._offered.wanted = node is not None
-            self.session.set_volume(node)
+            self.session.set_volume(self.ui.volumeSelector.currentNode())
 
     def _on_extract(self) -> None:
         if self.session is not None:

@@ -181,6 +181,11 @@ class SceneSession:
         class_map = self._proxy.maps.get(id_)
         return class_map.iso if class_map else None
 
+    def estimate_again(self) -> None:
+        """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
+        self._opened = None
+        self._on_parameters()
+
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
         self._problems.solve("segments")

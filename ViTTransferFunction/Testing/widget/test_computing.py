@@ -111,7 +111,7 @@ def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, v
     session = widget.panel.session
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.extractButton.click()
-    assert session.phase == "extracting"
+    wait_until(lambda: session.phase == "extracting")
     slicer.mrmlScene.Clear()
     assert session.compute_pid is None
     assert widget.panel.session is not session

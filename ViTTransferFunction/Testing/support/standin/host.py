@@ -158,7 +158,7 @@ class Application:
         return SimpleNamespace(value={"Developer/SelfTestDisplayMessageDelay": "0"}.get)
 
     def testingEnabled(self) -> bool:  # noqa: N802
-        """Questions are answered by yes, and messages are not shown."""
+        """Questions are answered by Cancel, and messages are not shown."""
         return True
 
     def topLevelWidgets(self) -> list[QWidget]:  # noqa: N802
