@@ -12,39 +12,11 @@ import slicer
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene import contours
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Logic.scene.volume_content import Frame, content_of, is_playing
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate
+from ViTTransferFunction.Testing.support.sequences import Sequence
 from ViTTransferFunction.Testing.support.spheres import Spheres
-
-
-class Sequence:
-    """A sequence of two frames that are alike, in Slicer's own nodes.
-
-    Attributes:
-        volume: the node that shows a frame.
-        browser: the node that chooses it.
-    """
-
-    def __init__(self, scene: Any, frames: list[Volume]) -> None:
-        self._logic = slicer.vtkSlicerSequencesLogic()
-        self._logic.SetMRMLScene(scene)
-        sequence = scene.AddNewNodeByClass("vtkMRMLSequenceNode", "heart")
-        for number, frame in enumerate(frames):
-            node = slicer.vtkMRMLScalarVolumeNode()
-            set_image(node, frame.array, frame.geometry.ijk_to_ras)
-            sequence.SetDataNodeAtValue(node, str(number))
-        self.browser = scene.AddNewNodeByClass("vtkMRMLSequenceBrowserNode", "browser")
-        self.browser.SetAndObserveMasterSequenceNodeID(sequence.GetID())
-        self.show(1)
-        self.volume = self.browser.GetProxyNode(sequence)
-        self.volume.CreateDefaultDisplayNodes()
-
-    def show(self, number: int) -> None:
-        """Choose a frame, from 1."""
-        self.browser.SetSelectedItemNumber(number - 1)
-        self._logic.UpdateProxyNodesFromSequences(self.browser)
 
 
 @pytest.fixture

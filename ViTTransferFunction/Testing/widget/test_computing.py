@@ -55,7 +55,7 @@ def test_what_features_cost_is_shown_before_they_are_computed(widget: Any, volum
 
 
 @pytest.mark.slow
-def test_a_running_extraction_shows_its_progress_and_can_be_cancelled(widget: Any, volume: Any) -> None:
+def test_a_running_extraction_shows_its_progress_and_can_be_cancelled(widget: Any, volume: Any, questions: list[str]) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.extractButton.click()
     assert widget.ui.extractionProgressRow.isVisible()
@@ -107,7 +107,7 @@ def test_segments_are_written_where_the_user_says_and_updated_there(ready: Any, 
     assert ui.writeSegmentsButton.text() == "Update segments"
 
 
-def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any) -> None:
+def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any, questions: list[str]) -> None:
     session = widget.panel.session
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.extractButton.click()

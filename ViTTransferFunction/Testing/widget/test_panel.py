@@ -81,6 +81,10 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert widget.panel.session.classes[0].name == "liver"
     assert text(widget.ui.classTable, 0, 1) == "liver"
     assert "needs a name" in widget.ui.messageLabel.text()
+    widget.panel.refresh()
+    assert widget.ui.messageFrame.isVisible()
+    widget.ui.classTable.item(0, 1).setText("spleen")
+    assert not widget.ui.messageFrame.isVisible()
 
 
 def test_a_class_is_hidden_by_its_box(widget: Any) -> None:

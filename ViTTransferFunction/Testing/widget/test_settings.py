@@ -84,6 +84,10 @@ def test_an_inverted_window_is_reported_in_the_panel(widget: Any, volume: Any) -
     widget.ui.advancedCollapsibleButton.click()
     widget.ui.windowLowSpinBox.setValue(5000.0)
     assert "lower first" in widget.ui.messageLabel.text()
+    add_class(widget)
+    assert widget.ui.messageFrame.isVisible()
+    widget.ui.windowHighSpinBox.setValue(6000.0)
+    assert not widget.ui.messageFrame.isVisible()
 
 
 def test_own_weights_are_chosen_and_cleared(widget: Any, tmp_path: Path) -> None:
