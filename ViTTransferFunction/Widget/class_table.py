@@ -14,7 +14,6 @@ from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD = range(6)
-_WIDTHS = {COLOR: 28, SHOWN: 44, POSITIVE: 34, NEGATIVE: 34, THRESHOLD: 76}
 
 
 class ClassTable(Section):
@@ -31,9 +30,10 @@ class ClassTable(Section):
         self._on_added = on_added
         self._table = ui.classTable
         header = self._table.horizontalHeader()
-        for column, width in _WIDTHS.items():
-            self._table.setColumnWidth(column, width)
+        # Fonts and translations vary.
+        header.setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         header.setSectionResizeMode(NAME, qt.QHeaderView.Stretch)
+        self._table.verticalHeader().setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         self._table.cellChanged.connect(self._on_cell_changed)
         self._table.cellDoubleClicked.connect(self._on_double_click)
         self._table.itemSelectionChanged.connect(self._on_selection)
