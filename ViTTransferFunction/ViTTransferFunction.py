@@ -33,6 +33,9 @@ __path__ = [str(Path(__file__).parent)]
 OLDEST_SLICER = (5, 10)
 """Earlier ones have Python 3.9, which the rest of the module cannot be written in."""
 
+WEIGHTS_MB, FEATURES_GB = 88, 20
+"""Of the model of the default preset; at which the features used longest ago are removed."""
+
 SAMPLE = "ViTTransferFunctionChestCT"
 SAMPLE_SHA256 = "4507b664690840abb6cb9af2d919377ffc4ef75b167cb6fd0f747befdb12e38e"
 SAMPLE_URL = f"https://github.com/Slicer/SlicerTestingData/releases/download/SHA256/{SAMPLE_SHA256}"
@@ -47,11 +50,7 @@ class ViTTransferFunction(ScriptedLoadableModule):
         parent.categories = [translate("qSlicerAbstractCoreModule", "Segmentation")]
         parent.dependencies = []
         parent.contributors = [_("The ViT Transfer Function contributors")]
-        parent.helpText = _(
-            "Segments structures of a CT or MR volume, and renders them in 3D, from a few points: features of a vision "
-            "transformer tell which voxels are similar to those that were clicked. Nothing is trained, and no data leaves this "
-            "computer."
-        )
+        parent.helpText = help_text()
         parent.acknowledgementText = _(
             "After D. Engel, L. Sick and T. Ropinski, Leveraging Self-Supervised Vision Transformers for Segmentation-based "
             "Transfer Function Design, IEEE TVCG 2024."
@@ -144,6 +143,26 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
 
     def _open(self) -> None:
         self.panel.open(self.logic.getParameterNode())
+
+
+def help_text() -> str:
+    """What the module does, that it is for research, and what it needs; as HTML."""
+    purpose = _(
+        "Segments structures of a CT or MR volume, and renders them in 3D, from a few points: features of a vision transformer "
+        "tell which voxels are similar to those that were clicked. Nothing is trained, and no data leaves this computer."
+    )
+    research = _("For research use only. This is not a medical device: do not base diagnosis or treatment on its results.")
+    needs = (
+        _("Slicer {version} or later").format(version=".".join(map(str, OLDEST_SLICER))),
+        _("PyTorch, which the panel installs: a download of up to 3 GB"),
+        _("the weights of a neural network: a download of {size} MB, once, or a file that you have").format(size=WEIGHTS_MB),
+        _("1 GB of memory beyond what Slicer and the volume take"),
+        _("disk space for features, which are kept: up to {size} GB, and you can clear them").format(size=FEATURES_GB),
+        # Benchmarks/results/features.md, scaling of the default.
+        _("no graphics card: the features of 512×512×512 voxels took 3 minutes on two processor cores"),
+    )
+    listed = "".join(f"<li>{need}</li>" for need in needs)
+    return f"<p>{purpose}</p><p><b>{research}</b></p><p>{_('It needs:')}</p><ul>{listed}</ul>"
 
 
 def slicer_is_too_old() -> bool:

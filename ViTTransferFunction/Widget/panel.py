@@ -9,6 +9,7 @@ from typing import Any
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
@@ -111,9 +112,11 @@ class Panel:
 
     def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
         """Show why something that the user asked for was not done; by default until the structures are changed next."""
-        session = self.session
-        before = session.classes if session else ()
-        self._messages.show(message, solved or (lambda: self.session is not session or (session and session.classes) != before))
+        before = self.session, self._classes()
+        self._messages.show(message, solved or (lambda: (self.session, self._classes()) != before))
+
+    def _classes(self) -> tuple[ClassState, ...]:
+        return self.session.classes if self.session else ()
 
     def _set_pace(self) -> None:
         if self.session is None:

@@ -108,7 +108,7 @@ def estimate_text(estimate: FeatureEstimate | None, frame: Frame | None = None) 
     if estimate is None:
         return _("Estimating…")
     if estimate.cached:
-        return _("In the cache: ready at once.")
+        return _("Computed before: ready at once.")
     parts = [_("{memory} of memory").format(memory=size(estimate.memory_bytes))]
     if estimate.seconds is not None:
         parts.insert(0, _("About {time}").format(time=duration(estimate.seconds)))
@@ -130,8 +130,8 @@ def status_text(session: SceneSession | None, phase: str) -> str:
     frame = frame_text(session.frame) if session.frame else ""
     if session.volume_changed:
         if phase == "extracting":
-            return _("The volume has changed since. What it shows now comes next.")
-        return _("The volume has changed: its features are looked up as soon as it rests.")
+            return _("The image has changed since: the new one comes next.")
+        return _("The image has changed: its features follow when it stops changing.")
     if phase == "extracting":
         return frame
     return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")

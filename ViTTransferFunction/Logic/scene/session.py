@@ -204,7 +204,7 @@ class SceneSession:
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
             return
         if self.volume_changed:
-            self._report("The volume has just changed. Wait until its features are ready again, then create the segments.")
+            self._report("The image has just changed. Wait until its features are ready, then create the segments.")
             return
         self._proxy.segment(self.parameters.refinement())
         self._notify()

@@ -17,6 +17,7 @@ import slicer
 
 from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.standin import sample_data
+from ViTTransferFunction.Testing.support.standin.host import Host
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -144,6 +145,21 @@ def test_an_older_slicer_is_told_which_one_is_needed_and_nothing_else_happens(tm
     told, *_, verdict = run(program, tmp_path).splitlines()
     assert told == "ViT Transfer Function needs Slicer 5.10 or later, and this is Slicer 5.8: install a newer one."
     assert verdict == f"VITTF SELF-TEST SKIPPED: {told}"
+
+
+def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: Host) -> None:
+    from ViTTransferFunction.Logic.features.cache import DEFAULT_LIMIT_BYTES
+    from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+    from ViTTransferFunction.Logic.weights.models import pretrained_model
+
+    told = host.module.parent.helpText
+    for fact in (
+        "research use only",
+        "Slicer 5.10 or later",
+        f"download of {pretrained_model(PRESETS[DEFAULT_PRESET].model).size_mb} MB",
+        f"up to {DEFAULT_LIMIT_BYTES // 1024**3} GB",
+    ):
+        assert fact in told
 
 
 def run_self_test(capsys: pytest.CaptureFixture[str]) -> str:

@@ -205,7 +205,7 @@ def test_the_estimate_is_shown_in_a_few_words(host: Host) -> None:
     from ViTTransferFunction.Widget.volume_section import estimate_text
 
     assert estimate_text(None) == "Estimating…"
-    assert estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1)) == "In the cache: ready at once."
+    assert estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1)) == "Computed before: ready at once."
     costly = FeatureEstimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download=DOWNLOAD)
     assert estimate_text(costly) == "About 2 min, 1.2 GB of memory, 88 MB to download."
     assert estimate_text(costly, Frame(3, 10)) == "Frame 3 of 10: About 2 min, 1.2 GB of memory, 88 MB to download."

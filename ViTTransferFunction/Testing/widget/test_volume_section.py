@@ -181,7 +181,7 @@ def test_the_panel_says_of_which_frame_the_features_are(widget: Any, sequence: S
     wait_until(lambda: session.phase == "ready")
     assert ui.extractionStatusLabel.text() == "✔ Features are ready: Frame 1 of 2"
     sequence.show(2)
-    assert ui.extractionStatusLabel.text().startswith("The volume has changed")
+    assert ui.extractionStatusLabel.text().startswith("The image has changed")
     wait_until(lambda: session.phase == "no features" and session.estimate is not None)
     assert ui.estimateLabel.text().startswith("Frame 2 of 2: ")
     sequence.show(1)
