@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import qt
 import slicer
 from slicer.i18n import tr as _
 
@@ -14,16 +15,25 @@ from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights.store import file_in, remove_weights, weights_folder
-from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import size
+
+TYPING_MS = 700
+"""A path is taken when nobody has typed for so long."""
 
 
 class AdvancedSection(Section):
     """The advanced settings; sizes on disk are looked up only while they are in sight."""
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
-        ui.weightsPathLineEdit.currentPathChanged.connect(self._on_weights)
+        self._typing = qt.QTimer()
+        self._typing.interval = TYPING_MS
+        self._typing.timeout.connect(self._take_weights)
+        # At every letter, and whether the path is there or not.
+        ui.weightsPathLineEdit.currentPathChanged.connect(lambda *_: self._typing.start())
+        # A ctkPathLineEdit whose button opens files does not open folders.
+        ui.weightsFolderButton.clicked.connect(self._on_weights_folder)
         ui.clearWeightsButton.clicked.connect(self._on_clear_weights)
         ui.windowAutomaticCheckBox.toggled.connect(self._on_window_automatic)
         for spin_box in (ui.windowLowSpinBox, ui.windowHighSpinBox):
@@ -42,9 +52,12 @@ class AdvancedSection(Section):
 
     def _show_weights(self) -> None:
         path = self.session.parameters.get("weightsPath") if self.session else ""
+        if self._typing.active:
+            return
         if self.ui.weightsPathLineEdit.currentPath != path:
             with signals_blocked(self.ui.weightsPathLineEdit):
                 self.ui.weightsPathLineEdit.currentPath = path
+        self.ui.weightsFolderButton.enabled = self.session is not None
         self.ui.clearWeightsButton.enabled = bool(path)
 
     def _show_window(self) -> None:
@@ -83,9 +96,17 @@ class AdvancedSection(Section):
         parameters = self.session.parameters
         return pretrained_model(parameters.get("model") or preset(parameters.get("preset")).model)
 
-    def _on_weights(self) -> None:
+    def _take_weights(self) -> None:
+        self._typing.stop()
         if self.session is not None:
             self.session.parameters.set("weightsPath", self.ui.weightsPathLineEdit.currentPath)
+
+    def _on_weights_folder(self) -> None:
+        if self.session is not None:
+            path = self.session.parameters.get("weightsPath")
+            folder = ask_folder(_("Folder with the model's weights"), path, self.ui.weightsFolderButton)
+            if folder:
+                self.session.parameters.set("weightsPath", folder)
 
     def _on_clear_weights(self) -> None:
         if self.session is not None:
@@ -126,6 +147,11 @@ class AdvancedSection(Section):
         except OSError as error:
             self.report(_("Cannot delete from the cache: {reason}. Close what uses it and try again.").format(reason=error))
         self.refresh()
+
+
+def ask_folder(title: str, path: str, parent: Any) -> str:
+    """Have the user choose a folder, beginning at `path`; "" where the user cancels."""
+    return str(qt.QFileDialog.getExistingDirectory(parent, title, path))
 
 
 def _displayed_window(volume: slicer.vtkMRMLScalarVolumeNode | None) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
 from ViTTransferFunction.Logic.scene.stroke_tool import StrokeTool
 from ViTTransferFunction.Widget.place_mode import PlaceMode
-from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import SliceTools
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
@@ -35,7 +35,7 @@ class AnnotationTools(Section):
         tool: the one in hand, or None.
     """
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self.tool: Tool | None = None
         self._used_on: str | None = None

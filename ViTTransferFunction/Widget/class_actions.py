@@ -9,7 +9,7 @@ import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Widget.class_table import NAME
-from ViTTransferFunction.Widget.section import Section
+from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
 
 
@@ -19,7 +19,7 @@ class ClassActions(Section):
     The keys work only while the table has the focus: neither elsewhere, nor while a name is typed.
     """
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         ui.duplicateClassButton.clicked.connect(self.duplicate)
         ui.moveClassUpButton.clicked.connect(self.move_up)

@@ -11,10 +11,9 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState, Polarity
-from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
-_WIDTHS = {COLOR: 28, SHOWN: 44, POSITIVE: 34, NEGATIVE: 34, THRESHOLD: 76, VOLUME: 48}
 _POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
@@ -27,14 +26,15 @@ class ClassTable(Section):
         on_added: called after a class was added and selected.
     """
 
-    def __init__(self, ui: Any, report: Callable[[str], None], on_added: Callable[[], None]) -> None:
+    def __init__(self, ui: Any, report: Report, on_added: Callable[[], None]) -> None:
         super().__init__(ui, report)
         self._on_added = on_added
         self._table = ui.classTable
         header = self._table.horizontalHeader()
-        for column, width in _WIDTHS.items():
-            self._table.setColumnWidth(column, width)
+        # Fonts and translations vary.
+        header.setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         header.setSectionResizeMode(NAME, qt.QHeaderView.Stretch)
+        self._table.verticalHeader().setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         self._table.cellChanged.connect(self._on_cell_changed)
         self._table.cellDoubleClicked.connect(self._on_double_click)
         self._table.itemSelectionChanged.connect(self._on_selection)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import qt
@@ -12,13 +11,13 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.scene.corrections import Corrections
 from ViTTransferFunction.Logic.scene.segment_tags import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
-from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 
 class OutputSection(Section):
     """Selector of the segmentation, the button that writes, its progress, and ways to go on with the segments."""
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "segmentation")
         self._segments_menu = qt.QMenu(ui.continueSegmentButton)

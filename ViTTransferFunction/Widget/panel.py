@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
@@ -52,7 +54,7 @@ class Panel:
         self._ui = ui
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
-        report = self._messages.show
+        report = self._report
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
         self._class_actions = ClassActions(ui, report)
@@ -110,12 +112,22 @@ class Panel:
 
     def refresh(self) -> None:
         """Show everything as it is now."""
-        error = self.session.take_error() if self.session else None
-        if error:
-            self._messages.show(error)
+        session = self.session
+        error = session.take_error() if session else None
+        if session and error:
+            self._messages.show(error, lambda: self.session is not session or error not in session.errors)
+        self._messages.refresh()
         for section in self._sections:
             section.refresh()
         self._set_pace()
+
+    def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
+        """Show why something that the user asked for was not done; by default until the structures are changed next."""
+        before = self.session, self._classes()
+        self._messages.show(message, solved or (lambda: (self.session, self._classes()) != before))
+
+    def _classes(self) -> tuple[ClassState, ...]:
+        return self.session.classes if self.session else ()
 
     def _set_pace(self) -> None:
         if self.session is None:

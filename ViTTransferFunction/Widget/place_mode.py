@@ -3,13 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import slicer
 
+from ViTTransferFunction.Logic.scene.classes import is_list_of_a_class
+
+LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
+
+
+@dataclass(frozen=True)
+class _Placing:
+    """What Slicer places, and whether it goes on after each point."""
+
+    list_class: str | None
+    list_id: str | None
+    persistence: int
+
 
 class PlaceMode:
-    """Lets the user place points in a list until somebody ends it.
+    """Lets the user place points in a list until somebody ends it; then Slicer places what it placed before.
 
     Args:
         app_logic: the application's logic, which knows the nodes that decide what the mouse does.
@@ -20,31 +34,59 @@ class PlaceMode:
         self._selection = app_logic.GetSelectionNode()
         self._interaction = app_logic.GetInteractionNode()
         self._on_ended = on_ended
-        self._tag: int | None = None
+        self._before: _Placing | None = None
+        self._list_id = ""
+        self._tags: list[tuple[Any, int]] = []
 
     def start(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
         """Have clicks in the views add points to `points`, one after the other."""
         self._stop_watching()
-        self._selection.SetReferenceActivePlaceNodeClassName("vtkMRMLMarkupsFiducialNode")
-        self._selection.SetActivePlaceNodeID(points.GetID())
+        if self._before is None:
+            self._before = self._placing()
+        self._list_id = points.GetID()
+        self._selection.SetReferenceActivePlaceNodeClassName(LIST_CLASS)
+        self._selection.SetActivePlaceNodeID(self._list_id)
         self._interaction.SetPlaceModePersistence(1)
         self._interaction.SetCurrentInteractionMode(slicer.vtkMRMLInteractionNode.Place)
-        event = slicer.vtkMRMLInteractionNode.InteractionModeChangedEvent
-        self._tag = self._interaction.AddObserver(event, self._on_mode_changed)
+        self._watch()
 
     def stop(self) -> None:
         """Give the mouse back to the views."""
-        if self._tag is not None:
-            self._stop_watching()
-            self._interaction.SetPlaceModePersistence(0)
+        if self._before is not None:
+            self._restore()
             self._interaction.SwitchToViewTransformMode()
 
-    def _on_mode_changed(self, caller: Any, event: str) -> None:
-        if self._interaction.GetCurrentInteractionMode() != slicer.vtkMRMLInteractionNode.Place:
-            self._stop_watching()
-            self._on_ended()
+    def _placing(self) -> _Placing:
+        selection, persistence = self._selection, self._interaction.GetPlaceModePersistence()
+        list_class, list_id = selection.GetActivePlaceNodeClassName(), selection.GetActivePlaceNodeID()
+        node = selection.GetScene().GetNodeByID(list_id or "")
+        # Slicer begins to place points in each list that is made, and so in a structure's.
+        return _Placing(list_class, None if node is None or is_list_of_a_class(node) else list_id, persistence)
+
+    def _watch(self) -> None:
+        mode_changed = slicer.vtkMRMLInteractionNode.InteractionModeChangedEvent
+        for node, event in ((self._interaction, mode_changed), (self._selection, "ModifiedEvent")):
+            self._tags.append((node, node.AddObserver(event, self._on_changed)))
 
     def _stop_watching(self) -> None:
-        if self._tag is not None:
-            self._interaction.RemoveObserver(self._tag)
-            self._tag = None
+        for node, tag in self._tags:
+            node.RemoveObserver(tag)
+        self._tags = []
+
+    def _on_changed(self, caller: Any, event: str) -> None:
+        placing = self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place
+        if not placing or self._selection.GetActivePlaceNodeID() != self._list_id:
+            self._restore()
+            self._on_ended()
+
+    def _restore(self) -> None:
+        """Undo what `start` did, as far as nobody has changed it since: another tool may place its own points by now."""
+        self._stop_watching()
+        before, self._before = self._before, None
+        assert before is not None
+        if self._interaction.GetPlaceModePersistence():
+            self._interaction.SetPlaceModePersistence(before.persistence)
+        if self._selection.GetActivePlaceNodeID() == self._list_id:
+            # Otherwise Slicer's own button would go on to place points in this structure.
+            self._selection.SetReferenceActivePlaceNodeClassName(before.list_class or "")
+            self._selection.SetActivePlaceNodeID(before.list_id)

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
+
+
+class Report(Protocol):
+    """Shows an error to the user, until `solved` says that its cause is gone; by default, until the user goes on."""
+
+    def __call__(self, message: str, solved: Callable[[], bool] | None = None) -> None:
+        """Show it."""
 
 
 class Section:
@@ -21,7 +28,7 @@ class Section:
         session: what the part shows and changes; None while there is none, such as while the scene is being closed.
     """
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         self.ui = ui
         self.report = report
         self.session: SceneSession | None = None

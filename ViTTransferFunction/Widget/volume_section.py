@@ -1,27 +1,34 @@
-"""The volume to segment, and its features: what they will cost, how far they are."""
+"""The volume to segment, and its features: what they will cost, how far they are, and which of the points count."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
+import qt
 import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volume_content import Frame
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Widget.download_consent import DownloadConsent
+from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
-from ViTTransferFunction.Widget.section import Section, signals_blocked
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import duration, size
 
 
 class VolumeSection(Section):
     """Selector, button, progress and status of the features, of which one shows at a time."""
 
-    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
+    def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "extraction")
+        self._offered = OfferedVolume(slicer.app.applicationLogic())
+        self._consent = DownloadConsent()
+        self._pressed = False
         ui.volumeSelector.setMRMLScene(slicer.mrmlScene)
         ui.volumeSelector.currentNodeChanged.connect(self._on_volume_selected)
         ui.extractButton.clicked.connect(self._on_extract)
@@ -30,20 +37,36 @@ class VolumeSection(Section):
     def refresh(self) -> None:
         """Show the volume and how far its features are."""
         session = self.session
+        self._offered.offer_to(session)
         phase = session.phase if session else "no volume"
         self.ui.volumeSelector.enabled = session is not None
         with signals_blocked(self.ui.volumeSelector):
             self.ui.volumeSelector.setCurrentNode(session.parameters.volume if session else None)
-        self.ui.extractionStartRow.visible = phase in ("no volume", "no features")
-        self.ui.extractionStatusLabel.visible = phase == "ready"
+        if self._pressed:
+            qt.QTimer.singleShot(0, self._go_on)
+        self._show_features(session, "extracting" if self._pressed else phase)
+        self._show_points_beyond(session)
+
+    def _show_features(self, session: SceneSession | None, phase: str) -> None:
+        ui, status = self.ui, status_text(session, phase)
+        ui.extractionStartRow.visible = phase in ("no volume", "no features")
+        ui.extractionStatusLabel.visible = bool(status)
+        ui.extractionStatusLabel.text = status
         self._progress.show(_extraction_progress(session.progress) if session and phase == "extracting" else None)
         obstacle = _obstacle(phase)
-        self.ui.extractButton.enabled = not obstacle
-        self.ui.extractButton.toolTip = obstacle or _(
+        ui.extractButton.enabled = not obstacle
+        ui.extractButton.toolTip = obstacle or _(
             "Compute what the structures are told apart by: once for each volume, then kept in the cache. "
             "You can go on working meanwhile."
         )
-        self.ui.estimateLabel.text = obstacle or (estimate_text(session.estimate) if session else "")
+        ui.estimateLabel.text = obstacle or (estimate_text(session.estimate, session.frame) if session else "")
+
+    def _show_points_beyond(self, session: SceneSession | None) -> None:
+        outside = session.points_beyond if session else {}
+        names = {state.id: state.name for state in session.classes} if session else {}
+        lines = [points_beyond_text(names[id_], count) for id_, count in outside.items() if id_ in names]
+        self.ui.pointsOutsideLabel.visible = bool(lines)
+        self.ui.pointsOutsideLabel.text = "\n".join(lines)
 
     def _on_volume_selected(self) -> None:
         if self.session is not None:
@@ -51,25 +74,74 @@ class VolumeSection(Section):
 
     def _on_extract(self) -> None:
         if self.session is not None:
-            self.session.start_extraction()
+            self._pressed = True
+            if self.session.estimate is None and not self.session.busy:
+                self.session.estimate_again()
+            self.refresh()
+
+    def _go_on(self) -> None:
+        """Compute, once it is known whether something has to be downloaded for it, and the user agrees."""
+        session = self.session
+        if not self._pressed:
+            return
+        estimate = session.estimate if session and session.phase == "no features" else None
+        if session is None or (estimate is None and not session.busy) or session.phase in ("no volume", "extracting", "ready"):
+            self._pressed = False
+            self.refresh()
+        elif estimate is not None:
+            self._pressed = False
+            agreed = estimate.download is None or self._consent.is_given(estimate.download)
+            # The question leaves the user time for something else.
+            if agreed and self.session is session and session.estimate is estimate:
+                session.start_extraction()
+            self.refresh()
 
     def _on_cancel(self) -> None:
+        self._pressed = False
         if self.session is not None:
             self.session.cancel()
+        self.refresh()
 
 
-def estimate_text(estimate: FeatureEstimate | None) -> str:
+def estimate_text(estimate: FeatureEstimate | None, frame: Frame | None = None) -> str:
     """What the features will cost, in a few words."""
     if estimate is None:
         return _("Estimating…")
     if estimate.cached:
-        return _("In the cache: ready at once.")
+        return _("Computed before: ready at once.")
     parts = [_("{memory} of memory").format(memory=size(estimate.memory_bytes))]
     if estimate.seconds is not None:
         parts.insert(0, _("About {time}").format(time=duration(estimate.seconds)))
-    if estimate.download_mb:
-        parts.append(_("{download} to download").format(download=size(estimate.download_mb * 1e6)))
-    return ", ".join(parts) + "."
+    if estimate.download is not None:
+        parts.append(_("{download} to download").format(download=size(estimate.download.size_mb * 1e6)))
+    cost = ", ".join(parts) + "."
+    return _("{frame}: {cost}").format(frame=frame_text(frame), cost=cost) if frame else cost
+
+
+def frame_text(frame: Frame) -> str:
+    """Which frame of a sequence."""
+    return _("Frame {number} of {count}").format(number=frame.number, count=frame.count)
+
+
+def status_text(session: SceneSession | None, phase: str) -> str:
+    """Of which voxels the features are, or ""."""
+    if session is None or phase not in ("extracting", "ready"):
+        return ""
+    frame = frame_text(session.frame) if session.frame else ""
+    if session.volume_changed:
+        if phase == "extracting":
+            return _("The image has changed since: the new one comes next.")
+        return _("The image has changed: its features follow when it stops changing.")
+    if phase == "extracting":
+        return frame
+    return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")
+
+
+def points_beyond_text(name: str, count: int) -> str:
+    """That points do not count."""
+    if count == 1:
+        return _("⚠ {name}: 1 point lies outside the volume and does not count.").format(name=name)
+    return _("⚠ {name}: {count} points lie outside the volume and do not count.").format(name=name, count=count)
 
 
 def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:

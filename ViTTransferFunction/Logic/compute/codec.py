@@ -10,7 +10,7 @@ import numpy as np
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
-from ..session.feature_estimate import FeatureEstimate
+from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from ..session.settings import SessionSettings
 from . import requests
 from .messages import Message
@@ -41,6 +41,7 @@ _TYPES: dict[str, type] = {
         FeatureEstimate,
         Geometry,
         SessionSettings,
+        WeightsDownload,
     )
 }
 """All that is ever made from a message, whatever it says."""

@@ -80,6 +80,11 @@ def class_id(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
     return positive.GetAttribute(f"{_PREFIX}class")
 
 
+def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
+    """Whether a node holds the points of a class, positive or negative ones."""
+    return node.GetAttribute(f"{_PREFIX}polarity") is not None
+
+
 def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
     negative = negative_node(positive)

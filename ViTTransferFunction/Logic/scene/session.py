@@ -18,27 +18,28 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..compute.requests import TakeVolume
-from ..core.class_request import ClassRequest
 from ..core.errors import InputError
-from ..core.geometry import Geometry, transform_points
+from ..core.geometry import transform_points
 from ..core.outline_points import points_within_outline
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
-from ..session.settings import SessionSettings
 from .annotations import SceneAnnotations
+from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, Point, Polarity
 from .contours import ShownMap
 from .corrections import Corrections
 from .display import SceneDisplay
 from .observers import SceneObservers
+from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_tour import PointTour
+from .problems import Problems
 from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
 from .surface_points import moved_inside, placed_in_3d_view
-from .volume import array_from_node, geometry_from_node, matrix_to_world, world_to_local
+from .volume import matrix_to_world, world_to_local
+from .volume_content import Frame
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -68,12 +69,12 @@ class SceneSession:
         self._scene = scene
         self._app_logic = app_logic
         self._listeners: list[Callable[[], None]] = []
-        self._error: str | None = None
-        self._geometry: Geometry | None = None
-        self._opened: tuple[Any, ...] | None = None
+        self._problems = Problems()
+        self._requests = ClassRequests()
         self._asked: tuple[Any, ...] | None = None
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
+        self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
         self._display = SceneDisplay(scene, app_logic)
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
@@ -113,7 +114,7 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return self._proxy.busy or self._display.pending or self._output.busy or self._other_segments.busy
+        return any((self._proxy.busy, self._display.pending, self._output.busy, self._other_segments.busy, self.volume_changed))
 
     @property
     def up_to_date(self) -> bool:
@@ -132,8 +133,27 @@ class SceneSession:
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
-        error, self._error = self._error or self._proxy.take_error(), None
-        return error
+        return self._problems.take()
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """What went wrong and still stands in the way, whether it was taken or not."""
+        return self._problems.standing
+
+    @property
+    def volume_changed(self) -> bool:
+        """Whether the volume has got other voxels, which are taken up when it rests and nothing runs for those before."""
+        return self._volume.changed
+
+    @property
+    def frame(self) -> Frame | None:
+        """The frame of a sequence that phase, estimate and features are of; None where the volume is no sequence."""
+        return self._volume.content.frame if self._volume.content else None
+
+    @property
+    def points_beyond(self) -> dict[str, int]:
+        """How many points lie beyond the volume and do not count, by the id of their class; only classes that have some."""
+        return self._requests.points_beyond
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
         """Choose the volume to segment. Where its features are cached, they load at once."""
@@ -165,9 +185,9 @@ class SceneSession:
             InputError: no point of it lies in the volume.
         """
         points = points_within_outline(outline_ras)
-        volume = self.parameters.volume
-        if volume is not None and self._geometry is not None:
-            points = points[self._geometry.contains(world_to_local(volume, points))]
+        volume, content = self.parameters.volume, self._volume.content
+        if volume is not None and content is not None:
+            points = points[content.geometry.contains(world_to_local(volume, points))]
         if not len(points):
             raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
         self.annotations.add_points(id_, points, positive)
@@ -192,9 +212,16 @@ class SceneSession:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
 
+    def estimate_again(self) -> None:
+        """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
+        self._on_opened(self._volume.open_again())
+
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""
+        self._problems.solve("segments")
+        self._problems.solve("computing")
         self._proxy.extract()
+        self._take_problem()
         self._notify()
 
     def cancel(self) -> None:
@@ -211,10 +238,13 @@ class SceneSession:
                 segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
                 otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
         """
-        if self.phase != "ready" or not self._requests():
+        self._problems.solve("segments")
+        self._problems.solve("computing")
+        if self.phase != "ready" or not self._requests.requests:
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
-            return
-        if corrections == "ask":
+        elif self.volume_changed:
+            self._report("The image has just changed. Wait until its features are ready, then create the segments.")
+        elif corrections == "ask":
             self._output.find_corrections(if_none=self.write_segments)
         else:
             self._corrections = corrections
@@ -233,6 +263,11 @@ class SceneSession:
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
         events = self._proxy.poll()
+        if "maps" in events:
+            self._problems.solve("computing")
+        self._take_problem()
+        if self._volume.has_rested():
+            self._on_opened(self._volume.open_again())
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
@@ -264,6 +299,7 @@ class SceneSession:
         self._display.remove()
 
     def _on_annotations(self) -> None:
+        self._problems.solve("segments")
         self._ask_for_maps()
         self._show()
         self._notify()
@@ -271,7 +307,7 @@ class SceneSession:
     def _settled(self, point_ras: np.ndarray) -> np.ndarray:
         """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
         volume = self.parameters.volume
-        if volume is None or self._geometry is None or not placed_in_3d_view(self._scene, self._app_logic):
+        if volume is None or self._volume.content is None or not placed_in_3d_view(self._scene, self._app_logic):
             return point_ras
         visible = {state.id for state in self.classes if state.visible}
         maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
@@ -283,7 +319,14 @@ class SceneSession:
         if self._scene.IsBatchProcessing():
             return  # The scene is half loaded or half closed.
         self._watch_nodes()
-        self._open_volume()
+        self._on_opened(self._volume.open())
+
+    def _on_opened(self, anew: bool) -> None:
+        """The volume was looked at; `anew`: and handed over."""
+        if anew:
+            self._asked = None
+            self._output.cancel()
+        self._take_problem()
         self.annotations.refresh()
         self._on_annotations()
 
@@ -297,10 +340,6 @@ class SceneSession:
         self._other_segments.forget()
         self._on_parameters()
 
-    def _on_voxels(self, caller: vtk.vtkObject, event: str) -> None:
-        self._opened = None
-        self._on_parameters()
-
     def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:
         if not self._scene.IsBatchProcessing():
             self._ask_for_maps()
@@ -310,7 +349,7 @@ class SceneSession:
         volume, kept = self.parameters.volume, [self._scene, self.parameters.node]
         if volume is not None:
             reactions = (
-                (slicer.vtkMRMLVolumeNode.ImageDataModifiedEvent, self._on_voxels),
+                (slicer.vtkMRMLVolumeNode.ImageDataModifiedEvent, self._on_parameters),
                 (slicer.vtkMRMLTransformableNode.TransformModifiedEvent, self._on_parameters),
                 ("ModifiedEvent", self._on_parameters),
             )
@@ -324,27 +363,14 @@ class SceneSession:
             kept.append(segmentation)
         self._observers.keep_only(kept)
 
-    def _open_volume(self) -> None:
-        """Hand the volume to the compute process, if it or what decides its features has changed."""
-        node = self.parameters.volume
-        geometry, settings = None, SessionSettings()
-        try:
-            settings = self.parameters.session_settings()
-            geometry = geometry_from_node(node) if node else None
-        except InputError as error:
-            self._error = str(error)
-        place = (node.GetID(), geometry.shape, geometry.ijk_to_ras.tobytes()) if geometry else None
-        if (place, settings) != self._opened:
-            self._opened = (place, settings)
-            self._geometry = geometry
-            self._asked = None
-            self._output.cancel()
-            volume = TakeVolume(array_from_node(node), geometry, node.GetName()) if geometry else None
-            self._proxy.open(volume, settings)
-
     def _ask_for_maps(self) -> None:
         """Ask for maps, unless what they depend on is as it was when they were asked for last."""
-        asked = (self._requests(), self.parameters.refinement())
+        node, content = self.parameters.volume, self._volume.content
+        self._requests = ClassRequests()
+        if node is not None and content is not None:
+            more_negative = self._other_segments.outside(self.classes)
+            self._requests = class_requests(self.classes, more_negative, node, content.geometry)
+        asked = (self._requests.requests, self.parameters.refinement())
         if asked != self._asked:
             self._asked = asked
             self._proxy.update(*asked)
@@ -360,35 +386,6 @@ class SceneSession:
             self.select_class(begun.id)
         self._ask_for_maps()
 
-    def _requests(self) -> list[ClassRequest]:
-        """What the compute process has to know of each class that has a positive point in the volume."""
-        node = self.parameters.volume
-        if node is None or self._geometry is None:
-            return []
-        outside = self._other_segments.outside(self.classes)
-        requests = (self._request(state, outside.get(state.id, ()), node, self._geometry) for state in self.classes)
-        return [request for request in requests if request is not None]
-
-    def _request(
-        self, state: ClassState, outside: Any, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry
-    ) -> ClassRequest | None:
-        """In the volume's local frame, without the points beyond it; None where no positive one is left."""
-        positive, negative = (
-            world_to_local(node, np.array(points).reshape(-1, 3)) for points in (state.positive, (*state.negative, *outside))
-        )
-        inside = positive[geometry.contains(positive)]
-        if not len(inside):
-            return None
-        return ClassRequest(
-            state.id,
-            inside,
-            negative[geometry.contains(negative)],
-            iso=state.iso,
-            proximity=state.proximity,
-            refine=state.refine,
-            name=state.name.strip(),
-        )
-
     def _show(self) -> None:
         """Bring the views up to date with maps, classes and parameters."""
         volume, selected = self.parameters.volume, self.selected_class
@@ -396,7 +393,7 @@ class SceneSession:
         styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
         self._proxy.look(self.parameters.rendering_mode(), styles)
         maps = self._proxy.maps
-        if volume is None or not maps:
+        if volume is None or not maps or self.volume_changed:
             self._display.hide()
             return
         overlaid = selected.id if selected and selected.id in visible and self.parameters.get("overlayVisible") else None
@@ -419,8 +416,12 @@ class SceneSession:
         except InputError as error:
             self._report(str(error))
 
+    def _take_problem(self) -> None:
+        if error := self._proxy.take_error():
+            self._problems.put("computing", error)
+
     def _report(self, message: str) -> None:
-        self._error = message
+        self._problems.put("segments", message)
         self._notify()
 
     def _notify(self) -> None:

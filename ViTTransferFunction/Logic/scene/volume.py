@@ -67,11 +67,14 @@ def matrix_to_world(node: Any) -> np.ndarray:
         InputError: one of them is not linear.
     """
     matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
-    if parent is not None and not parent.GetMatrixTransformToWorld(matrix):
+    # Asked first: VTK prints an error where the matrix is asked for and there is none.
+    if parent is not None and not parent.IsTransformToWorldLinear():
         raise InputError(
             f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
             f"or none. Harden it: in the module Data, right-click the transform icon of '{node.GetName()}', Harden transform."
         )
+    if parent is not None:
+        parent.GetMatrixTransformToWorld(matrix)
     return numpy_matrix(matrix)
 
 

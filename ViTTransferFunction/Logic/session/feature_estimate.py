@@ -6,6 +6,27 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
+class WeightsDownload:
+    """Weights that are not on this computer: what a user has to know to allow their download.
+
+    Attributes:
+        model: its name.
+        licence: terms of the weights.
+        homepage: who publishes them.
+        url: where they come from.
+        target: the file that they become.
+        size_mb: megabytes (10⁶ bytes) of the file.
+    """
+
+    model: str
+    licence: str
+    homepage: str
+    url: str
+    target: str
+    size_mb: int
+
+
+@dataclass(frozen=True)
 class FeatureEstimate:
     """What features will cost.
 
@@ -13,10 +34,10 @@ class FeatureEstimate:
         cached: whether they only have to be loaded.
         seconds: that computing them will take; None where that is not known.
         memory_bytes: that is in use while they are computed; of the features alone where that is not known.
-        download_mb: of the model's weights, 0 where they are on this computer.
+        download: of the model's weights; None where they are on this computer, or where nobody publishes them.
     """
 
     cached: bool
     seconds: float | None
     memory_bytes: int
-    download_mb: int
+    download: WeightsDownload | None = None

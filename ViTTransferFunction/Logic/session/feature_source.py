@@ -21,7 +21,7 @@ from ..features.settings import FeatureSettings, feature_key
 from ..weights.models import PretrainedModel
 from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
-from .feature_estimate import FeatureEstimate
+from .feature_estimate import FeatureEstimate, WeightsDownload
 
 if TYPE_CHECKING:
     import torch
@@ -90,9 +90,9 @@ class FeatureSource:
         if weights is not None and weights.path.exists() and not cached:
             network = self._networks.network(weights, self._device)
             cost = feature_cost(self._volume, self._settings, network, self._networks.speed(network, self._settings))
-            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes, download_mb=0)
-        download_mb = 0 if weights is not None and weights.path.exists() else self._model.size_mb
-        return FeatureEstimate(cached, None, self._size_bytes, download_mb)
+            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes)
+        here = cached or (weights is not None and weights.path.exists())
+        return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download)
 
     def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[FeatureVolume]:
         """Get the features; the slow step, once for a volume.
@@ -142,6 +142,15 @@ class FeatureSource:
                 return None
             path = weights_folder() / self._model.file_name
             return WeightsFile(path, self._model.sha256, self._model, "not on this computer")
+
+    @property
+    def _download(self) -> WeightsDownload | None:
+        """How the model's weights come here; None where nobody publishes them."""
+        model = self._model
+        if model.url is None:
+            return None
+        target = weights_folder() / model.file_name
+        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb)
 
     @property
     def _size_bytes(self) -> int:

@@ -18,7 +18,7 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate, WeightsDownload
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 GEOMETRY = Geometry((2, 3, 4), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
@@ -46,7 +46,7 @@ BODIES = [
     requests.CoarseFeatures(),
     requests.GivenUp(),
     requests.Failed("'CT' is constant."),
-    FeatureEstimate(False, None, 10**10, 88),
+    FeatureEstimate(False, None, 10**10, WeightsDownload("dino", "Apache-2.0", "home", "https://meta", "/cache/dino.pth", 88)),
 ]
 
 

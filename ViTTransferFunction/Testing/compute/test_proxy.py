@@ -36,7 +36,7 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 GEOMETRY = Geometry((2, 2, 2), np.eye(4))
 VOLUME = TakeVolume(np.zeros((2, 2, 2)), GEOMETRY, "CT")
 SETTINGS = SessionSettings(grid=16)
-COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9, download_mb=0)
+COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9)
 LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
 MAP = ClassMap(np.zeros((2, 2, 2), dtype=np.float32), GEOMETRY, 0.4)
 
@@ -115,7 +115,7 @@ def test_cached_features_load_at_once(client: Client) -> None:
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
     client.answer(TakeVolume, Done())
-    client.answer(Prepare, FeatureEstimate(True, None, 1, 0))
+    client.answer(Prepare, FeatureEstimate(True, None, 1))
     proxy.poll()
     assert client.asked[-1] == Extract()
     assert proxy.phase == "extracting"

@@ -209,10 +209,11 @@ def test_another_extension_with_a_logic_folder_works_beside_ours(
         ("def runTest(self): pass", "PASSED"),
         ("def test_a(self): self.fail()", "FAILED"),
         ("def setUp(self): raise OSError\n    def test_a(self): pass", "FAILED"),
-        ("def test_a(self): self.skipTest('')", "FAILED"),
+        ("def test_a(self): self.skipTest('no network')", "SKIPPED: no network"),
+        ("def test_a(self): pass\n    def test_b(self): self.skipTest('no network')", "SKIPPED: no network"),
         ("pass\nraise ImportError", "FAILED"),
     ],
-    ids=["passes", "passes by runTest", "fails", "cannot be set up", "is skipped", "cannot be imported"],
+    ids=["passes", "passes by runTest", "fails", "cannot be set up", "is skipped", "is skipped in part", "cannot be imported"],
 )
 def test_the_self_test_says_how_it_went(tmp_path: Path, body: str, verdict: str) -> None:
     (tmp_path / f"{EXTENSION}.py").write_text(f"import unittest\nclass {EXTENSION}Test(unittest.TestCase):\n    {body}\n")

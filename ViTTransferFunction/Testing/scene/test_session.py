@@ -17,11 +17,12 @@ import vtk
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene import session as scene_session
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres, segment_masks
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, open_spheres, segment_masks
 from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
@@ -124,16 +125,19 @@ def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tu
 
 
 @pytest.mark.slow
-def test_points_outside_the_volume_are_left_out_and_the_others_count(
+def test_points_beyond_the_volume_are_left_out_and_the_others_count(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
     state = session.annotations.add_class("sphere")
     session.annotations.add_points(state.id, np.array([[1000.0, 0.0, 0.0]]), positive=True)
     session.wait()
     assert session.chosen_iso(state.id) is None
+    assert session.points_beyond == {state.id: 1}
     session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
     session.wait()
     assert session.chosen_iso(state.id) is not None
+    session.annotations.erase_points(np.array([[1000.0, 0.0, 0.0]]), 1.0)
+    assert session.points_beyond == {}
 
 
 @pytest.mark.slow
@@ -171,8 +175,13 @@ def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSes
     bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
     session.parameters.volume.SetAndObserveTransformNodeID(bent.GetID())
     assert session.phase == "no volume"
-    assert "Harden" in (session.take_error() or "")
+    (error,) = session.errors
+    assert "Harden" in error
+    assert session.take_error() == error
+    session.parameters.volume.Modified()
+    assert session.take_error() is None
     session.parameters.volume.SetAndObserveTransformNodeID(None)
+    assert session.errors == ()
     session.wait()
     assert session.phase == "ready"
 
@@ -233,7 +242,9 @@ def test_after_the_process_died_features_are_loaded_again(session: SceneSession,
         session.poll()
     assert session.phase == "no features"
     assert "ended unexpectedly" in (session.take_error() or "")
+    assert len(session.errors) == 1
     session.start_extraction()
+    assert session.errors == ()
     session.wait()
     assert session.phase == "ready"
     assert session.chosen_iso(ids[0]) is not None
@@ -244,6 +255,26 @@ def test_nothing_to_segment_is_reported_and_nothing_written(session: SceneSessio
     session.wait()
     assert "nothing to segment" in (session.take_error() or "")
     assert session.parameters.segmentation is None
+    session.annotations.add_class()
+    assert session.errors == ()
+
+
+def test_a_compute_process_that_does_not_start_is_an_error_for_the_user(
+    slicer_app: Any, spheres: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: Any) -> None:
+        raise InputError("Slicer's Python is not found.")
+
+    monkeypatch.setattr(scene_session, "ComputeClient", refuse)
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    assert session.take_error() == "Slicer's Python is not found."
+    session.start_extraction()
+    assert session.take_error() == "Slicer's Python is not found."
+    assert session.phase == "no features"
+    session.set_volume(None)
+    assert session.errors == ()
+    session.close()
 
 
 @pytest.mark.slow

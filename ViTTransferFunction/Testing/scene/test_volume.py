@@ -137,6 +137,15 @@ def test_a_non_linear_transform_is_refused_with_the_way_out(a_volume: Callable[.
             use(node)
 
 
+def test_a_non_linear_transform_is_refused_without_an_error_of_vtk(a_volume: Callable[..., Any]) -> None:
+    node, printed = a_volume(ramp()), []
+    transform = put_under_a_warp(node)
+    transform.AddObserver("ErrorEvent", lambda *_: printed.append("error"))
+    with pytest.raises(InputError, match="non-linear"):
+        matrix_to_world(node)
+    assert printed == []
+
+
 def test_a_hardened_warp_is_accepted(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp(np.float32, (8, 8, 8)))
     put_under_a_warp(node)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+import slicer
 
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_volume
@@ -26,6 +27,19 @@ def host(slicer_app: Any) -> Iterator[Host]:
 def widget(host: Host) -> Any:
     """The module's widget, opened, on an empty scene."""
     return host.open_panel()
+
+
+@pytest.fixture
+def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The questions that the user was asked, all of which are answered by OK; Slicer's testing mode answers by Cancel."""
+    asked: list[str] = []
+
+    def confirm(text: str, windowTitle: str = "") -> bool:
+        asked.append(text)
+        return True
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", confirm)
+    return asked
 
 
 @pytest.fixture

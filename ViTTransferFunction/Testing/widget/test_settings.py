@@ -13,7 +13,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 import slicer
 
 from ViTTransferFunction.Testing.support.standin.host import Host
-from ViTTransferFunction.Testing.support.widgets import add_class, place, text
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -84,12 +84,17 @@ def test_an_inverted_window_is_reported_in_the_panel(widget: Any, volume: Any) -
     widget.ui.advancedCollapsibleButton.click()
     widget.ui.windowLowSpinBox.setValue(5000.0)
     assert "lower first" in widget.ui.messageLabel.text()
+    add_class(widget)
+    assert widget.ui.messageFrame.isVisible()
+    widget.ui.windowHighSpinBox.setValue(6000.0)
+    assert not widget.ui.messageFrame.isVisible()
 
 
 def test_own_weights_are_chosen_and_cleared(widget: Any, tmp_path: Path) -> None:
     parameters = widget.panel.session.parameters
     widget.ui.advancedCollapsibleButton.click()
     widget.ui.weightsPathLineEdit.currentPath = str(tmp_path)
+    wait_until(lambda: parameters.get("weightsPath"))
     assert parameters.get("weightsPath") == str(tmp_path)
     widget.ui.clearWeightsButton.click()
     assert parameters.get("weightsPath") == ""
@@ -97,17 +102,31 @@ def test_own_weights_are_chosen_and_cleared(widget: Any, tmp_path: Path) -> None
     assert not widget.ui.clearWeightsButton.isEnabled()
 
 
-@pytest.fixture
-def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The questions that the user was asked, all of which are answered by OK."""
-    asked: list[str] = []
+def test_a_path_that_is_typed_is_taken_when_it_is_complete(widget: Any, tmp_path: Path) -> None:
+    ui, parameters = widget.ui, widget.panel.session.parameters
+    taken = []
+    parameters.node.AddObserver("ModifiedEvent", lambda *_: taken.append(parameters.get("weightsPath")))
+    ui.advancedCollapsibleButton.click()
+    path = str(tmp_path / "weights.pt")
+    for end in range(1, len(path) + 1):
+        ui.weightsPathLineEdit.currentPath = path[:end]
+        widget.panel.refresh()
+    assert ui.weightsPathLineEdit.currentPath == path
+    wait_until(lambda: bool(taken))
+    assert set(taken) == {path}
 
-    def confirm(text: str) -> bool:
-        asked.append(text)
-        return True
 
-    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", confirm)
-    return asked
+def test_a_folder_of_weights_is_chosen_by_its_own_button(widget: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ViTTransferFunction.Widget import advanced_section
+
+    monkeypatch.setattr(advanced_section, "ask_folder", lambda title, path, parent: str(tmp_path))
+    widget.ui.advancedCollapsibleButton.click()
+    widget.ui.weightsFolderButton.click()
+    assert widget.panel.session.parameters.get("weightsPath") == str(tmp_path)
+    assert widget.ui.weightsPathLineEdit.currentPath == str(tmp_path)
+    monkeypatch.setattr(advanced_section, "ask_folder", lambda title, path, parent: "")
+    widget.ui.weightsFolderButton.click()
+    assert widget.panel.session.parameters.get("weightsPath") == str(tmp_path)
 
 
 def test_the_cache_is_shown_and_emptied_on_confirmation(
@@ -180,13 +199,13 @@ def test_durations_are_shown_in_round_units(host: Host, seconds: float, words: s
 
 
 def test_the_estimate_is_shown_in_a_few_words(host: Host) -> None:
+    from ViTTransferFunction.Logic.scene.volume_content import Frame
     from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
+    from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
     from ViTTransferFunction.Widget.volume_section import estimate_text
 
     assert estimate_text(None) == "Estimating…"
-    assert (
-        estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1, download_mb=0))
-        == "In the cache: ready at once."
-    )
-    costly = FeatureEstimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download_mb=88)
+    assert estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1)) == "Computed before: ready at once."
+    costly = FeatureEstimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download=DOWNLOAD)
     assert estimate_text(costly) == "About 2 min, 1.2 GB of memory, 88 MB to download."
+    assert estimate_text(costly, Frame(3, 10)) == "Frame 3 of 10: About 2 min, 1.2 GB of memory, 88 MB to download."

@@ -1,10 +1,9 @@
-"""The module on a Slicer that has no PyTorch, how it gets it, and the module reloaded."""
+"""The module on a Slicer that has no PyTorch, and how it gets it."""
 
 from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,8 +17,11 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication
 
 from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_at_file_scope
+from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.widgets import add_class
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -27,26 +29,6 @@ pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 MODULE = Path(__file__).parents[2]
 GUI = [MODULE / "ViTTransferFunction.py", *sorted((MODULE / "Widget").glob("*.py"))]
 GUI_OF_SLICER = {"slicer", "qt", "ctk", "ViTTransferFunction"}
-
-OPEN = """
-import sys
-import slicer
-from trame_slicer.core import SlicerApp
-from ViTTransferFunction.Testing.support.standin.host import Host
-app = SlicerApp()
-host = Host(app)
-widget = host.open_panel()
-ui, session = widget.ui, widget.panel.session
-"""
-
-
-def run(program: str, tmp_path: Path) -> None:
-    """Run a program in a Python of its own, in which it must not fail."""
-    environment = {**os.environ, "VITTF_CACHE": str(tmp_path), "PYTHONPATH": str(MODULE.parent)}
-    finished = subprocess.run(
-        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 0, finished.stderr
 
 
 @pytest.mark.parametrize("path", GUI, ids=lambda path: path.name)
@@ -67,28 +49,6 @@ def test_the_panel_opens_where_torch_cannot_be_imported_and_explains(tmp_path: P
         "assert 'PyTorch' in ui.pytorchLabel.text()\n"
         "ui.addClassButton.click()\n"
         "assert len(session.classes) == 1\n"
-        "host.close()\n"
-    )
-    run(program, tmp_path)
-
-
-@pytest.mark.slow
-def test_reloading_loads_all_files_again_closes_the_old_panel_and_never_imports_torch(tmp_path: Path) -> None:
-    program = OPEN + (
-        "assert not ui.pytorchFrame.isVisible()\n"
-        "ui.addClassButton.click()\n"
-        "ours = [name for name in sys.modules if name.startswith('ViTTransferFunction.') and '.Testing' not in name]\n"
-        "old = {name: sys.modules[name] for name in ours}\n"
-        "assert len(old) > 20\n"
-        "widget.onReload()\n"
-        "fresh = slicer.modules.ViTTransferFunctionWidget\n"
-        "assert fresh is not widget and widget.panel.session is None\n"
-        "host.representation.enter()\n"
-        "assert len(fresh.panel.session.classes) == 1\n"
-        "kept = [name for name, module in old.items() if sys.modules.get(name) is module]\n"
-        "assert kept == [], kept\n"
-        "assert type(fresh.panel) is not type(widget.panel)\n"
-        "assert 'torch' not in sys.modules\n"
         "host.close()\n"
     )
     run(program, tmp_path)
@@ -128,45 +88,142 @@ def test_without_any_installer_the_panel_says_what_to_install(missing: set[str],
     assert "Extensions Manager" in widget.ui.messageLabel.text()
 
 
+@pytest.fixture
+def extension(offer: Callable[..., None]) -> Callable[[Callable[[], None]], None]:
+    """Slicer's PyTorch extension; its interface is that of SlicerPyTorch, PyTorchUtils/PyTorchUtils.py."""
+
+    def put(install: Callable[[], None]) -> None:
+        class PyTorchUtilsLogic:
+            def installTorch(  # noqa: N802
+                self,
+                askConfirmation: bool = False,
+                forceComputationBackend: Any = None,
+                torchVersionRequirement: Any = None,
+                torchvisionVersionRequirement: Any = None,
+            ) -> None:
+                assert (askConfirmation, torchVersionRequirement) == (False, ">=2.0")
+                install()
+
+        offer("PyTorchUtils", PyTorchUtilsLogic=PyTorchUtilsLogic)
+
+    return put
+
+
 def test_slicer_s_pytorch_extension_installs_it_and_the_panel_is_ready(
-    missing: set[str], widget: Any, offer: Callable[..., None]
+    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str]
 ) -> None:
-    """The extension's interface is that of SlicerPyTorch, PyTorchUtils/PyTorchUtils.py."""
-
-    class PyTorchUtilsLogic:
-        def installTorch(  # noqa: N802
-            self,
-            askConfirmation: bool = False,
-            forceComputationBackend: Any = None,
-            torchVersionRequirement: Any = None,
-        ) -> None:
-            assert askConfirmation
-            missing.remove("torch")
-
-    offer("PyTorchUtils", PyTorchUtilsLogic=PyTorchUtilsLogic)
+    extension(lambda: missing.remove("torch"))
     widget.ui.installPyTorchButton.click()
+    assert len(questions) == 1
     assert not widget.ui.messageFrame.isVisible()
     assert not widget.ui.pytorchFrame.isVisible()
 
 
+def test_while_it_installs_the_panel_shows_what_is_done_and_takes_no_second_order(
+    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen: list[Any] = []
+
+    def install() -> None:
+        print("Downloading torch-2.5.1 (900 MB)")  # noqa: T201
+        ui = widget.ui
+        widget.panel.refresh()
+        seen.append((ui.pytorchProgressRow.isVisible(), ui.installPyTorchButton.isVisible(), ui.pytorchProgressLabel.text()))
+        seen.append(QApplication.overrideCursor())
+        ui.installPyTorchButton.click()
+        missing.discard("torch")
+
+    extension(install)
+    widget.ui.installPyTorchButton.click()
+    row, cursor = seen
+    assert row == (True, False, "Downloading torch-2.5.1 (900 MB)")
+    assert cursor.shape() == Qt.CursorShape.WaitCursor
+    assert QApplication.overrideCursor() is None
+    assert "900 MB" in capsys.readouterr().out
+
+
+def test_who_declines_gets_neither_pytorch_nor_a_message(
+    missing: set[str], widget: Any, extension: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def decline(text: str, title: str) -> bool:
+        asked.append(text)
+        return False
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", decline)
+    extension(lambda: pytest.fail("installed without consent"))
+    widget.ui.installPyTorchButton.click()
+    assert "up to 3 GB" in asked[0]
+    assert not widget.ui.messageFrame.isVisible()
+    assert widget.ui.installPyTorchButton.isVisible()
+
+
 def test_slicer_itself_installs_it_where_the_extension_is_missing(
-    missing: set[str], widget: Any, offer: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+    missing: set[str], widget: Any, offer: Callable[..., None], questions: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The interface is that of Slicer's Base/Python/slicer/packaging.py, from 5.11 on."""
     asked = []
+
+    def pip_ensure(requirements: str, prompt_install: bool = True, requester: str | None = None) -> None:
+        asked.append((requirements, prompt_install, requester))
+        missing.remove("torch")
+
     missing.add("PyTorchUtils")
-    offer("slicer.packaging", pip_ensure=lambda requirements, requester: asked.append((requirements, requester)))
+    offer("slicer.packaging", pip_ensure=pip_ensure)
     monkeypatch.setattr(slicer, "packaging", sys.modules["slicer.packaging"], raising=False)
     widget.ui.installPyTorchButton.click()
-    assert asked == [("torch>=2.0", "ViT Transfer Function")]
+    assert asked == [("torch>=2.0", False, "ViT Transfer Function")]
+    assert not widget.ui.messageFrame.isVisible()
 
 
-def test_a_failed_installation_is_reported_in_the_panel(missing: set[str], widget: Any, offer: Callable[..., None]) -> None:
-    class PyTorchUtilsLogic:
-        def installTorch(self, askConfirmation: bool) -> None:  # noqa: N802
-            raise RuntimeError("no space left")
+@pytest.mark.parametrize(
+    "error",
+    [
+        RuntimeError("no space left"),
+        ImportError("DLL load failed"),
+        OSError("access denied"),
+        subprocess.CalledProcessError(1, "pip"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_a_failed_installation_is_reported_until_it_succeeds(
+    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str], error: Exception
+) -> None:
+    def fail() -> None:
+        raise error
 
-    offer("PyTorchUtils", PyTorchUtilsLogic=PyTorchUtilsLogic)
+    extension(fail)
     widget.ui.installPyTorchButton.click()
-    assert "no space left" in widget.ui.messageLabel.text()
+    assert str(error) in widget.ui.messageLabel.text()
     assert widget.ui.pytorchFrame.isVisible()
+    widget.ui.addClassButton.click()
+    assert widget.ui.messageFrame.isVisible()
+    extension(lambda: missing.remove("torch"))
+    widget.ui.installPyTorchButton.click()
+    assert not widget.ui.messageFrame.isVisible()
+
+
+def test_an_installation_that_leaves_nothing_behind_is_reported(
+    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str]
+) -> None:
+    extension(lambda: None)
+    widget.ui.installPyTorchButton.click()
+    assert "still not there" in widget.ui.messageLabel.text()
+
+
+def test_a_pytorch_that_is_too_old_is_replaced_if_the_user_agrees(
+    widget: Any, extension: Callable[..., None], questions: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ViTTransferFunction.Widget import pytorch_installation
+
+    version = ["1.13.1+cu117"]
+    monkeypatch.setattr(pytorch_installation.importlib.metadata, "version", lambda name: version[0])
+    pytorch_installation.forget_version()
+    widget.panel.refresh()
+    assert "2.0 or later, and Slicer has version 1.13.1+cu117" in widget.ui.pytorchLabel.text()
+    extension(lambda: version.__setitem__(0, "2.5.1"))
+    widget.ui.installPyTorchButton.click()
+    assert "replaces PyTorch 1.13.1+cu117" in questions[0]
+    assert not widget.ui.pytorchFrame.isVisible()
+    pytorch_installation.forget_version()

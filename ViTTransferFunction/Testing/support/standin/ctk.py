@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from PySide6.QtCore import Property, QChildEvent, QEvent, QPoint, QSize, Qt, Signal
 from PySide6.QtGui import QFontMetrics, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
@@ -138,7 +136,7 @@ class ctkSliderWidget(QWidget):  # noqa: N801
 
 
 class ctkPathLineEdit(QWidget):  # noqa: N801
-    """A path, typed or chosen; only one that exists is announced."""
+    """A path, typed or chosen: announced at every letter, whether it exists or not. What its button opens is files."""
 
     currentPathChanged = Signal(str)  # noqa: N815
 
@@ -150,11 +148,7 @@ class ctkPathLineEdit(QWidget):  # noqa: N801
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self._line_edit)
         layout.addWidget(browse)
-        self._line_edit.textChanged.connect(self._on_text)
-
-    def _on_text(self, text: str) -> None:
-        if text and Path(text).exists():
-            self.currentPathChanged.emit(text)
+        self._line_edit.textChanged.connect(self.currentPathChanged.emit)
 
     currentPath = Property(  # noqa: N815
         str, lambda self: self._line_edit.text(), lambda self, path: self._line_edit.setText(path)

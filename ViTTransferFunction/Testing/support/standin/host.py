@@ -82,6 +82,12 @@ class Host:
         self.module = sys.modules[NAME].ViTTransferFunction(SimpleNamespace(path=str(MODULE_FILE)))
         slicer.app.start()
 
+    def selectModule(self, name: str) -> None:  # noqa: N802
+        """What the user chooses in the list of modules, which here has one."""
+        assert name == NAME
+        if not self.representation.isEntered:
+            self.representation.enter()
+
     def open_panel(self) -> Any:
         """Show the module's panel, as when a user chooses the module; returns its widget class's object."""
         area = QScrollArea()
@@ -92,15 +98,15 @@ class Host:
         self.window.resize(PANEL_WIDTH, 1200)
         self.window.show()
         self.representation.reload()
-        self.representation.enter()
+        self.selectModule(NAME)
         slicer.app.processEvents()
         return self.representation.python_widget
 
     def close(self) -> None:
         """End the application, and leave Python as it was."""
-        if self.representation.python_widget is not None:
+        if self.representation.isEntered:
             self.representation.exit()
-            self.representation.python_widget.cleanup()
+        slicer.app.moduleManager().unload(NAME)
         shiboken6.delete(self.window)
         for name in (*self._attributes, "selfTests"):
             delattr(slicer, name)
@@ -128,11 +134,13 @@ class Application:
     """`slicer.app`."""
 
     applicationName = "Slicer"  # noqa: N815
+    majorVersion, minorVersion = 5, 10  # noqa: N815
 
     def __init__(self, app: Any, qt_application: Any) -> None:
         self._app = app
         self._qt_application = qt_application
         self._layout_manager = LayoutManager(app.scene)
+        self._module_manager = ModuleManager()
         self._at_startup: list[Callable[[], None]] = []
 
     def start(self) -> None:
@@ -157,12 +165,16 @@ class Application:
         """The views."""
         return self._layout_manager
 
-    def moduleManager(self) -> Any:  # noqa: N802
-        """Would announce modules that are unloaded; none is."""
-        return SimpleNamespace(connect=lambda signal, slot: None, disconnect=lambda signal, slot: None)
+    def moduleManager(self) -> ModuleManager:  # noqa: N802
+        """Announces that modules are unloaded."""
+        return self._module_manager
+
+    def userSettings(self) -> Any:  # noqa: N802
+        """How long the messages of a self-test stay, in milliseconds."""
+        return SimpleNamespace(value={"Developer/SelfTestDisplayMessageDelay": "0"}.get)
 
     def testingEnabled(self) -> bool:  # noqa: N802
-        """Questions are answered by yes, and messages are not shown."""
+        """Questions are answered by Cancel, and messages are not shown."""
         return True
 
     def topLevelWidgets(self) -> list[QWidget]:  # noqa: N802
@@ -174,8 +186,29 @@ class Application:
         self._qt_application.processEvents()
 
 
+class ModuleManager:
+    """`slicer.app.moduleManager()`."""
+
+    def __init__(self) -> None:
+        self._slots: list[Callable[[str], None]] = []
+
+    def connect(self, signal: str, slot: Callable[[str], None]) -> None:
+        """Call back before a module is unloaded."""
+        assert signal == "moduleAboutToBeUnloaded(QString)"
+        self._slots.append(slot)
+
+    def disconnect(self, signal: str, slot: Callable[[str], None]) -> None:
+        """Call back no longer."""
+        self._slots.remove(slot)
+
+    def unload(self, name: str) -> None:
+        """Announce that the application lets go of a module."""
+        for slot in list(self._slots):
+            slot(name)
+
+
 class Representation(QWidget):
-    """The widget that the application puts a module's panel in."""
+    """The widget that the application puts a module's panel in: it calls what the class of the module's file has now."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -190,18 +223,20 @@ class Representation(QWidget):
         return self.python_widget
 
     def reload(self) -> None:
-        """Make the panel from the module's class, as it is now."""
+        """Make the panel from the module's class, as it is now. Nobody is told whether the module is open."""
         self.python_widget = sys.modules[NAME].ViTTransferFunctionWidget(self)
         slicer.modules.ViTTransferFunctionWidget = self.python_widget
         self.python_widget.setup()
 
     def enter(self) -> None:
         """The user opens the module."""
+        assert not self._entered
         self._entered = True
         self.python_widget.enter()
 
     def exit(self) -> None:
         """The user goes to another module."""
+        assert self._entered
         self._entered = False
         self.python_widget.exit()
 

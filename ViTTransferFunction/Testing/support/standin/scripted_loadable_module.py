@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import importlib
 import unittest
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ class ScriptedLoadableModule:
 
     def runTest(self, msec: int = 100, **options: Any) -> None:  # noqa: N802
         """Run the class `<module>Test` of the module's file."""
-        test = getattr(sys.modules[self.__module__], f"{self.moduleName}Test")()
+        test = getattr(importlib.import_module(self.__module__), f"{self.moduleName}Test")()
         test.messageDelay = msec
         test.runTest(**options)
 
@@ -39,6 +39,7 @@ class ScriptedLoadableModuleWidget:
         self.developerMode = False
         self.parent = parent
         self.layout = parent.layout()
+        slicer.app.moduleManager().connect("moduleAboutToBeUnloaded(QString)", self._onModuleAboutToBeUnloaded)
 
     def resourcePath(self, filename: str) -> str:  # noqa: N802
         """The path of a file in the module's folder Resources."""
@@ -53,6 +54,18 @@ class ScriptedLoadableModuleWidget:
     def onReload(self) -> None:  # noqa: N802
         """Load the module's file again."""
         slicer.util.reloadScriptedModule(self.moduleName)
+
+    def onReloadAndTest(self, **options: Any) -> None:  # noqa: N802
+        """Load the module's file again, and run the self-test."""
+        with slicer.util.tryWithErrorDisplay("Reload and Test failed."):
+            self.onReload()
+            test = slicer.selfTests[self.moduleName]
+            test(msec=int(slicer.app.userSettings().value("Developer/SelfTestDisplayMessageDelay")), **options)
+
+    def _onModuleAboutToBeUnloaded(self, name: str) -> None:  # noqa: N802
+        if name == self.moduleName:
+            self.cleanup()
+            slicer.app.moduleManager().disconnect("moduleAboutToBeUnloaded(QString)", self._onModuleAboutToBeUnloaded)
 
 
 class ScriptedLoadableModuleLogic:

@@ -1,0 +1,69 @@
+"""From classes in the scene to what the compute process has to know of them: points in the volume's own frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..core.class_request import ClassRequest
+from ..core.geometry import Geometry
+from .classes import ClassState, Point
+from .volume import world_to_local
+
+
+@dataclass(frozen=True, eq=False)
+class ClassRequests:
+    """What is asked for, and what is not.
+
+    Attributes:
+        requests: of each class that has a positive point in the volume.
+        points_beyond: how many of the user's points lie beyond the volume and do not count, by class id; of classes that have
+            some.
+    """
+
+    requests: list[ClassRequest] = field(default_factory=list)
+    points_beyond: dict[str, int] = field(default_factory=dict)
+
+
+def class_requests(
+    states: Sequence[ClassState], more_negative: Mapping[str, np.ndarray], volume_node: Any, geometry: Geometry
+) -> ClassRequests:
+    """The requests of classes; nothing about colour or visibility.
+
+    Args:
+        states: the classes.
+        more_negative: by class id, further points off it, (N, 3) RAS millimetres of the scene.
+        volume_node: which volume.
+        geometry: of its voxels, in its local frame.
+
+    Raises:
+        InputError: the volume is under a non-linear transform.
+    """
+    found = ClassRequests()
+    for state in states:
+        positive, negative = (_local(volume_node, points) for points in (state.positive, state.negative))
+        inside, beside = (points[geometry.contains(points)] for points in (positive, negative))
+        beyond = len(positive) + len(negative) - len(inside) - len(beside)
+        if beyond:
+            found.points_beyond[state.id] = beyond
+        more = _local(volume_node, more_negative.get(state.id, ()))
+        if len(inside):
+            found.requests.append(
+                ClassRequest(
+                    state.id,
+                    inside,
+                    np.concatenate([beside, more[geometry.contains(more)]]),
+                    iso=state.iso,
+                    proximity=state.proximity,
+                    refine=state.refine,
+                    name=state.name.strip(),
+                )
+            )
+    return found
+
+
+def _local(volume_node: Any, points: Sequence[Point] | np.ndarray) -> np.ndarray:
+    return world_to_local(volume_node, np.array(points, dtype=np.float64).reshape(-1, 3))

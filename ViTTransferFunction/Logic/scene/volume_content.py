@@ -1,0 +1,69 @@
+"""What a volume node holds at the moment: features belong to voxels, and a node may get others.
+
+A sequence shows its frames one after the other in the same node, and users edit voxels. Nothing is compared voxel by voxel:
+whoever changes an array says so, by a newer modification time or another array. How voxels are displayed is no part of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import slicer
+
+from ..core.geometry import Geometry
+from .volume import geometry_from_node
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Which item of a sequence a node shows: `number` of `count`, from 1."""
+
+    number: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class VolumeContent:
+    """Voxels and where they lie.
+
+    Attributes:
+        geometry: of the voxels, in the node's local frame.
+        state: differs from that of other content.
+        frame: which frame of a sequence it is; None where the volume is no sequence.
+    """
+
+    geometry: Geometry
+    state: tuple[Any, ...]
+    frame: Frame | None
+
+
+def content_of(node: slicer.vtkMRMLScalarVolumeNode) -> VolumeContent:
+    """What a volume node holds now.
+
+    Raises:
+        InputError: nothing that can be segmented (`geometry_from_node`).
+    """
+    geometry = geometry_from_node(node)
+    voxels = node.GetImageData().GetPointData().GetScalars()
+    # The array itself, not its address, which another one may get after it.
+    state = (geometry.shape, geometry.ijk_to_ras.tobytes(), voxels, voxels.GetMTime())
+    browser = _browser_of(node)
+    frame = Frame(browser.GetSelectedItemNumber() + 1, browser.GetNumberOfItems()) if browser else None
+    return VolumeContent(geometry, state, frame)
+
+
+def is_playing(node: slicer.vtkMRMLScalarVolumeNode) -> bool:
+    """Whether a sequence is being played in a volume node."""
+    browser = _browser_of(node)
+    return browser is not None and bool(browser.GetPlaybackActive())
+
+
+def _browser_of(node: slicer.vtkMRMLScalarVolumeNode) -> Any:
+    """The sequence browser that chooses what the node shows; None where there is none."""
+    scene = node.GetScene()
+    browsers = (scene.GetNthNodeByClass(n, _BROWSER) for n in range(scene.GetNumberOfNodesByClass(_BROWSER)))
+    return next((browser for browser in browsers if browser.GetSequenceNode(node) is not None), None)
+
+
+_BROWSER = "vtkMRMLSequenceBrowserNode"

@@ -1,0 +1,35 @@
+"""Programs that open the panel in a Python of their own, where modules can be hidden, and loaded anew."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+MODULE = Path(__file__).parents[2]
+
+OPEN = """
+import sys
+import slicer
+from trame_slicer.core import SlicerApp
+from ViTTransferFunction.Testing.support.standin.host import Host
+app = SlicerApp()
+host = Host(app)
+widget = host.open_panel()
+ui, session = widget.ui, widget.panel.session
+"""
+
+
+def run(program: str, folder: Path, **environment: str) -> str:
+    """Run a program in `folder`, with its cache there; it must not fail. Returns what it printed."""
+    finished = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=folder,
+        env={**os.environ, "VITTF_CACHE": str(folder), "PYTHONPATH": str(MODULE.parent), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    return finished.stdout

@@ -1,0 +1,130 @@
+"""Slicer's place mode in the panel's hands, and given back as it was, whoever ends it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import add_class
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+
+@pytest.fixture
+def interaction(host: Host) -> Any:
+    return slicer.app.applicationLogic().GetInteractionNode()
+
+
+@pytest.fixture
+def selection(host: Host) -> Any:
+    return slicer.app.applicationLogic().GetSelectionNode()
+
+
+@pytest.fixture
+def list_of_the_user(host: Host) -> Any:
+    return slicer.mrmlScene.AddNewNodeByClass("vtkMRMLMarkupsCurveNode", "aorta")
+
+
+def begin_a_curve(selection: Any, node: Any) -> None:
+    """Have Slicer's own button place points in `node`."""
+    selection.SetReferenceActivePlaceNodeClassName("vtkMRMLMarkupsCurveNode")
+    selection.SetActivePlaceNodeID(node.GetID())
+
+
+def test_a_new_class_has_the_tool_in_hand_and_it_follows_the_selection(widget: Any, interaction: Any, selection: Any) -> None:
+    first, second = add_class(widget), add_class(widget)
+    annotations = widget.panel.session.annotations
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert interaction.GetPlaceModePersistence()
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(second.id, positive=True).GetID()
+    widget.ui.classTable.selectRow(0)
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(first.id, positive=True).GetID()
+    widget.ui.pointOffButton.click()
+    assert selection.GetActivePlaceNodeID() == annotations.points_node(first.id, positive=False).GetID()
+    assert not widget.ui.pointOnButton.isChecked()
+    widget.ui.pointOffButton.click()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+
+
+def end_in_a_view(widget: Any, host: Host) -> None:
+    """A right click, or Esc: what vtkSlicerMarkupsWidget does then."""
+    slicer.app.applicationLogic().GetInteractionNode().SwitchToViewTransformMode()
+
+
+def take_another_mouse_mode(widget: Any, host: Host) -> None:
+    interaction = slicer.app.applicationLogic().GetInteractionNode()
+    interaction.SetCurrentInteractionMode(interaction.AdjustWindowLevel)
+
+
+LEAVING: dict[str, Callable[[Any, Host], None]] = {
+    "the button": lambda widget, host: widget.ui.pointOnButton.click(),
+    "another tool of the panel": lambda widget, host: widget.ui.brushOnButton.click(),
+    "the view": end_in_a_view,
+    "another mouse mode": take_another_mouse_mode,
+    "another module": lambda widget, host: host.representation.exit(),
+    "the class removed": lambda widget, host: widget.ui.removeClassButton.click(),
+    "the module unloaded": lambda widget, host: slicer.app.moduleManager().unload("ViTTransferFunction"),
+}
+
+
+@pytest.mark.parametrize("way", LEAVING)
+@pytest.mark.parametrize("persistence", [0, 1])
+def test_what_the_user_had_is_there_again_after(
+    widget: Any, host: Host, interaction: Any, selection: Any, list_of_the_user: Any, way: str, persistence: int
+) -> None:
+    add_class(widget)
+    widget.ui.pointOnButton.click()
+    begin_a_curve(selection, list_of_the_user)
+    interaction.SetPlaceModePersistence(persistence)
+    widget.ui.pointOffButton.click()
+    widget.ui.pointOnButton.click()
+    assert interaction.GetPlaceModePersistence()
+    LEAVING[way](widget, host)
+    assert widget.panel.tools.tool in (None, "brushOn")
+    assert not widget.ui.pointOnButton.isChecked()
+    assert interaction.GetCurrentInteractionMode() != interaction.Place
+    assert interaction.GetPlaceModePersistence() == persistence
+    assert selection.GetActivePlaceNodeID() == list_of_the_user.GetID()
+    assert selection.GetActivePlaceNodeClassName() == "vtkMRMLMarkupsCurveNode"
+
+
+def test_a_closed_scene_ends_placing(widget: Any, interaction: Any) -> None:
+    add_class(widget)
+    slicer.mrmlScene.Clear(False)
+    assert widget.panel.tools.tool is None
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    assert not interaction.GetPlaceModePersistence()
+
+
+def test_another_list_being_placed_in_takes_the_tool_out_of_the_hand_and_goes_on(
+    widget: Any, interaction: Any, selection: Any, list_of_the_user: Any
+) -> None:
+    add_class(widget)
+    begin_a_curve(selection, list_of_the_user)
+    assert widget.panel.tools.tool is None
+    assert not widget.ui.pointOnButton.isChecked()
+    assert not interaction.GetPlaceModePersistence()
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert selection.GetActivePlaceNodeID() == list_of_the_user.GetID()
+
+
+def test_slicer_s_own_button_places_nothing_in_a_structure_afterwards(widget: Any, selection: Any) -> None:
+    add_class(widget)
+    widget.ui.pointOnButton.click()
+    assert selection.GetActivePlaceNodeID() is None
+
+
+def test_single_points_that_the_user_asks_for_meanwhile_stay_so(widget: Any, interaction: Any) -> None:
+    interaction.SetPlaceModePersistence(1)
+    add_class(widget)
+    interaction.SetPlaceModePersistence(0)
+    widget.ui.pointOnButton.click()
+    assert not interaction.GetPlaceModePersistence()

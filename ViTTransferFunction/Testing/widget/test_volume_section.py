@@ -1,0 +1,189 @@
+"""The volume in the panel: which one is taken up, what is asked before a download, and of what the features are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtTest import QTest
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.sequences import Sequence
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+
+def show(volume: Any) -> None:
+    """Have the views show a volume, as Slicer does with one that was loaded."""
+    slicer.app.applicationLogic().GetSelectionNode().SetActiveVolumeID(volume.GetID())
+    QTest.qWait(1)
+
+
+def test_the_volume_in_the_views_is_chosen_from_the_start(host: Host, volume: Any, slicer_app: Any, spheres: Spheres) -> None:
+    add_volume(slicer_app.scene, spheres[0])
+    show(volume)
+    assert host.open_panel().ui.volumeSelector.currentNode() is volume
+
+
+def test_a_volume_that_is_loaded_later_is_taken_up(widget: Any, volume: Any) -> None:
+    assert widget.panel.session.parameters.volume is None
+    QTest.qWait(1)
+    assert widget.ui.volumeSelector.currentNode() is volume
+
+
+def test_a_volume_that_is_loaded_later_replaces_none_that_was_chosen(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    show(add_volume(slicer_app.scene, spheres[0]))
+    assert widget.ui.volumeSelector.currentNode() is volume
+
+
+def test_who_chooses_no_volume_has_none_until_another_one_is_shown(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    show(volume)
+    widget.ui.volumeSelector.setCurrentNode(None)
+    show(volume)
+    add_class(widget)
+    QTest.qWait(1)
+    assert widget.panel.session.parameters.volume is None
+    other = add_volume(slicer_app.scene, spheres[0])
+    show(other)
+    assert widget.panel.session.parameters.volume is other
+
+
+def test_of_several_volumes_none_is_guessed(widget: Any, volume: Any, slicer_app: Any, spheres: Spheres) -> None:
+    add_volume(slicer_app.scene, spheres[0])
+    QTest.qWait(1)
+    assert widget.panel.session.parameters.volume is None
+
+
+def test_what_a_download_is_and_that_this_is_research_is_said_before_it(host: Host) -> None:
+    from ViTTransferFunction.Widget.download_consent import download_question
+
+    question = download_question(DOWNLOAD)
+    for fact in (
+        "dinov2_vits14 (https://github.com/facebookresearch/dinov2)",
+        "Licence: Apache-2.0",
+        "88 MB",
+        "from dl.fbaipublicfiles.com",
+        "/cache/weights/dinov2_vits14_pretrain.pth",
+        "choose it under Advanced, Weights",
+        "research use only",
+        "not a medical device",
+    ):
+        assert fact in question
+
+
+def test_who_declines_a_download_is_where_they_were(widget: Any, volume: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def decline(text: str, title: str) -> bool:
+        asked.append(text)
+        return False
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", decline)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    wait_until(lambda: bool(asked))
+    QTest.qWait(50)
+    session = widget.panel.session
+    assert session.phase == "no features"
+    assert not session.busy
+    assert not widget.ui.messageFrame.isVisible()
+    assert widget.ui.extractButton.isEnabled()
+    assert len(asked) == 1
+
+
+def test_a_download_is_asked_about_once(
+    widget: Any, volume: Any, questions: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, started = widget.panel.session, []
+    monkeypatch.setattr(session, "start_extraction", lambda: started.append("extraction"))
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    for count in (1, 2):
+        widget.ui.extractButton.click()
+        wait_until(lambda count=count: len(started) == count)  # type: ignore[misc]
+    assert len(questions) == 1
+
+
+@pytest.mark.slow
+def test_nothing_is_asked_where_nothing_is_downloaded(
+    widget: Any, volume: Any, questions: list[str], real_weights: Path
+) -> None:
+    widget.panel.session.parameters.set("weightsPath", str(real_weights))
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    wait_until(lambda: widget.panel.session.phase == "extracting")
+    widget.ui.extractionCancelButton.click()
+    assert questions == []
+
+
+def test_after_weights_were_refused_the_button_looks_for_them_again(
+    widget: Any, volume: Any, questions: list[str], tmp_path: Path
+) -> None:
+    session, ui = widget.panel.session, widget.ui
+    missing = tmp_path / "weights"
+    session.parameters.set("weightsPath", str(missing))
+    ui.volumeSelector.setCurrentNode(volume)
+    wait_until(lambda: ui.messageFrame.isVisible())
+    assert "There is no weights file" in ui.messageLabel.text()
+    ui.extractButton.click()
+    assert not ui.messageFrame.isVisible()
+    wait_until(lambda: ui.messageFrame.isVisible())
+    assert ui.extractionStartRow.isVisible()
+    missing.mkdir()
+    ui.extractButton.click()
+    wait_until(lambda: ui.messageFrame.isVisible() and "holds no weights" in ui.messageLabel.text())
+    session.parameters.set("weightsPath", "")
+    assert not ui.messageFrame.isVisible()
+
+
+def test_points_beyond_the_volume_are_told_until_they_are_gone(ready: Any, spheres: Spheres) -> None:
+    label = ready.ui.pointsOutsideLabel
+    add_class(ready, "liver")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    assert not label.isVisible()
+    place(ready, (1000.0, 0.0, 0.0))
+    assert label.text() == "⚠ liver: 1 point lies outside the volume and does not count."
+    place(ready, (2000.0, 0.0, 0.0))
+    assert label.text() == "⚠ liver: 2 points lie outside the volume and do not count."
+    assert label.isVisible()
+    ready.ui.removeLastButton.click()
+    ready.ui.removeLastButton.click()
+    assert not label.isVisible()
+
+
+@pytest.fixture
+def sequence(slicer_app: Any, spheres: Spheres) -> Sequence:
+    volume, labels = spheres
+    cache_known_features(volume, labels)
+    return Sequence(slicer_app.scene, [volume, Volume(volume.array + 1.0, volume.geometry, volume.name)])
+
+
+def test_the_panel_says_of_which_frame_the_features_are(widget: Any, sequence: Sequence) -> None:
+    ui, session = widget.ui, widget.panel.session
+    session.parameters.set("grid", GRID)
+    ui.volumeSelector.setCurrentNode(sequence.volume)
+    wait_until(lambda: session.phase == "ready")
+    assert ui.extractionStatusLabel.text() == "✔ Features are ready: Frame 1 of 2"
+    sequence.show(2)
+    assert ui.extractionStatusLabel.text().startswith("The image has changed")
+    wait_until(lambda: session.phase == "no features" and session.estimate is not None)
+    assert ui.estimateLabel.text().startswith("Frame 2 of 2: ")
+    sequence.show(1)
+    wait_until(lambda: session.phase == "ready")
+    assert ui.extractionStatusLabel.text() == "✔ Features are ready: Frame 1 of 2"

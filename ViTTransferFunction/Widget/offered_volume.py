@@ -1,0 +1,76 @@
+"""The volume that is taken up where the user has chosen none: the one in the views, or else the only one there is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import qt
+import slicer
+
+from ViTTransferFunction.Logic.scene.session import SceneSession
+
+_VOLUME = "vtkMRMLScalarVolumeNode"
+
+
+class OfferedVolume:
+    """Has a session without a volume take one up: when the module opens, and when another one is loaded or shown.
+
+    Someone who chose to have none is left alone until then.
+
+    Args:
+        app_logic: the application's logic, which knows what is shown.
+    """
+
+    def __init__(self, app_logic: Any) -> None:
+        self._selection = app_logic.GetSelectionNode()
+        self._session: SceneSession | None = None
+        self._known: tuple[Any, ...] = ()
+        self._tags: list[tuple[Any, int]] = []
+
+    def offer_to(self, session: SceneSession | None) -> None:
+        """From now on, it is this session, or none."""
+        if session is self._session:
+            return
+        self._stop_watching()
+        self._session, self._known = session, ()
+        if session is not None:
+            self._watch()
+            self._offer()
+
+    def _watch(self) -> None:
+        scene = slicer.mrmlScene
+        events = (scene.NodeAddedEvent, scene.EndImportEvent, scene.EndBatchProcessEvent)
+        for node, event in ((self._selection, "ModifiedEvent"), *((scene, event) for event in events)):
+            # Later: whoever loads a volume is not done yet.
+            self._tags.append((node, node.AddObserver(event, lambda *_: qt.QTimer.singleShot(0, self._offer))))
+
+    def _stop_watching(self) -> None:
+        for node, tag in self._tags:
+            node.RemoveObserver(tag)
+        self._tags = []
+
+    def _offer(self) -> None:
+        session = self._session
+        if session is None or slicer.mrmlScene.IsBatchProcessing():
+            return
+        shown, there = self._selection.GetActiveVolumeID(), _volumes()
+        known, self._known = self._known, (shown, *(node.GetID() for node in there))
+        if self._known == known or session.parameters.volume is not None:
+            return
+        in_view = [node for node in there if node.GetID() == shown]
+        if in_view or len(there) == 1:
+            session.set_volume((in_view or there)[0])
+
+
+def _volumes() -> list[slicer.vtkMRMLScalarVolumeNode]:
+    """What can be chosen. A volume that is being loaded has no voxels yet; what is not saved is a picture of ours."""
+    scene = slicer.mrmlScene
+    nodes = (scene.GetNthNodeByClass(n, _VOLUME) for n in range(scene.GetNumberOfNodesByClass(_VOLUME)))
+    return [
+        node
+        for node in nodes
+        if node.GetClassName() == _VOLUME
+        and node.GetImageData() is not None
+        and node.GetSaveWithScene()
+        and not node.GetHideFromEditors()
+    ]
