@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 if TYPE_CHECKING:
     import slicer
@@ -25,8 +26,12 @@ class DerivedNodes:
         return node if node is not None and self._scene.IsNodePresent(node) else None
 
     def add(self, class_name: str, name: str) -> Any:
-        """A new node in the scene, which users see under this name."""
-        return self.keep(self._scene.AddNewNodeByClass(class_name, name), name)
+        """A new node in the scene, which users see under this name.
+
+        No node ever gets its identifier again: a scene view may still refer to it when it is gone.
+        """
+        id_ = f"{class_name}ViTTransferFunction{uuid4().hex}"
+        return self.keep(self._scene.AddNewNodeByClassWithID(class_name, name, id_), name)
 
     def keep(self, node: Any, name: str) -> Any:
         """Count a node that is in the scene among these; returns it."""

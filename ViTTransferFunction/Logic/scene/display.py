@@ -67,9 +67,8 @@ class SceneDisplay:
 
     def _show_overlay(self, of_class: ShownMap | None, opacity: float) -> None:
         if of_class is None or self._volume is None:
-            if self._overlaid is not None:
-                self._overlaid = None
-                self._overlay.hide()
+            self._overlaid = None
+            self._overlay.hide()
             return
         transform = self._volume.GetTransformNodeID() or ""
         if self._overlaid is not None:
@@ -89,9 +88,8 @@ class SceneDisplay:
         """Show a volume of colours in the 3D views; None: nothing."""
         transform = volume.GetTransformNodeID() or ""
         if rendering is None:
-            if self._rendered is not None:
-                self._rendered = None
-                self._rendering.hide()
+            self._rendered = None
+            self._rendering.hide()
             return
         if self._rendered is not None and self._rendered[0] is rendering and self._rendered[1] == transform:
             return

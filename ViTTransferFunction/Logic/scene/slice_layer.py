@@ -55,11 +55,11 @@ class SliceLayer:
 
     def hide(self) -> None:
         """Take the volume out of all slice views."""
-        volume, self._volume = self._volume, None
         self._observers.remove_all()
         self._given.clear()
-        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS) if volume else []:
-            self._take(composite, volume)
+        # Also where it was hidden already: a scene view that was restored may have brought it back.
+        for composite in nodes_of_class(self._scene, COMPOSITE_CLASS) if self._volume else []:
+            self._take(composite, self._volume)
 
     def _observe_scene(self) -> None:
         events = slicer.vtkMRMLScene

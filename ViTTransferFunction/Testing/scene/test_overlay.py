@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.class_map import ClassMap
@@ -256,3 +258,26 @@ def test_a_scene_opened_after_another_was_closed_shows_overlay_and_outline_of_it
     contours.remove()
     assert np.array_equal(pixels(view), empty)
     assert views.scene.GetNumberOfNodes() == nodes
+
+
+def test_no_volume_takes_the_place_of_an_overlay_that_a_saved_scene_view_remembers(
+    slicer_app: Any, views: Views, tmp_path: Path
+) -> None:
+    view, overlay = views.slice_view(), SimilarityOverlay(views.scene, views.app_logic)
+    picture = pixels(view)
+    show(overlay, views)
+    views.scene.AddNode(slicer.vtkMRMLSceneViewNode()).StoreScene()
+    assert views.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+
+    later = Views(type(slicer_app)(), FINE.shape, FINE.ijk_to_ras)
+    later.scene.RegisterNodeClass(slicer.vtkMRMLSceneViewNode())
+    view = later.slice_view()
+    assert later.scene.ReadFromMRB(str(tmp_path / "saved.mrb"), True)
+    for _ in range(3):
+        node = later.scene.AddNewNodeByClass("vtkMRMLLabelMapVolumeNode")
+        set_image(node, np.ones(FINE.shape, dtype=np.uint8), FINE.ijk_to_ras)
+        node.CreateDefaultDisplayNodes()
+        node.SetSaveWithScene(False)
+    (scene_view,) = nodes_of_class(later.scene, "vtkMRMLSceneViewNode")
+    scene_view.RestoreScene()
+    assert np.array_equal(pixels(view), picture)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import slicer
 
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS, SliceLayer
@@ -264,6 +265,26 @@ def test_a_scene_saved_with_a_foreground_that_is_missing_opens_without_errors(
     assert redness(view, INSIDE) > 100
     assert "ERROR" not in capfd.readouterr().err
     assert composite_of(view).GetForegroundVolumeID() is None
+
+
+def scene_view(views: Views) -> Any:
+    """The scene as it is now, kept to be restored."""
+    node = views.scene.AddNode(slicer.vtkMRMLSceneViewNode())
+    node.StoreScene()
+    return node
+
+
+def test_a_scene_view_shows_the_layer_only_while_it_is_shown(views: Views, layer: SliceLayer) -> None:
+    view, volume = views.slice_view(), red_cube(views)
+    without = scene_view(views)
+    layer.show(volume, OPACITY)
+    with_layer = scene_view(views)
+    without.RestoreScene()
+    assert redness(view, INSIDE) > 100
+    layer.hide()
+    with_layer.RestoreScene()
+    layer.hide()
+    assert redness(view, INSIDE) == 0
 
 
 def test_the_layer_is_there_again_after_a_file_was_added_to_the_scene(views: Views, layer: SliceLayer, tmp_path: Path) -> None:
