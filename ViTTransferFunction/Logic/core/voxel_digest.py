@@ -92,8 +92,8 @@ def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
         part = labels[slab]
         for value, found in enumerate(ndimage.find_objects(part), start=1):
             if found is not None:
-                k, j, i = found
-                box = (slice(k.start + slab[0].start, k.stop + slab[0].start), j, i)
+                k, j, i = (slice(e.start + s.start, e.stop + s.start) for e, s in zip(found, slab, strict=True))
+                box = (k, j, i)
                 boxes[value] = common_box([boxes[value], box]) if value in boxes else box
         yield part.size
     return boxes

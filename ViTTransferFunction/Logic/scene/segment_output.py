@@ -17,6 +17,7 @@ from .parameters import SceneParameters
 from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
 from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
+from .terminology import StandardCodes
 
 ADVANCE_S = 0.015
 """How long the event loop stands still at a time: less than one picture of a view that is being scrolled through."""
@@ -42,7 +43,7 @@ class SegmentOutput:
         classes: Callable[[], tuple[ClassState, ...]],
     ) -> None:
         self._scene = scene
-        self._app_logic = app_logic
+        self._codes = StandardCodes(app_logic)
         self._parameters = parameters
         self._classes = classes
         self._work: _Work | None = None
@@ -99,7 +100,7 @@ class SegmentOutput:
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys():
-                writing.write(lambda: self._new_segmentation(volume), looks, self._app_logic)
+                writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
             else:  # A class was removed meanwhile.
                 self.write(labels, class_ids, corrections)
 
@@ -112,6 +113,10 @@ class SegmentOutput:
             return
         if not all(self._scene.IsNodePresent(node) for node in work.nodes):
             self._work = None
+            return
+        unknown = next((state.name for state in self._classes() if not self._codes.looked_for(state.name)), None)
+        if unknown is not None:
+            self._codes.entry(unknown)
             return
         try:
             finished = work.advance()
@@ -200,11 +205,11 @@ class _SegmentWriting:
             return False
         return True
 
-    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], app_logic: Any) -> None:
+    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes) -> None:
         """Write what is ready, at once, into a new segmentation where none was given."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
-        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, app_logic)
+        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes)
 
     @property
     def progress(self) -> WorkProgress:

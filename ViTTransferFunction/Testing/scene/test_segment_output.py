@@ -43,8 +43,8 @@ class Desk:
     def begin(self) -> None:
         """Begin to write, and take some of the steps."""
         self.output.write(Labels(LABELS, (0, 0, 0)), ["a", "b"], "keep")
-        self.output.advance()
-        self.output.advance()
+        for _ in range(10):
+            self.output.advance()
         assert self.output.busy
 
     def finish(self) -> int:
