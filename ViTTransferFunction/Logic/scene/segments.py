@@ -13,7 +13,7 @@ from ..core.colors import Color
 from ..core.errors import InputError
 from .labelmaps import LABELMAP
 from .segment_preparation import PreparedSegments, takes_transform
-from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, VOXELS_TAG, read_tag, set_tag
+from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, SEGMENT_TAG, VOXELS_TAG, read_tag, set_tag
 from .terminology import StandardCodes
 from .volume import geometry_from_node, matrix_to_world
 
@@ -73,9 +73,10 @@ def write_prepared(
             segment = slicer.vtkSegment() if new else segmentation.GetSegment(ids[class_id])
             name = _free_name(segmentation, look.name) if new else look.name
             _dress(segment, class_id, look, name, codes)
+            ids.setdefault(class_id, segmentation.GenerateUniqueSegmentID())
+            set_tag(segment, SEGMENT_TAG, ids[class_id])
             _give_voxels(segment, prepared, label)
             if new:
-                ids[class_id] = segmentation.GenerateUniqueSegmentID()
                 segmentation.AddSegment(segment, ids[class_id])
         for class_id in prepared.labels:
             segmentation.InvokeEvent(segmentation.SourceRepresentationModified, ids[class_id])
