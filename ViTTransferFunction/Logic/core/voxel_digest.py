@@ -36,9 +36,9 @@ class VoxelDigest:
     hash: str
     corners_ras: np.ndarray
 
-    def is_like(self, other: VoxelDigest) -> bool:
-        """Whether both are of the same voxels at the same place."""
-        if self.shape != other.shape or self.hash != other.hash:
+    def is_like(self, other: VoxelDigest | None) -> bool:
+        """Whether both are of the same voxels at the same place; nothing is like None."""
+        if other is None or self.shape != other.shape or self.hash != other.hash:
             return False
         edges_mm = np.linalg.norm(self.corners_ras[1:] - self.corners_ras[0], axis=1)
         smallest_mm = min((edge / count for edge, count in zip(edges_mm, self.shape[::-1], strict=True) if count), default=0.0)

@@ -10,7 +10,7 @@ import slicer
 from ..compute.requests import Labels
 from ..core.errors import InputError
 from ..core.progress import WorkProgress
-from ..core.stepped_work import SteppedWork
+from ..core.stepped_work import SteppedWork, Steps
 from .classes import ClassState
 from .corrections import Corrections, corrected_segments
 from .parameters import SceneParameters
@@ -95,7 +95,12 @@ class SegmentOutput:
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
         respect_others = self._parameters.get("respectOtherSegments")
-        writing = _SegmentWriting(node, volume, wanted, respect_others, corrections, continued)
+        writing = _SegmentWriting(
+            node,
+            volume,
+            2 * wanted.array.size,  # Each voxel is copied, and then digested.
+            lambda: prepare_segments(node, volume, wanted, respect_others, corrections, continued),
+        )
 
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
@@ -183,13 +188,14 @@ class _CorrectionSearch:
 
 
 class _SegmentWriting:
-    """Turns labels into segments; nothing has changed until `write`."""
+    """Has segments prepared, anew where the segmentation changes meanwhile; nothing has changed until `write`."""
 
-    def __init__(self, segmentation_node: Any, volume_node: Any, labels: ClassLabels, *choices: Any) -> None:
+    def __init__(
+        self, segmentation_node: Any, volume_node: Any, total: int, prepare: Callable[[], Steps[PreparedSegments]]
+    ) -> None:
         self.nodes = (volume_node, *((segmentation_node,) if segmentation_node else ()))
-        self.labels = labels
         self._segmentation_node, self._volume_node = segmentation_node, volume_node
-        self._arguments = (segmentation_node, volume_node, labels, *choices)
+        self._total, self._prepare = max(total, 1), prepare
         if segmentation_node is not None:
             check_writable(segmentation_node, volume_node)
         self._begin()
@@ -214,10 +220,8 @@ class _SegmentWriting:
     @property
     def progress(self) -> WorkProgress:
         """How far it is."""
-        # Each voxel is copied, and then found to be what will count as uncorrected.
-        total = max(2 * self.labels.array.size, 1)
-        return WorkProgress(min(self._preparation.done, total), total, "Writing segments", None)
+        return WorkProgress(min(self._preparation.done, self._total), self._total, "Writing segments", None)
 
     def _begin(self) -> None:
         self._state = segmentation_state(self._segmentation_node, self._volume_node)
-        self._preparation = SteppedWork(prepare_segments(*self._arguments))
+        self._preparation = SteppedWork(self._prepare())
