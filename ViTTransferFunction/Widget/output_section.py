@@ -72,8 +72,10 @@ class OutputSection(Section):
     def _ask(self, corrected: tuple[str, ...]) -> None:
         """Have the user decide about corrected segments, and go on as decided."""
         session = self.session
+        if session is None:
+            return
         answer = ask_about_corrections(corrected)
-        if answer is not None and session is not None and session is self.session:
+        if answer is not None and session is self.session:
             session.write_segments(answer)
 
     def _on_edit(self) -> None:
@@ -122,9 +124,10 @@ def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:
     box = qt.QMessageBox(slicer.util.mainWindow())
     box.icon = qt.QMessageBox.Question
     box.windowTitle = _("Update segments")
-    box.text = _("Changed since they were written: {names}.\nKeep these corrections?").format(names=", ".join(names))
+    box.text = _("Changed since the last update: {names}.").format(names=", ".join(names))
     box.informativeText = _(
-        "If they are kept, their structures are written beside them, as new segments. All other structures are updated."
+        "Keep corrections: they stay, and new results are written beside them as new segments. Overwrite corrections: they are "
+        "lost. All other structures are updated either way."
     )
     keep = box.addButton(_("Keep corrections"), qt.QMessageBox.AcceptRole)
     overwrite = box.addButton(_("Overwrite corrections"), qt.QMessageBox.DestructiveRole)

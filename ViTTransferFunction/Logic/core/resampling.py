@@ -85,6 +85,8 @@ def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) ->
     if np.array_equal(matrix, np.eye(3)) and np.array_equal(offset, np.round(offset)):
         # Nearly always so, and many times faster.
         return _shifted_copy(labels, offset.astype(int).tolist(), target.shape)
+    if np.count_nonzero(matrix) == 3:
+        return _along_axes(labels, matrix, offset, target.shape)
     integers = labels.view(np.uint8) if labels.dtype == bool else labels
     # With the mode "constant", the outer half of border voxels would be outside.
     resampled = ndimage.affine_transform(
@@ -92,6 +94,22 @@ def resample_labels(labels: np.ndarray, geometry: Geometry, target: Geometry) ->
     )
     nearest: np.ndarray = resampled.view(labels.dtype)
     return nearest
+
+
+def _along_axes(labels: np.ndarray, matrix: np.ndarray, offset: np.ndarray, shape: tuple[int, int, int]) -> np.ndarray:
+    """Labels on a grid whose axes are parallel to theirs, in whatever order and direction: index by index along each."""
+    target_axes = np.argmax(matrix != 0.0, axis=1)
+    turned = labels.transpose(np.argsort(target_axes))
+    copy = np.zeros(shape, dtype=labels.dtype)
+    targets, sources = [], []
+    for axis, (count, size) in enumerate(zip(turned.shape, shape, strict=True)):
+        (source_axis,) = np.flatnonzero(target_axes == axis)
+        source = np.floor(matrix[source_axis, axis] * np.arange(size) + offset[source_axis] + 0.5).astype(int)
+        inside = np.flatnonzero((source >= 0) & (source < count))
+        targets.append(slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0))
+        sources.append(source[inside])
+    copy[tuple(targets)] = turned[np.ix_(*sources)]
+    return copy
 
 
 def _weights(position: np.ndarray, count: int, cubic: bool) -> np.ndarray:

@@ -57,10 +57,13 @@ def finished(steps: Steps[Result]) -> Result:
     return work.result  # type: ignore[return-value]
 
 
-def slabs(box: Box) -> Iterator[Box]:
-    """A box in parts of consecutive k, each of about `STEP_VOXELS` voxels, in order."""
+def slabs(box: Box, voxels: int = STEP_VOXELS) -> Iterator[Box]:
+    """A box in parts of consecutive slices k, or of consecutive rows j of one, each of about so many voxels, in order."""
     k, j, i = box
-    area = max((j.stop - j.start) * (i.stop - i.start), 1)
-    thickness = max(STEP_VOXELS // area, 1)
+    row = max(i.stop - i.start, 1)
+    slice_ = row * max(j.stop - j.start, 1)
+    thickness, height = max(voxels // slice_, 1), max(voxels // row, 1) if slice_ > voxels else j.stop - j.start
     for start in range(k.start, k.stop, thickness):
-        yield slice(start, min(start + thickness, k.stop)), j, i
+        part = slice(start, min(start + thickness, k.stop))
+        for first in range(j.start, j.stop, max(height, 1)):
+            yield part, slice(first, min(first + height, j.stop)), i

@@ -36,9 +36,9 @@ class VoxelDigest:
     hash: str
     corners_ras: np.ndarray
 
-    def is_like(self, other: VoxelDigest) -> bool:
-        """Whether both are of the same voxels at the same place."""
-        if self.shape != other.shape or self.hash != other.hash:
+    def is_like(self, other: VoxelDigest | None) -> bool:
+        """Whether both are of the same voxels at the same place; nothing is like None."""
+        if other is None or self.shape != other.shape or self.hash != other.hash:
             return False
         edges_mm = np.linalg.norm(self.corners_ras[1:] - self.corners_ras[0], axis=1)
         smallest_mm = min((edge / count for edge, count in zip(edges_mm, self.shape[::-1], strict=True) if count), default=0.0)
@@ -92,8 +92,8 @@ def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
         part = labels[slab]
         for value, found in enumerate(ndimage.find_objects(part), start=1):
             if found is not None:
-                k, j, i = found
-                box = (slice(k.start + slab[0].start, k.stop + slab[0].start), j, i)
+                k, j, i = (slice(e.start + s.start, e.stop + s.start) for e, s in zip(found, slab, strict=True))
+                box = (k, j, i)
                 boxes[value] = common_box([boxes[value], box]) if value in boxes else box
         yield part.size
     return boxes

@@ -25,6 +25,8 @@ def corrected_segments(segmentation: Any, segments: Mapping[str, str]) -> Steps[
     Returns:
         Those of `segments` that were corrected.
     """
+    # Segments may be deleted between two steps.
+    noted = {segment_id: _noted(segmentation.GetSegment(segment_id)) for segment_id in segments.values()}
     found: dict[str, VoxelDigest] = {}
     for labelmap in labelmaps_of(segmentation, segments.values()):
         digests = yield from voxel_digests(labelmap.voxels, labelmap.geometry, labelmap.labels.values())
@@ -32,10 +34,9 @@ def corrected_segments(segmentation: Any, segments: Mapping[str, str]) -> Steps[
     return {
         class_id: segment_id
         for class_id, segment_id in segments.items()
-        if not _as_written(segmentation.GetSegment(segment_id), found.get(segment_id, VoxelDigest.of_nothing()))
+        if not found.get(segment_id, VoxelDigest.of_nothing()).is_like(noted[segment_id])
     }
 
 
-def _as_written(segment: Any, found: VoxelDigest) -> bool:
-    written = VoxelDigest.from_text(read_tag(segment, VOXELS_TAG) or "")
-    return written is not None and written.is_like(found)
+def _noted(segment: Any | None) -> VoxelDigest | None:
+    return VoxelDigest.from_text(read_tag(segment, VOXELS_TAG) or "") if segment is not None else None

@@ -46,11 +46,12 @@ class Labelmap:
 
 
 def labelmaps_of(segmentation: Any, segment_ids: Collection[str]) -> list[Labelmap]:
-    """The labelmaps that hold these segments of a vtkSegmentation, each once; not those that are empty."""
+    """The labelmaps that hold these segments of a vtkSegmentation, as far as there are such; not those that are empty."""
     labels: dict[Any, dict[str, int]] = {}
     for segment_id in segment_ids:
         segment = segmentation.GetSegment(segment_id)
-        labels.setdefault(segment.GetRepresentation(LABELMAP), {})[segment_id] = segment.GetLabelValue()
+        if segment is not None:
+            labels.setdefault(segment.GetRepresentation(LABELMAP), {})[segment_id] = segment.GetLabelValue()
     return [Labelmap(image, of_image) for image, of_image in labels.items() if image is not None and not image.IsEmpty()]
 
 

@@ -10,13 +10,14 @@ import slicer
 from ..compute.requests import Labels
 from ..core.errors import InputError
 from ..core.progress import WorkProgress
-from ..core.stepped_work import SteppedWork
+from ..core.stepped_work import SteppedWork, Steps
 from .classes import ClassState
 from .corrections import Corrections, corrected_segments
 from .parameters import SceneParameters
 from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
 from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
+from .terminology import StandardCodes
 
 ADVANCE_S = 0.015
 """How long the event loop stands still at a time: less than one picture of a view that is being scrolled through."""
@@ -42,7 +43,7 @@ class SegmentOutput:
         classes: Callable[[], tuple[ClassState, ...]],
     ) -> None:
         self._scene = scene
-        self._app_logic = app_logic
+        self._codes = StandardCodes(app_logic)
         self._parameters = parameters
         self._classes = classes
         self._work: _Work | None = None
@@ -94,12 +95,17 @@ class SegmentOutput:
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
         respect_others = self._parameters.get("respectOtherSegments")
-        writing = _SegmentWriting(node, volume, wanted, respect_others, corrections, continued)
+        writing = _SegmentWriting(
+            node,
+            volume,
+            2 * wanted.array.size,  # Each voxel is copied, and then digested.
+            lambda: prepare_segments(node, volume, wanted, respect_others, corrections, continued),
+        )
 
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys():
-                writing.write(lambda: self._new_segmentation(volume), looks, self._app_logic)
+                writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
             else:  # A class was removed meanwhile.
                 self.write(labels, class_ids, corrections)
 
@@ -112,6 +118,10 @@ class SegmentOutput:
             return
         if not all(self._scene.IsNodePresent(node) for node in work.nodes):
             self._work = None
+            return
+        unknown = next((state.name for state in self._classes() if not self._codes.looked_for(state.name)), None)
+        if unknown is not None:
+            self._codes.entry(unknown)
             return
         try:
             finished = work.advance()
@@ -178,13 +188,14 @@ class _CorrectionSearch:
 
 
 class _SegmentWriting:
-    """Turns labels into segments; nothing has changed until `write`."""
+    """Has segments prepared, anew where the segmentation changes meanwhile; nothing has changed until `write`."""
 
-    def __init__(self, segmentation_node: Any, volume_node: Any, labels: ClassLabels, *choices: Any) -> None:
+    def __init__(
+        self, segmentation_node: Any, volume_node: Any, total: int, prepare: Callable[[], Steps[PreparedSegments]]
+    ) -> None:
         self.nodes = (volume_node, *((segmentation_node,) if segmentation_node else ()))
-        self.labels = labels
         self._segmentation_node, self._volume_node = segmentation_node, volume_node
-        self._arguments = (segmentation_node, volume_node, labels, *choices)
+        self._total, self._prepare = max(total, 1), prepare
         if segmentation_node is not None:
             check_writable(segmentation_node, volume_node)
         self._begin()
@@ -200,19 +211,17 @@ class _SegmentWriting:
             return False
         return True
 
-    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], app_logic: Any) -> None:
+    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes) -> None:
         """Write what is ready, at once, into a new segmentation where none was given."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
-        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, app_logic)
+        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes)
 
     @property
     def progress(self) -> WorkProgress:
         """How far it is."""
-        # Each voxel is copied, and then found to be what will count as uncorrected.
-        total = max(2 * self.labels.array.size, 1)
-        return WorkProgress(min(self._preparation.done, total), total, "Writing segments", None)
+        return WorkProgress(min(self._preparation.done, self._total), self._total, "Writing segments", None)
 
     def _begin(self) -> None:
         self._state = segmentation_state(self._segmentation_node, self._volume_node)
-        self._preparation = SteppedWork(prepare_segments(*self._arguments))
+        self._preparation = SteppedWork(self._prepare())

@@ -11,12 +11,15 @@ import slicer
 
 from ..core.geometry import Box, Geometry
 from ..core.resampling import resample_labels
-from ..core.stepped_work import Steps, slabs
+from ..core.stepped_work import STEP_VOXELS, Steps, slabs
 from ..core.voxel_digest import VoxelDigest, voxel_digests
 from .corrections import Corrections, corrected_segments
 from .labelmaps import LABELMAP, Labelmap, labelmaps_of, new_image, without_labels
 from .segment_tags import CLASS_TAG, CORRECTED_TAG, read_tag, segments_of_classes
 from .volume import geometry_from_node, matrix_to_world
+
+FILL_VOXELS = STEP_VOXELS // 8
+"""Voxels of a step that looks what is in the way, which is slow where that is on a grid with other axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +169,7 @@ def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Se
     k, j, i = (slice(0, size) for size in labels.array.shape)
     part_of_grid = grid.part(labels.box)
     left_out = [label for label, class_id in enumerate(labels.class_ids, start=1) if class_id is None]
-    for slab in slabs((k, j, i)):
+    for slab in slabs((k, j, i), FILL_VOXELS):
         part = target[slab]
         np.copyto(part, labels.array[slab])
         part[np.isin(part, left_out)] = 0

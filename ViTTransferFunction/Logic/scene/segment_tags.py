@@ -13,6 +13,8 @@ from vtkmodules.vtkCommonCore import reference
 
 CLASS_TAG = "ViTTransferFunction.class"
 """The class whose result the segment gets."""
+SEGMENT_TAG = "ViTTransferFunction.segment"
+"""The segment's own ID, by which it is told from copies that the user made of it, tags and all."""
 CORRECTED_TAG = "ViTTransferFunction.correctedClass"
 """The class whose result the segment was, before the user corrected it by hand and chose to keep it so."""
 NAME_TAG = "ViTTransferFunction.name"
@@ -33,13 +35,11 @@ def set_tag(segment: Any, tag: str, text: str) -> None:
 
 
 def segments_of_classes(segmentation: Any, class_ids: Collection[str]) -> dict[str, str]:
-    """IDs of the segments that get the results of these classes, by class, where there are such segments already.
-
-    A user's copy comes after the segment that it is a copy of, and is the user's.
-    """
+    """IDs of the segments that get the results of these classes, by class, where there are such segments already."""
     ids: dict[str, str] = {}
     for segment_id in segmentation.GetSegmentIDs():
-        class_id = read_tag(segmentation.GetSegment(segment_id), CLASS_TAG)
-        if class_id is not None and class_id in class_ids:
-            ids.setdefault(class_id, segment_id)
+        segment = segmentation.GetSegment(segment_id)
+        class_id = read_tag(segment, CLASS_TAG)
+        if class_id is not None and class_id in class_ids and read_tag(segment, SEGMENT_TAG) == segment_id:
+            ids[class_id] = segment_id
     return ids

@@ -79,6 +79,7 @@ class SceneSession:
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
+        self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
@@ -114,7 +115,14 @@ class SceneSession:
     @property
     def busy(self) -> bool:
         """Whether `poll` has something to do."""
-        return any((self._proxy.busy, self._display.pending, self._output.busy, self._other_segments.busy, self.volume_changed))
+        return (
+            self._proxy.busy
+            or self._display.pending
+            or self._output.busy
+            or self._other_segments.busy
+            or self._segments_changed
+            or self.volume_changed
+        )
 
     @property
     def up_to_date(self) -> bool:
@@ -272,12 +280,14 @@ class SceneSession:
             self._show()
         elif self._display.pending:
             self._display.advance()
-        if self._other_segments.busy and self._other_segments.advance():
+        searched = self._other_segments.busy and self._other_segments.advance()
+        segments_changed, self._segments_changed = self._segments_changed, False
+        if searched or segments_changed:
             self._use_segment_points()
         writing = self._output.busy
         if "labels" in events or writing:
             self._advance_output()
-        if events or writing:
+        if events or writing or segments_changed:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -341,9 +351,7 @@ class SceneSession:
         self._on_parameters()
 
     def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:
-        if not self._scene.IsBatchProcessing():
-            self._ask_for_maps()
-            self._notify()
+        self._segments_changed = True  # Such events come in storms.
 
     def _watch_nodes(self) -> None:
         volume, kept = self.parameters.volume, [self._scene, self.parameters.node]

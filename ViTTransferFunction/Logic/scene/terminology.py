@@ -9,26 +9,45 @@ import slicer
 from vtkmodules.vtkCommonCore import vtkStringArray
 
 
-def terminology_entry(terminologies_logic: Any, name: str) -> str | None:
-    """Slicer's entry for the structure of that name, in whichever loaded terminology knows it first.
+class StandardCodes:
+    """Slicer's entries for the names of structures, each looked for once: that takes some hundredths of a second.
 
     Args:
-        terminologies_logic: the logic of Slicer's module Terminologies.
-        name: such as "liver" or "Left kidney"; upper and lower case and surrounding space do not matter.
-
-    Returns:
-        The serialised entry, as segments store it; None where no terminology knows the name.
+        app_logic: Slicer's application logic; None: no name is known.
     """
-    wanted = name.strip().lower()
+
+    def __init__(self, app_logic: Any | None) -> None:
+        self._logic = app_logic.GetModuleLogic("Terminologies") if app_logic else None
+        self._entries: dict[str, str | None] = {}
+
+    def looked_for(self, name: str) -> bool:
+        """Whether `entry` answers at once."""
+        return self._logic is None or name in self._entries
+
+    def entry(self, name: str) -> str | None:
+        """The entry for the structure of that name, in whichever loaded terminology knows it first.
+
+        Args:
+            name: such as "liver" or "Left kidney"; upper and lower case and surrounding space do not matter.
+
+        Returns:
+            The serialised entry, as segments store it; None where no terminology knows the name.
+        """
+        if not self.looked_for(name):
+            self._entries[name] = _find(self._logic, name.strip().lower())
+        return self._entries.get(name)
+
+
+def _find(logic: Any, wanted: str) -> str | None:
     if not wanted:
         return None
-    for context in _contexts(terminologies_logic):
+    for context in _contexts(logic):
         entry = slicer.vtkSlicerTerminologyEntry()
         # Labels are lower-case and say the side, such as "left kidney"; code meanings know more structures, but no sides.
-        if terminologies_logic.FindTypeInTerminologyBy3dSlicerLabel(context, wanted, entry) or _find_by_meaning(
-            terminologies_logic, context, wanted, entry
-        ):
-            return terminologies_logic.SerializeTerminologyEntry(entry)
+        by_label = logic.FindTypeInTerminologyBy3dSlicerLabel(context, wanted, entry)
+        if by_label or _find_by_meaning(logic, context, wanted, entry):
+            serialised: str = logic.SerializeTerminologyEntry(entry)
+            return serialised
     return None
 
 

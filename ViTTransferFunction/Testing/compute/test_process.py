@@ -48,7 +48,7 @@ files = ArrayFiles(Path(sys.argv[-1]))
 read_message(sys.stdin.buffer, files)
 labels = np.zeros({LABELS_SHAPE}, np.uint8)
 labels[-1] = 7
-write_message(sys.stdout.buffer, to_message(1, Labels(labels)), files)
+write_message(sys.stdout.buffer, to_message(1, Labels(labels, (0, 0, 0))), files)
 sys.stdin.read()
 """
 

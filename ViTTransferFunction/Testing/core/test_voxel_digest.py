@@ -85,3 +85,16 @@ def test_voxels_that_fill_several_steps_are_digested_whole() -> None:
     before = digest_of(labels, 2)
     labels[5, 6, 5] = 0
     assert not digest_of(labels, 2).is_like(before)
+
+
+def test_a_slice_that_is_larger_than_a_step_is_digested_whole() -> None:
+    labels = np.zeros((2, 2 * STEP_VOXELS // 1024, 1024), dtype=np.uint8)
+    rows = labels.shape[1]
+    labels[:, 5 : rows - 5, 3:7] = 1
+    work = SteppedWork(label_boxes(labels))
+    assert not work.advance(0.0)
+    assert work.done == STEP_VOXELS
+    assert finished(label_boxes(labels)) == {1: (slice(0, 2), slice(5, rows - 5), slice(3, 7))}
+    before = digest_of(labels)
+    labels[1, rows - 6, 5] = 0
+    assert not digest_of(labels).is_like(before)

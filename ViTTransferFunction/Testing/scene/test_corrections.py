@@ -186,3 +186,17 @@ def test_the_segment_that_a_class_continues_is_not_in_its_way(a_segmentation: An
     assert voxels_of(a_segmentation, spleen) == positions_of(block(0, 1), a_volume)
     assert voxels_of(a_segmentation, theirs) == positions_of(block(1, 4), a_volume)
     assert a_segmentation.GetSegmentation().GetSegment(liver).GetName() == "liver (2)"
+
+
+def test_the_users_copy_is_never_written_to_also_where_the_original_is_kept(
+    a_segmentation: Any, a_volume: Any, written: list[str]
+) -> None:
+    copy = slicer.vtkSegment()
+    copy.DeepCopy(a_segmentation.GetSegmentation().GetSegment(written[0]))
+    a_segmentation.GetSegmentation().AddSegment(copy, "copy", written[0])
+    assert a_segmentation.GetSegmentation().GetSegmentIDs().index("copy") == 1
+    paint(a_segmentation, a_volume, written[0], block(0, 1))
+    for mask in (block(1, 4), block(2, 3)):
+        write_segments(a_segmentation, a_volume, organs(mask, block(4, 5)), respect_others=False)
+        assert voxels_of(a_segmentation, "copy") == positions_of(block(1, 3), a_volume)
+        assert voxels_of(a_segmentation, written[0]) == positions_of(block(0, 3), a_volume)

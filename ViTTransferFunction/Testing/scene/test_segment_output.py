@@ -43,8 +43,8 @@ class Desk:
     def begin(self) -> None:
         """Begin to write, and take some of the steps."""
         self.output.write(Labels(LABELS, (0, 0, 0)), ["a", "b"], "keep")
-        self.output.advance()
-        self.output.advance()
+        for _ in range(10):
+            self.output.advance()
         assert self.output.busy
 
     def finish(self) -> int:
@@ -190,3 +190,16 @@ def test_corrections_are_looked_for_in_steps_and_named_once(desk: Desk) -> None:
     assert called == ["none"]
     assert desk.output.take_corrected() == ("liver",)
     assert desk.output.take_corrected() == ()
+
+
+def test_a_segment_that_is_deleted_while_corrections_are_looked_for_ends_it_quietly(desk: Desk) -> None:
+    desk.begin()
+    desk.finish()
+    segmentation = desk.segmentation.GetSegmentation()
+    for steps in (0, 3):
+        desk.output.find_corrections(lambda: None)
+        for _ in range(steps):
+            desk.output.advance()
+        segmentation.RemoveSegment(segmentation.GetSegmentIDs()[-1])
+        desk.finish()
+        assert desk.output.take_corrected() == ()

@@ -163,6 +163,7 @@ def test_outside_points_are_asked_for_but_not_kept(
     session.wait()
     assert len(asked[-1][0].negative) == 6
     a_segmentation.GetDisplayNode().SetVisibility(False)
+    session.wait()
     assert len(asked[-1][0].negative) == 0
     session.parameters.set("otherSegmentsAreOutside", False)
     count = len(asked)

@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.scene.corrections import Corrections
 from ViTTransferFunction.Logic.scene.segment_preparation import ClassLabels, prepare_segments
 from ViTTransferFunction.Logic.scene.segments import ClassLook, check_writable, write_prepared
+from ViTTransferFunction.Logic.scene.terminology import StandardCodes
 from ViTTransferFunction.Logic.scene.volume import matrix_to_world, numpy_matrix
 from ViTTransferFunction.Testing.support.scenes import segment_points
 
@@ -64,7 +65,7 @@ def write_segments(
     check_writable(node, volume)
     prepared = finished(prepare_segments(node, volume, of_classes, respect_others, corrections, continued or {}))
     looks = {wanted.class_id: ClassLook(wanted.name, wanted.color) for wanted in outputs}
-    return write_prepared(prepared, node, volume, looks, app_logic)
+    return write_prepared(prepared, node, volume, looks, StandardCodes(app_logic))
 
 
 def everything_about(node: Any, segment_id: str) -> dict[str, Any]:
