@@ -21,8 +21,7 @@ from ..compute.proxy import Phase, SegmentationProxy
 from ..compute.requests import TakeVolume
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
-from ..core.geometry import Geometry, transform_points
-from ..core.outline_points import points_within_outline
+from ..core.geometry import Geometry
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
@@ -33,6 +32,7 @@ from .display import SceneDisplay
 from .observers import SceneObservers
 from .parameters import SceneParameters
 from .point_tour import PointTour
+from .regions import SceneRegions
 from .segments import OutputSegment, write_segments
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import array_from_node, geometry_from_node, matrix_to_world, world_to_local
@@ -50,6 +50,7 @@ class SceneSession:
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
+        regions: adds the points of regions that the user encloses.
     """
 
     def __init__(
@@ -72,6 +73,7 @@ class SceneSession:
         self._tour = PointTour(scene)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
+        self.regions = SceneRegions(scene, self.annotations, self._in_volume)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -154,20 +156,6 @@ class SceneSession:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
 
-    def add_region(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
-        """Add a few points of the inside of an outline (N, 3), RAS millimetres, to a class: one step for undo.
-
-        Raises:
-            InputError: no point of it lies in the volume.
-        """
-        points = points_within_outline(outline_ras)
-        volume = self.parameters.volume
-        if volume is not None and self._geometry is not None:
-            points = points[self._geometry.contains(world_to_local(volume, points))]
-        if not len(points):
-            raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
-        self.annotations.add_points(id_, points, positive)
-
     def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
         state = next(state for state in self.classes if state.id == id_)
@@ -234,16 +222,20 @@ class SceneSession:
         self._show()
         self._notify()
 
+    def _in_volume(self, points_ras: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of some points (N, 3) lie in the volume; all of them where there is none."""
+        volume = self.parameters.volume
+        if volume is None or self._geometry is None:
+            return np.ones(len(points_ras), dtype=bool)
+        return self._geometry.contains(world_to_local(volume, points_ras))
+
     def _settled(self, point_ras: np.ndarray) -> np.ndarray:
         """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
         volume = self.parameters.volume
         if volume is None or self._geometry is None or not placed_in_3d_view(self._scene, self._app_logic):
             return point_ras
         visible = {state.id for state in self.classes if state.visible}
-        maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
-        local_ras = world_to_local(volume, point_ras)[0]
-        inside_ras = moved_inside(local_ras, maps)
-        return point_ras if inside_ras is local_ras else transform_points(matrix_to_world(volume), inside_ras)[0]
+        return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
 
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():
