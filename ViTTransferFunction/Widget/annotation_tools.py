@@ -145,7 +145,7 @@ class AnnotationTools(Section):
         selected = self.selected
         if self.session is not None and selected is not None and self.tool in _REGIONS:
             try:
-                self.session.add_region(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
+                self.session.regions.add_outline(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
             except InputError as error:
                 self.report(str(error))
 

@@ -8,6 +8,7 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
@@ -28,6 +29,8 @@ class ClassActions(Section):
         ui.classTable.contextMenuPolicy = qt.Qt.ActionsContextMenu
         self._rename = self._add(_("Rename"), self.rename, TABLE_KEYS["rename"])
         self._show_next_point = self._add(_("Show next point"), self.show_next_point)
+        self._points_inside = self._add_markup_menu(_("Points inside from a markup"), positive=True)
+        self._points_outside = self._add_markup_menu(_("Points outside from a markup"), positive=False)
         self._duplicate = self._add(_("Duplicate"), self.duplicate)
         self._move_up = self._add(_("Move up"), self.move_up, TABLE_KEYS["moveUp"])
         self._move_down = self._add(_("Move down"), self.move_down, TABLE_KEYS["moveDown"])
@@ -43,7 +46,8 @@ class ClassActions(Section):
             (ui.removeClassButton, self._remove, selected is not None),
         ):
             button.enabled = action.enabled = possible
-        self._rename.enabled = selected is not None
+        for action in (self._rename, self._points_inside.menuAction(), self._points_outside.menuAction()):
+            action.enabled = selected is not None
         self._show_next_point.enabled = selected is not None and bool(selected.positive or selected.negative)
 
     def rename(self) -> None:
@@ -79,6 +83,31 @@ class ClassActions(Section):
         self.session.annotations.remove_class(self.selected.id)
         if self.session.classes:
             self.session.select_class(self.session.classes[min(row, len(self.session.classes) - 1)].id)
+
+    def _add_markup_menu(self, text: str, positive: bool) -> Any:
+        """A menu within the table's, of the closed curves and boxes in the scene: the chosen one gives the points."""
+        menu = qt.QMenu(text, self.ui.classTable)
+        menu.aboutToShow.connect(lambda: self._list_markups(menu, positive))
+        self.ui.classTable.addAction(menu.menuAction())
+        return menu
+
+    def _list_markups(self, menu: Any, positive: bool) -> None:
+        menu.clear()
+        markups = self.session.regions.markups if self.session is not None else {}
+        for node_id, name in markups.items():
+            self._list_markup(menu, positive, node_id, name)
+        if not markups:
+            menu.addAction(_("Draw a closed curve or an ROI in Slicer's module Markups first")).enabled = False
+
+    def _list_markup(self, menu: Any, positive: bool, node_id: str, name: str) -> None:
+        menu.addAction(name).triggered.connect(lambda: self._add_markup(node_id, positive))
+
+    def _add_markup(self, node_id: str, positive: bool) -> None:
+        if self.session is not None and self.selected is not None:
+            try:
+                self.session.regions.add_markup(self.selected.id, node_id, positive)
+            except InputError as error:
+                self.report(str(error))
 
     def _move(self, step: int) -> None:
         if self.session is not None and self.selected is not None:

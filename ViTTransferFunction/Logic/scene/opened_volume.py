@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
+
 from ..compute.proxy import SegmentationProxy
 from ..compute.requests import TakeVolume
 from ..core.errors import InputError
 from ..session.settings import SessionSettings
 from .parameters import SceneParameters
 from .problems import Problems
-from .volume import array_from_node
+from .volume import array_from_node, world_to_local
 from .volume_content import VolumeContent, content_of, is_playing
 
 REST_S = 0.5
@@ -42,6 +44,13 @@ class OpenedVolume:
     def changed(self) -> bool:
         """Whether the volume has got other voxels, which are taken up when it rests and nothing runs for those before."""
         return self._changed_s is not None
+
+    def contains(self, points_ras: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of some points of the scene (N, 3) lie in the volume; all of them where there is none."""
+        node = self._parameters.volume
+        if node is None or self.content is None:
+            return np.ones(len(points_ras), dtype=bool)
+        return self.content.geometry.contains(world_to_local(node, points_ras))
 
     def open(self) -> bool:
         """Hand the volume over if it or what decides its features has changed; returns whether it has."""

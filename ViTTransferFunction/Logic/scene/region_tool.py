@@ -1,4 +1,4 @@
-"""Regions drawn in a slice view: the mouse, dragged with the left button held, draws a lasso or pulls up a box."""
+"""Regions drawn in a slice view: the mouse, dragged with the left button held, draws a lasso or a box."""
 
 from __future__ import annotations
 

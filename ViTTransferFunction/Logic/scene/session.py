@@ -19,8 +19,6 @@ import vtk
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
 from ..core.errors import InputError
-from ..core.geometry import transform_points
-from ..core.outline_points import points_within_outline
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
@@ -35,10 +33,11 @@ from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_tour import PointTour
 from .problems import Problems
+from .regions import SceneRegions
 from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
 from .surface_points import moved_inside, placed_in_3d_view
-from .volume import matrix_to_world, world_to_local
+from .volume import matrix_to_world
 from .volume_content import Frame
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
@@ -57,6 +56,7 @@ class SceneSession:
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
+        regions: adds the points of regions that the user encloses.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class SceneSession:
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
+        self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -185,20 +186,6 @@ class SceneSession:
     def select_class(self, id_: str) -> None:
         """Choose the class that is annotated."""
         self.parameters.set("selectedClass", id_)
-
-    def add_region(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
-        """Add a few points of the inside of an outline (N, 3), RAS millimetres, to a class: one step for undo.
-
-        Raises:
-            InputError: no point of it lies in the volume.
-        """
-        points = points_within_outline(outline_ras)
-        volume, content = self.parameters.volume, self._volume.content
-        if volume is not None and content is not None:
-            points = points[content.geometry.contains(world_to_local(volume, points))]
-        if not len(points):
-            raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
-        self.annotations.add_points(id_, points, positive)
 
     def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
@@ -320,10 +307,7 @@ class SceneSession:
         if volume is None or self._volume.content is None or not placed_in_3d_view(self._scene, self._app_logic):
             return point_ras
         visible = {state.id for state in self.classes if state.visible}
-        maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
-        local_ras = world_to_local(volume, point_ras)[0]
-        inside_ras = moved_inside(local_ras, maps)
-        return point_ras if inside_ras is local_ras else transform_points(matrix_to_world(volume), inside_ras)[0]
+        return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
 
     def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         if self._scene.IsBatchProcessing():

@@ -13,7 +13,7 @@ import slicer
 from scipy import ndimage
 
 from ..core.class_map import ClassMap, in_units_of
-from ..core.geometry import Box
+from ..core.geometry import Box, transform_points
 
 REACH_MM = 6.0
 """How far a point is moved at most; further where the map's cells are larger. About the size of a cell."""
@@ -29,18 +29,23 @@ def placed_in_3d_view(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLAppli
     return bool(crosshair.GetCursorPositionRAS(position)) and crosshair.GetCursorPositionXYZ(position) is None
 
 
-def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap]) -> np.ndarray:
+def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap], map_to_world: np.ndarray) -> np.ndarray:
     """A point on the surface of a class's map, moved to where the class is deepest nearby.
 
     Args:
-        point_ras: (3,) RAS millimetres in the frame of the maps.
+        point_ras: (3,) RAS millimetres in the scene.
         maps: of the classes whose surfaces are seen.
+        map_to_world: (4, 4), from the maps' frame to the scene's.
 
     Returns:
-        (3,) RAS millimetres; `point_ras` itself where it lies on no surface.
+        (3,) RAS millimetres in the scene; `point_ras` itself where it lies on no surface.
     """
-    nearby = [place for class_map in maps if (place := _deepest_nearby(point_ras, class_map)) is not None]
-    return min(nearby, key=lambda place: place[0])[1] if nearby else point_ras
+    local_ras = transform_points(np.linalg.inv(map_to_world), point_ras)[0]
+    nearby = [place for class_map in maps if (place := _deepest_nearby(local_ras, class_map)) is not None]
+    if not nearby:
+        return point_ras
+    _, deepest_ras = min(nearby, key=lambda place: place[0])
+    return transform_points(map_to_world, deepest_ras)[0]
 
 
 def _deepest_nearby(point_ras: np.ndarray, class_map: ClassMap) -> tuple[float, np.ndarray] | None:

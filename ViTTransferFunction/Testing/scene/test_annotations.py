@@ -79,22 +79,6 @@ def test_a_removed_class_comes_back_with_its_points_and_settings(session: SceneS
     assert [state.id for state in session.classes] == list(before)
 
 
-def test_a_region_is_a_few_points_of_its_inside_and_one_step(session: SceneSession) -> None:
-    state = session.annotations.add_class("liver")
-    square = np.array([[0.0, 5.0, 0.0], [40.0, 5.0, 0.0], [40.0, 5.0, 40.0], [0.0, 5.0, 40.0]])
-    session.add_region(state.id, square, positive=True)
-    session.add_region(state.id, square + np.array([100.0, 0.0, 0.0]), positive=False)
-    (state,) = session.classes
-    for points, left in ((state.positive, 0.0), (state.negative, 100.0)):
-        assert len(points) == 8
-        assert ((np.array(points) - [left, 5.0, 0.0])[:, [0, 2]] > 1.0).all()
-        assert ((np.array(points) - [left, 5.0, 0.0])[:, [0, 2]] < 39.0).all()
-    session.annotations.undo()
-    assert (len(session.classes[0].positive), session.classes[0].negative) == (8, ())
-    session.annotations.undo()
-    assert session.classes[0].positive == ()
-
-
 def names(session: SceneSession) -> list[str]:
     return [state.name for state in session.classes]
 

@@ -67,22 +67,6 @@ def test_segments_are_written_where_the_spheres_are(
         assert dice(mask, spheres[1] == int(name[-1])) > 0.9
 
 
-def test_of_a_region_that_leaves_the_volume_the_points_within_it_count(
-    session: SceneSession, spheres: tuple[Volume, np.ndarray]
-) -> None:
-    state = session.annotations.add_class("sphere")
-    geometry = spheres[0].geometry
-    # Half of it lies beside the voxels.
-    corners = geometry.ijk_to_ras_points(np.array([[-20.0, 5, 16], [20.0, 5, 16], [20.0, 35, 16], [-20.0, 35, 16]]))
-    session.add_region(state.id, corners, positive=True)
-    points = np.array(session.classes[0].positive)
-    assert 1 <= len(points) < 8
-    assert geometry.contains(points).all()
-    with pytest.raises(InputError, match="no part in the volume"):
-        session.add_region(state.id, corners - [500.0, 0.0, 0.0], positive=True)
-    assert len(session.classes[0].positive) == len(points)
-
-
 def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
+import numpy as np
 import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
@@ -103,7 +104,8 @@ def test_what_cannot_be_done_to_a_structure_cannot_be_pressed(widget: Any) -> No
     add_class(widget)
     assert [button.isEnabled() for button in buttons] == [True, False, False, True]
     enabled = {action.text() for action in table.actions() if action.isEnabled()}
-    assert enabled == {"Rename", "Duplicate", "Remove"}
+    from_markups = {"Points inside from a markup", "Points outside from a markup"}
+    assert enabled == {"Rename", "Duplicate", "Remove"} | from_markups
     assert table.contextMenuPolicy() == Qt.ContextMenuPolicy.ActionsContextMenu
 
 
@@ -142,6 +144,26 @@ def test_a_double_click_on_a_count_goes_from_point_to_point_of_that_kind(widget:
         assert centres() == [pytest.approx(expected)] * 3
     choose(widget, "Show next point")
     assert centres() == [pytest.approx(first)] * 3
+
+
+def test_points_come_from_a_markup_that_is_chosen_in_the_menu(widget: Any) -> None:
+    add_class(widget)
+    inside, outside = (action.menu() for action in widget.ui.classTable.actions() if action.menu())
+    inside.aboutToShow.emit()
+    (hint,) = inside.actions()
+    assert not hint.isEnabled()
+    assert "closed curve" in hint.text()
+    for name, size_mm in (("around the liver", 30.0), ("beside it", 60.0)):
+        box = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLMarkupsROINode", name)
+        box.SetCenter(0.0, 0.0, 0.0)
+        box.SetSize(size_mm, size_mm, size_mm)
+    for menu, entry in ((inside, 0), (outside, 1)):
+        menu.aboutToShow.emit()
+        assert [action.text() for action in menu.actions()] == ["around the liver", "beside it"]
+        menu.actions()[entry].trigger()
+    state = widget.panel.session.classes[0]
+    assert (len(state.positive), len(state.negative)) == (8, 8)
+    assert np.abs(np.array(state.positive)).max() < 15.0 < np.abs(np.array(state.negative)).max()
 
 
 def test_the_volume_is_shown_in_millilitres_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:

@@ -1,9 +1,10 @@
-"""Points inside an outline that somebody drew around a part of a structure."""
+"""Points inside a region that somebody drew in a structure: a handful of them, spread over it."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .geometry import transform_points
 from .spread_points import spread_points
 
 MOST_POINTS = 8
@@ -11,15 +12,16 @@ MOST_POINTS = 8
 CLOSEST_MM = 4.0
 """Nearer points would mostly lie in one feature cell, and say the same twice."""
 SHALLOWEST = 1 / 3
-"""Share of the outline's inner radius that points keep from it: lines are drawn roughly, and borders belong to both sides."""
+"""Share of a region's inner radius that points keep from its border: it is drawn roughly, and may touch the neighbours."""
 
 _CORNERS = 120
 _CANDIDATES = 40
-"""Along each edge of the outline's box: fine enough for narrow loops, and done in a few milliseconds."""
+_CANDIDATES_3D = 12
+"""Along each edge of a region: in the plane fine enough for narrow loops, and done in a few milliseconds."""
 
 
 def points_within_outline(outline_ras: np.ndarray) -> np.ndarray:
-    """A handful of points well inside a closed outline, spread over it.
+    """Points well inside a closed outline.
 
     Args:
         outline_ras: (N, 3) RAS millimetres, in one plane; its end is joined to its beginning. Where it crosses itself, whatever
@@ -33,18 +35,41 @@ def points_within_outline(outline_ras: np.ndarray) -> np.ndarray:
     low, high = outline.min(axis=0), outline.max(axis=0)
     if (high - low).min() < 1e-6:
         return np.empty((0, 3))
-    # Centres of a grid's fields.
-    steps = (np.arange(_CANDIDATES) + 0.5) / _CANDIDATES
-    candidates = low + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * (high - low)
+    candidates = low + _grid(_CANDIDATES, 2) * (high - low)
     inside = candidates[_winding(candidates, outline) != 0]
     if not len(inside):
         return np.empty((0, 3))
-    depth = _distance(inside, outline)
+    points_ras: np.ndarray = centre_ras + _chosen(inside, _distance(inside, outline)) @ axes
+    return points_ras
+
+
+def points_within_box(box_to_ras: np.ndarray, size_mm: np.ndarray) -> np.ndarray:
+    """Points well inside a box.
+
+    Args:
+        box_to_ras: (4, 4), from millimetres along the box's orthogonal axes, with its centre at 0, to RAS millimetres.
+        size_mm: (3,) lengths of its edges.
+
+    Returns:
+        (M, 3) RAS millimetres, 1 ≤ M ≤ `MOST_POINTS`.
+    """
+    candidates = (_grid(_CANDIDATES_3D, 3) - 0.5) * size_mm
+    depth = (0.5 * size_mm - np.abs(candidates)).min(axis=1)
+    return transform_points(box_to_ras, _chosen(candidates, depth))
+
+
+def _grid(count: int, dimensions: int) -> np.ndarray:
+    """Centres of the fields of a grid in [0, 1], `count` along each axis, (N, dimensions)."""
+    steps = (np.arange(count) + 0.5) / count
+    return np.stack(np.meshgrid(*[steps] * dimensions), axis=-1).reshape(-1, dimensions)
+
+
+def _chosen(inside: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """A few of the points (N, D), which lie inside by `depth` (N,): from the deepest on, and none that is shallow."""
     deep = depth >= SHALLOWEST * depth.max()
     inside, depth = inside[deep], depth[deep]
-    taken = inside[spread_points(inside, [int(depth.argmax())], MOST_POINTS, CLOSEST_MM)]
-    points_ras: np.ndarray = centre_ras + taken @ axes
-    return points_ras
+    chosen: np.ndarray = inside[spread_points(inside, [int(depth.argmax())], MOST_POINTS, CLOSEST_MM)]
+    return chosen
 
 
 def _plane(points_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,11 +1,11 @@
-"""Points inside an outline."""
+"""Points inside an outline or a box."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.outline_points import CLOSEST_MM, MOST_POINTS, points_within_outline
+from ViTTransferFunction.Logic.core.region_points import CLOSEST_MM, MOST_POINTS, points_within_box, points_within_outline
 
 OBLIQUE = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [0.0, 1.0, -1.0], [2.0, 0.0, 1.0]]))[0]
 """Three orthogonal axes of which none is the patient's."""
@@ -66,6 +66,16 @@ def test_the_points_of_a_rectangle_are_in_it_whatever_its_shape(box: tuple[float
     points = in_plane(points_within_outline(in_patient(corners)))[:, :2]
     assert ((points > 0.0) & (points < np.array(box))).all()
     assert np.ptp(points[:, 0]) > 0.6 * box[0]
+
+
+@pytest.mark.parametrize("size_mm", [(80.0, 40.0, 30.0), (100.0, 2.0, 2.0), (3.0, 3.0, 3.0)])
+def test_the_points_of_a_box_keep_from_its_faces_and_reach_to_its_ends(size_mm: tuple[float, float, float]) -> None:
+    box_to_ras = np.eye(4)
+    box_to_ras[:3, :3], box_to_ras[:3, 3] = OBLIQUE.T, AWAY_RAS
+    in_box = in_plane(points_within_box(box_to_ras, np.array(size_mm)))
+    assert 1 <= len(in_box) <= MOST_POINTS
+    assert (0.5 * np.array(size_mm) - np.abs(in_box)).min() >= min(size_mm) / 7.0
+    assert np.ptp(in_box[:, 0]) > 0.6 * size_mm[0] or len(in_box) == 1
 
 
 @pytest.mark.parametrize("outline", [np.zeros((1, 2)), np.zeros((5, 2)), np.array([[0.0, 0.0], [10.0, 10.0], [20.0, 20.0]])])

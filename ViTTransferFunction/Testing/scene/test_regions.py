@@ -1,0 +1,111 @@
+"""Regions become points of a class: outlines, closed curves and boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, put_under
+
+SQUARE = np.array([[0.0, 5.0, 0.0], [40.0, 5.0, 0.0], [40.0, 5.0, 40.0], [0.0, 5.0, 40.0]])
+
+
+@pytest.fixture
+def session(slicer_app: Any) -> Iterator[SceneSession]:
+    """A session with one class and without a volume, which starts no compute process."""
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    session.annotations.add_class("liver")
+    yield session
+    session.close()
+
+
+def points_of(session: SceneSession, positive: bool = True) -> np.ndarray:
+    (state,) = session.classes
+    return np.array(state.positive if positive else state.negative).reshape(-1, 3)
+
+
+def test_a_region_is_a_few_points_of_its_inside_and_one_step(session: SceneSession) -> None:
+    (state,) = session.classes
+    session.regions.add_outline(state.id, SQUARE, positive=True)
+    session.regions.add_outline(state.id, SQUARE + np.array([100.0, 0.0, 0.0]), positive=False)
+    for positive, left in ((True, 0.0), (False, 100.0)):
+        in_square = points_of(session, positive) - [left, 5.0, 0.0]
+        assert len(in_square) == 8
+        np.testing.assert_allclose(in_square[:, 1], 0.0, atol=1e-9)
+        assert ((in_square[:, [0, 2]] > 1.0) & (in_square[:, [0, 2]] < 39.0)).all()
+    session.annotations.undo()
+    assert (len(points_of(session)), len(points_of(session, positive=False))) == (8, 0)
+    session.annotations.undo()
+    assert len(points_of(session)) == 0
+
+
+def test_of_a_region_that_leaves_the_volume_the_points_within_it_count(slicer_app: Any, session: SceneSession) -> None:
+    geometry = Geometry((32, 40, 48), OBLIQUE)
+    volume = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.arange(np.prod(geometry.shape), dtype=np.int16).reshape(geometry.shape), OBLIQUE)
+    shift = np.eye(4)
+    shift[:3, 3] = [70.0, 0.0, -30.0]
+    put_under(volume, shift)
+    session.set_volume(volume)
+    (state,) = session.classes
+    # Half of it lies beside the voxels.
+    corners = geometry.ijk_to_ras_points(np.array([[-20.0, 5, 16], [20.0, 5, 16], [20.0, 35, 16], [-20.0, 35, 16]]))
+    session.regions.add_outline(state.id, corners + shift[:3, 3], positive=True)
+    points = points_of(session)
+    assert 1 <= len(points) < 8
+    assert geometry.contains(points - shift[:3, 3]).all()
+    with pytest.raises(InputError, match="no part in the volume"):
+        session.regions.add_outline(state.id, corners - [500.0, 0.0, 0.0], positive=True)
+    assert len(points_of(session)) == len(points)
+
+
+def add_curve(scene: Any, name: str, *points: np.ndarray) -> Any:
+    curve = scene.AddNewNodeByClass("vtkMRMLMarkupsClosedCurveNode", name)
+    for point in points:
+        curve.AddControlPointWorld(vtk.vtkVector3d(*point))
+    return curve
+
+
+def test_a_closed_curve_gives_points_of_its_inside_and_stays(slicer_app: Any, session: SceneSession) -> None:
+    curve = add_curve(slicer_app.scene, "around", *SQUARE)
+    assert session.regions.markups == {curve.GetID(): "around"}
+    session.regions.add_markup(session.classes[0].id, curve.GetID(), positive=False)
+    points = points_of(session, positive=False)
+    assert len(points) == 8
+    np.testing.assert_allclose(points[:, 1], 5.0, atol=1e-6)
+    # The curve bulges beyond its corners, which are 28 mm from the middle.
+    assert np.linalg.norm(points - [20.0, 5.0, 20.0], axis=1).max() < 28.0
+    assert curve.GetNumberOfControlPoints() == 4
+
+
+def test_a_box_gives_points_in_all_of_it_wherever_it_was_turned_to(slicer_app: Any, session: SceneSession) -> None:
+    box = slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode", "box")
+    size_mm = np.array([60.0, 30.0, 20.0])
+    box.SetSizeWorld(*size_mm)
+    box.SetCenterWorld(5.0, 6.0, 7.0)
+    turned = np.eye(4)
+    turned[:3, :3] = OBLIQUE[:3, :3] / np.linalg.norm(OBLIQUE[:3, :3], axis=0)
+    put_under(box, turned)
+    session.regions.add_markup(session.classes[0].id, box.GetID(), positive=True)
+    points = points_of(session)
+    in_box = points @ turned[:3, :3] - [5.0, 6.0, 7.0]
+    assert len(points) == 8
+    assert (np.abs(in_box) < 0.5 * size_mm - 2.0).all()
+    assert (np.ptp(in_box, axis=0) > 0.4 * size_mm).all()
+
+
+def test_only_markups_that_enclose_something_are_offered(slicer_app: Any, session: SceneSession) -> None:
+    add_curve(slicer_app.scene, "two points", *SQUARE[:2])
+    slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode", "not placed")
+    slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsCurveNode", "open")
+    hidden = add_curve(slicer_app.scene, "of another module", *SQUARE)
+    hidden.SetHideFromEditors(True)
+    assert session.regions.markups == {}
