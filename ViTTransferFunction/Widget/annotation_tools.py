@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 import slicer
 
 from ViTTransferFunction.Widget.place_mode import PlaceMode
-from ViTTransferFunction.Widget.section import Report, Section
+from ViTTransferFunction.Widget.section import Section
 from ViTTransferFunction.Widget.stroke_mode import StrokeMode
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "eraser"]
@@ -21,7 +22,7 @@ class AnnotationTools(Section):
         tool: the one in hand, or None.
     """
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
         super().__init__(ui, report)
         self.tool: Tool | None = None
         self._used_on: str | None = None

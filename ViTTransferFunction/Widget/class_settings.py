@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 
 class ClassSettings(Section):
     """Sliders and boxes; disabled while no class is selected."""
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
         super().__init__(ui, report)
         ui.opacitySlider.valueChanged.connect(self._on_opacity)
         ui.thresholdSlider.valueChanged.connect(self._on_threshold)

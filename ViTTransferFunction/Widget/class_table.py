@@ -11,7 +11,7 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState
-from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD = range(6)
 
@@ -25,7 +25,7 @@ class ClassTable(Section):
         on_added: called after a class was added and selected.
     """
 
-    def __init__(self, ui: Any, report: Report, on_added: Callable[[], None]) -> None:
+    def __init__(self, ui: Any, report: Callable[[str], None], on_added: Callable[[], None]) -> None:
         super().__init__(ui, report)
         self._on_added = on_added
         self._table = ui.classTable

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import slicer
@@ -9,13 +10,13 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.segments import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
-from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+from ViTTransferFunction.Widget.section import Section, signals_blocked
 
 
 class OutputSection(Section):
     """Selector of the segmentation, the button that writes, and its progress."""
 
-    def __init__(self, ui: Any, report: Report) -> None:
+    def __init__(self, ui: Any, report: Callable[[str], None]) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "segmentation")
         ui.segmentationSelector.setMRMLScene(slicer.mrmlScene)
