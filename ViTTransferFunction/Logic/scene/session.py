@@ -159,6 +159,7 @@ class SceneSession:
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
+        self._problems.solve("segments")
         self.parameters.set_reference("segmentation", node)
 
     @property
@@ -216,13 +217,13 @@ class SceneSession:
             self._problems.solve("computing")
         if error := self._proxy.take_error():
             self._problems.put("computing", error)
-        self._take_up_changes()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
             self._display.advance()
         if "labels" in events:
             self._write_labels()
+        self._take_up_changes()
         if events:
             self._notify()
 
@@ -245,7 +246,11 @@ class SceneSession:
         self._display.remove()
 
     def _on_annotations(self) -> None:
+        """The user went on, or took back what they did."""
         self._problems.solve("segments")
+        self._follow()
+
+    def _follow(self) -> None:
         self._ask_for_maps()
         self._show()
         self._notify()
@@ -256,7 +261,7 @@ class SceneSession:
         self._watch_volume()
         self._open_volume()
         self.annotations.refresh()
-        self._on_annotations()
+        self._follow()
 
     def _on_node_removed(self, caller: vtk.vtkObject, event: str) -> None:
         if not self._scene.IsBatchProcessing():
@@ -388,6 +393,9 @@ class SceneSession:
             if id_ in states
         ]
         if volume is None or not segments:
+            return
+        if self.volume_changed:
+            self._report("The image has changed meanwhile, so no segments were written. Create them again when it is ready.")
             return
         try:
             node = self.parameters.segmentation or self._new_segmentation(volume)
