@@ -303,7 +303,7 @@ class SceneSession:
     def _take_up_changes(self) -> None:
         """Hand other voxels over once they rest. What the user waits for is finished first: it is kept for its frame."""
         node = self.parameters.volume
-        if self._changed_s is None or self._proxy.progress is not None or node is None:
+        if self._changed_s is None or self.progress is not None or node is None:
             return
         if is_playing(node):
             self._changed_s = time.monotonic()
@@ -336,11 +336,16 @@ class SceneSession:
         """What the compute process has to know of each class that has a positive point in the volume."""
         node = self.parameters.volume
         self._outside = {}
-        if node is None or self._content is None:
+        geometry = self._geometry
+        if node is None or geometry is None:
             return []
-        geometry = self._content.geometry
         requests = [self._request(state, node, geometry) for state in self.classes]
         return [request for request in requests if request is not None]
+
+    @property
+    def _geometry(self) -> Geometry | None:
+        """Of the voxels that the compute process has."""
+        return self._content.geometry if self._content else None
 
     def _request(self, state: ClassState, node: slicer.vtkMRMLScalarVolumeNode, geometry: Geometry) -> ClassRequest | None:
         """In the volume's local frame, without the points beyond it; None where no positive one is left."""
