@@ -19,7 +19,7 @@ from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
-from ViTTransferFunction.Widget.pytorch_installation import PyTorchSection
+from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.volume_section import VolumeSection

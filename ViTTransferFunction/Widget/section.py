@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
-
-class Report(Protocol):
-    """Shows an error to the user, until `solved` says that its cause is gone; by default, until the user goes on."""
-
-    def __call__(self, message: str, solved: Callable[[], bool] | None = None) -> None:
-        """Show it."""
+Report = Callable[..., None]
+"""Shows an error to the user, `report(message)`, until they go on; `report(message, solved=…)`: until that says so."""
 
 
 class Section:

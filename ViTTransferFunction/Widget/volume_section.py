@@ -140,8 +140,8 @@ def status_text(session: SceneSession | None, phase: str) -> str:
 def points_beyond_text(name: str, count: int) -> str:
     """That points do not count."""
     if count == 1:
-        return _("⚠ {name}: 1 point lies outside the volume and does not count.").format(name=name)
-    return _("⚠ {name}: {count} points lie outside the volume and do not count.").format(name=name, count=count)
+        return _("⚠ {name}: 1 point outside the volume does not count.").format(name=name)
+    return _("⚠ {name}: {count} points outside the volume do not count.").format(name=name, count=count)
 
 
 def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:

@@ -78,12 +78,9 @@ class OpenedVolume:
         return self.open()
 
     def has_rested(self) -> bool:
-        """Whether it is time for `open_again`: other voxels have come to rest.
-
-        What the user waits for is finished first: it is kept for its frame.
-        """
+        """Whether it is time for `open_again`: other voxels have come to rest."""
         node = self._parameters.volume
-        if self._changed_s is None or self._proxy.progress is not None or node is None:
+        if self._changed_s is None or node is None:
             return False
         if is_playing(node):
             self._changed_s = time.monotonic()

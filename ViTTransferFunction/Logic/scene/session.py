@@ -170,6 +170,7 @@ class SceneSession:
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
+        self._problems.solve("segments")
         self.parameters.set_reference("segmentation", node)
 
     @property
@@ -261,8 +262,6 @@ class SceneSession:
         if "maps" in events:
             self._problems.solve("computing")
         self._take_problem()
-        if self._volume.has_rested():
-            self._on_opened(self._volume.open_again())
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
@@ -274,6 +273,9 @@ class SceneSession:
         writing = self._output.busy
         if "labels" in events or writing:
             self._advance_output()
+        # What the user waits for is finished first: it is kept for its frame.
+        if self.progress is None and self._volume.has_rested():
+            self._on_opened(self._volume.open_again())
         if events or writing or segments_changed:
             self._notify()
 
@@ -296,7 +298,11 @@ class SceneSession:
         self._display.remove()
 
     def _on_annotations(self) -> None:
+        """The user went on, or took back what they did."""
         self._problems.solve("segments")
+        self._follow()
+
+    def _follow(self) -> None:
         self._ask_for_maps()
         self._show()
         self._notify()
@@ -322,7 +328,7 @@ class SceneSession:
             self._output.cancel()
         self._take_problem()
         self.annotations.refresh()
-        self._on_annotations()
+        self._follow()
 
     def _on_node_removed(self, caller: vtk.vtkObject, event: str) -> None:
         if not self._scene.IsBatchProcessing():
@@ -399,9 +405,14 @@ class SceneSession:
 
     def _advance_output(self) -> None:
         """Take labels in that have arrived, or go on to turn them into segments."""
+        arrived, self._proxy.labels = self._proxy.labels, None
+        if self.volume_changed:
+            self._output.cancel()
+            self._report("The image has changed meanwhile, so no segments were written. Create them again when it is ready.")
+            return
         try:
-            if self._proxy.labels is not None:
-                (labels, ids), self._proxy.labels = self._proxy.labels, None
+            if arrived is not None:
+                labels, ids = arrived
                 self._output.write(labels, ids, self._corrections)
             else:
                 self._output.advance()

@@ -147,6 +147,18 @@ def test_segments_are_not_made_of_a_frame_that_is_gone(session: SceneSession, se
     assert session.parameters.segmentation is None
 
 
+def test_a_frame_that_is_left_while_segments_are_computed_is_not_written_over_another(
+    session: SceneSession, sequence: Sequence, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    session.write_segments()
+    sequence.show(2)
+    session.wait()
+    assert "no segments were written" in (session.take_error() or "")
+    assert session.parameters.segmentation is None
+    assert session.frame == Frame(2, 2)
+
+
 def test_voxels_that_a_user_edits_are_noticed(session: SceneSession, sequence: Sequence) -> None:
     slicer.util.arrayFromVolume(sequence.volume)[:4] = -1000.0
     slicer.util.arrayFromVolumeModified(sequence.volume)

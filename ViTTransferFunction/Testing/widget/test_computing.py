@@ -76,6 +76,17 @@ def test_an_error_is_shown_once_in_the_panel(widget: Any, slicer_app: Any, spher
     assert not widget.ui.messageFrame.isVisible()
 
 
+def test_an_error_of_a_volume_goes_with_it(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
+    constant = add_volume(slicer_app.scene, spheres[0])
+    slicer.util.arrayFromVolume(constant)[:] = 7
+    widget.ui.volumeSelector.setCurrentNode(constant)
+    wait_until(lambda: widget.ui.messageFrame.isVisible())
+    slicer.util.arrayFromVolume(constant)[0] = 8
+    slicer.util.arrayFromVolumeModified(constant)
+    wait_until(lambda: not widget.ui.messageFrame.isVisible())
+    wait_until(lambda: widget.panel.session.phase == "no features")
+
+
 @pytest.mark.slow
 def test_the_threshold_is_automatic_until_it_is_touched_and_can_become_so_again(ready: Any, spheres: Spheres) -> None:
     ui, session = ready.ui, ready.panel.session

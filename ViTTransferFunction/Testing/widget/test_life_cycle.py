@@ -97,25 +97,37 @@ def test_the_self_test_is_skipped_without_pytorch_and_says_so(tmp_path: Path) ->
 
 @pytest.fixture
 def no_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever opens an address does not get there; SampleData looks for the first of no nodes then."""
+    """Whoever opens an address does not get there."""
 
     def unreachable(*args: Any, **kwargs: Any) -> None:
         raise urllib.error.URLError("no route to host")
 
     monkeypatch.setattr(urllib.request, "urlopen", unreachable)
+
+
+@pytest.fixture
+def no_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slicer's module SampleData looks for the first of no nodes where it cannot download any."""
     monkeypatch.setattr(sample_data, "downloadSample", lambda name: [][0])
 
 
 def test_the_self_test_is_skipped_without_a_network_and_says_so(
-    widget: Any, no_network: None, capsys: pytest.CaptureFixture[str]
+    widget: Any, no_network: None, no_data: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
     verdict = run_self_test(capsys)
     assert verdict.startswith("VITTF SELF-TEST SKIPPED: https://github.com/Slicer/SlicerTestingData")
     assert "no route to host" in verdict
 
 
+def test_the_self_test_is_skipped_where_weights_cannot_be_downloaded(
+    widget: Any, no_network: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(type(widget.panel.session), "start_extraction", lambda session: None)
+    assert run_self_test(capsys).startswith("VITTF SELF-TEST SKIPPED: https://dl.fbaipublicfiles.com")
+
+
 def test_the_self_test_fails_where_the_network_is_there_and_the_data_is_not(
-    widget: Any, no_network: None, monkeypatch: pytest.MonkeyPatch
+    widget: Any, no_data: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*args: Any, **kwargs: Any) -> None:
         raise urllib.error.HTTPError("https://github.com", 404, "Not Found", {}, None)  # type: ignore[arg-type]

@@ -158,9 +158,9 @@ def test_points_beyond_the_volume_are_told_until_they_are_gone(ready: Any, spher
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     assert not label.isVisible()
     place(ready, (1000.0, 0.0, 0.0))
-    assert label.text() == "⚠ liver: 1 point lies outside the volume and does not count."
+    assert label.text() == "⚠ liver: 1 point outside the volume does not count."
     place(ready, (2000.0, 0.0, 0.0))
-    assert label.text() == "⚠ liver: 2 points lie outside the volume and do not count."
+    assert label.text() == "⚠ liver: 2 points outside the volume do not count."
     assert label.isVisible()
     ready.ui.removeLastButton.click()
     ready.ui.removeLastButton.click()
