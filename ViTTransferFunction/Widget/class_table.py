@@ -51,6 +51,7 @@ class ClassTable(Section):
                 self._fill(row, state)
                 if selected is not None and state.id == selected.id and self._table.currentRow() != row:
                     self._table.selectRow(row)
+        self._make_room_for_headers()
         self.ui.addClassButton.enabled = session is not None
 
     def add(self) -> None:
@@ -64,6 +65,12 @@ class ClassTable(Section):
         if self.session is not None and self.session.classes:
             row = (self._table.currentRow() + step) % len(self.session.classes)
             self.session.select_class(self.session.classes[row].id)
+
+    def _make_room_for_headers(self) -> None:
+        """Have the panel at least so wide that no header is cut off; the one of names would, which takes what is left."""
+        header = self._table.horizontalHeader()
+        widths = [header.sectionSizeHint(column) for column in range(self._table.columnCount)]
+        self._table.minimumWidth = sum(widths) + self._table.verticalScrollBar().sizeHint.width() + 2 * self._table.frameWidth
 
     def _fill(self, row: int, state: ClassState) -> None:
         color = self._item(row, COLOR)

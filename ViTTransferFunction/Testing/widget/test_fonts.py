@@ -57,6 +57,7 @@ def test_the_tables_headers_and_rows_are_as_large_as_their_letters(in_large_lett
     assert table.rowHeight(0) >= table.fontMetrics().height()
     for column, text in enumerate(("", "Name der Struktur", "Anzeigen", "+", "−", "Schwellenwert")):
         table.horizontalHeaderItem(column).setText(text)
+    in_large_letters.panel.refresh()
     fit(host)
     assert clipped_columns(table) == []
 
