@@ -10,11 +10,10 @@ import slicer
 import vtk
 
 from ..core.colors import Color
+from .view_mouse import ViewMouse
 
 Shape = Literal["lasso", "box"]
 
-_ABORT_PRIORITY = 100.0
-"""Before the view's own interaction, which must not pan or adjust the window while the user draws."""
 _STEP_PIXELS = 3.0
 """Corners of a lasso are this far apart."""
 _SMALLEST_PIXELS = 5.0
@@ -42,58 +41,52 @@ class RegionTool:
         color: Color,
         on_region: Callable[[np.ndarray], None],
     ) -> None:
-        self._interactor = interactor
-        self._slice_node = slice_node
+        self._mouse = ViewMouse(interactor, slice_node)
         self._shape = shape
         self._on_region = on_region
         self._draw = draw
-        self._tags: list[int] = []
         self._path: list[tuple[float, float]] = []
         self._line = _Line(color)
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""
-        if self._tags:
-            return
-        for event, react in (
-            (vtk.vtkCommand.LeftButtonPressEvent, self._press),
-            (vtk.vtkCommand.MouseMoveEvent, self._move),
-            (vtk.vtkCommand.LeftButtonReleaseEvent, self._release),
-        ):
-            self._tags.append(self._interactor.AddObserver(event, react, _ABORT_PRIORITY))
+        if not self._mouse.listens:
+            self._mouse.listen({
+                vtk.vtkCommand.LeftButtonPressEvent: self._press,
+                vtk.vtkCommand.MouseMoveEvent: self._move,
+                vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+            })  # fmt: skip
 
     def deactivate(self) -> None:
         """Leave the mouse to the view; what is being drawn is given up."""
-        for tag in self._tags:
-            self._interactor.RemoveObserver(tag)
-        self._tags.clear()
+        self._mouse.stop()
         self._end()
 
-    def _press(self, caller: vtk.vtkObject, event: str) -> None:
-        self._path = [self._position()]
-        self._line.add_to(self._interactor.FindPokedRenderer(*self._interactor.GetEventPosition()))
-        self._keep_from_view(caller)
+    def _press(self) -> bool:
+        self._path = [self._mouse.position]
+        self._line.add_to(self._mouse.renderer)
+        return True
 
-    def _move(self, caller: vtk.vtkObject, event: str) -> None:
+    def _move(self) -> bool:
         if not self._path:
-            return
-        position = self._position()
+            return False
+        position = self._mouse.position
         if self._shape == "box":
             self._path = [self._path[0], position]
         elif np.hypot(*np.subtract(position, self._path[-1])) >= _STEP_PIXELS:
             self._path.append(position)
         self._line.show(self._outline())
         self._draw()
-        self._keep_from_view(caller)
+        return True
 
-    def _release(self, caller: vtk.vtkObject, event: str) -> None:
+    def _release(self) -> bool:
         if not self._path:
-            return
+            return False
         outline = self._outline()
         self._end()
         if np.ptp(outline, axis=0).max() >= _SMALLEST_PIXELS:
-            self._on_region(self._in_patient(outline))
-        self._keep_from_view(caller)
+            self._on_region(np.array([self._mouse.in_patient((x, y)) for x, y in outline.tolist()]))
+        return True
 
     def _end(self) -> None:
         if self._path:
@@ -101,26 +94,12 @@ class RegionTool:
             self._line.remove()
             self._draw()
 
-    def _position(self) -> tuple[float, float]:
-        x, y = self._interactor.GetEventPosition()
-        return float(x), float(y)
-
     def _outline(self) -> np.ndarray:
         """Corners of the region, (N, 2) pixels of the view."""
         if self._shape == "lasso":
             return np.array(self._path)
         (left, bottom), (right, top) = self._path[0], self._path[-1]
         return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
-
-    def _in_patient(self, outline: np.ndarray) -> np.ndarray:
-        to_ras = self._slice_node.GetXYToRAS()
-        return np.array([to_ras.MultiplyPoint((x, y, 0.0, 1.0))[:3] for x, y in outline])
-
-    def _keep_from_view(self, caller: vtk.vtkObject) -> None:
-        for tag in self._tags:
-            command = caller.GetCommand(tag)
-            if command is not None:
-                command.SetAbortFlag(1)
 
 
 class _Line:

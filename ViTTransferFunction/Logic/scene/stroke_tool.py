@@ -9,9 +9,7 @@ import slicer
 import vtk
 
 from .brush_circle import BrushCircle
-
-_ABORT_PRIORITY = 100.0
-"""Before the view's own interaction, which must not pan or adjust the window while the user paints."""
+from .view_mouse import ViewMouse
 
 
 class StrokeTool:
@@ -35,37 +33,32 @@ class StrokeTool:
         radius_mm: float,
         on_point: Callable[[np.ndarray, bool], None],
     ) -> None:
-        self._interactor = interactor
+        self._mouse = ViewMouse(interactor, slice_node)
         self._slice_node = slice_node
         self._draw = draw
         self._step_mm = step_mm
         self._radius_mm = radius_mm
         self._on_point = on_point
-        self._tags: list[int] = []
         self._slice_tag = 0
         self._circle: BrushCircle | None = None
         self._last_ras: np.ndarray | None = None
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""
-        if self._tags:
+        if self._mouse.listens:
             return
-        for event, react in (
-            (vtk.vtkCommand.LeftButtonPressEvent, self._press),
-            (vtk.vtkCommand.MouseMoveEvent, self._move),
-            (vtk.vtkCommand.LeftButtonReleaseEvent, self._release),
-            (vtk.vtkCommand.LeaveEvent, self._leave),
-        ):
-            self._tags.append(self._interactor.AddObserver(event, react, _ABORT_PRIORITY))
+        self._mouse.listen({
+            vtk.vtkCommand.LeftButtonPressEvent: self._press,
+            vtk.vtkCommand.MouseMoveEvent: self._move,
+            vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+            vtk.vtkCommand.LeaveEvent: self._leave,
+        })  # fmt: skip
         self._slice_tag = self._slice_node.AddObserver(vtk.vtkCommand.ModifiedEvent, self._on_slice)
-        renderer = self._interactor.GetRenderWindow().GetRenderers().GetFirstRenderer()
-        self._circle = BrushCircle(renderer, self._slice_node, self._radius_mm)
+        self._circle = BrushCircle(self._mouse.renderer, self._slice_node, self._radius_mm)
 
     def deactivate(self) -> None:
         """Leave the mouse to the view."""
-        for tag in self._tags:
-            self._interactor.RemoveObserver(tag)
-        self._tags.clear()
+        self._mouse.stop()
         self._last_ras = None
         if self._circle is not None:
             self._slice_node.RemoveObserver(self._slice_tag)
@@ -73,28 +66,27 @@ class StrokeTool:
             self._circle = None
             self._draw()
 
-    def _press(self, caller: vtk.vtkObject, event: str) -> None:
+    def _press(self) -> bool:
         self._leave_point(continued=False)
-        self._keep_from_view(caller)
+        return True
 
-    def _move(self, caller: vtk.vtkObject, event: str) -> None:
+    def _move(self) -> bool:
         self._move_circle()
         if self._last_ras is None:
-            return
+            return False
         if np.linalg.norm(self._position_ras() - self._last_ras) >= self._step_mm:
             self._leave_point(continued=True)
-        self._keep_from_view(caller)
+        return True
 
-    def _release(self, caller: vtk.vtkObject, event: str) -> None:
-        if self._last_ras is None:
-            return
-        self._last_ras = None
-        self._keep_from_view(caller)
+    def _release(self) -> bool:
+        painting, self._last_ras = self._last_ras is not None, None
+        return painting
 
-    def _leave(self, caller: vtk.vtkObject, event: str) -> None:
+    def _leave(self) -> bool:
         if self._circle is not None:
             self._circle.hide()
             self._draw()
+        return False
 
     def _on_slice(self, caller: vtk.vtkObject, event: str) -> None:
         if self._circle is not None:
@@ -102,7 +94,7 @@ class StrokeTool:
 
     def _move_circle(self) -> None:
         if self._circle is not None:
-            self._circle.move_to(*self._interactor.GetEventPosition())
+            self._circle.move_to(*self._mouse.position)
             self._draw()
 
     def _leave_point(self, continued: bool) -> None:
@@ -110,11 +102,4 @@ class StrokeTool:
         self._on_point(self._last_ras[None], continued)
 
     def _position_ras(self) -> np.ndarray:
-        x, y = self._interactor.GetEventPosition()
-        return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((float(x), float(y), 0.0, 1.0))[:3])
-
-    def _keep_from_view(self, caller: vtk.vtkObject) -> None:
-        for tag in self._tags:
-            command = caller.GetCommand(tag)
-            if command is not None:
-                command.SetAbortFlag(1)
+        return self._mouse.in_patient(self._mouse.position)

@@ -1,0 +1,74 @@
+"""The mouse in a slice view, for tools that take it from the view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import slicer
+import vtk
+
+Reaction = Callable[[], bool]
+"""Does what an event calls for, and returns whether the view must not get it."""
+
+_PRIORITY = 100.0
+"""Before the view's own interaction, which must not pan or adjust the window while the user paints or draws."""
+
+
+class ViewMouse:
+    """Listens to the mouse in one slice view.
+
+    Args:
+        interactor: of the view's render window.
+        slice_node: says where the view lies in the patient.
+    """
+
+    def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode) -> None:
+        self._interactor = interactor
+        self._slice_node = slice_node
+        self._tags: list[int] = []
+
+    @property
+    def listens(self) -> bool:
+        """Whether it does."""
+        return bool(self._tags)
+
+    def listen(self, reactions: Mapping[int, Reaction]) -> None:
+        """Have each of VTK's events reacted to, until `stop`."""
+        self._tags = [
+            self._interactor.AddObserver(event, self._observer(react), _PRIORITY) for event, react in reactions.items()
+        ]
+
+    def stop(self) -> None:
+        """Leave the mouse to the view."""
+        for tag in self._tags:
+            self._interactor.RemoveObserver(tag)
+        self._tags = []
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Where the mouse is, in pixels from the view's lower left."""
+        x, y = self._interactor.GetEventPosition()
+        return float(x), float(y)
+
+    def in_patient(self, position: tuple[float, float]) -> np.ndarray:
+        """(3,) RAS millimetres of a position in the view."""
+        return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((*position, 0.0, 1.0))[:3])
+
+    @property
+    def renderer(self) -> vtk.vtkRenderer:
+        """What draws the view."""
+        return self._interactor.GetRenderWindow().GetRenderers().GetFirstRenderer()
+
+    def _observer(self, react: Reaction) -> Callable[[vtk.vtkObject, str], None]:
+        def observe(caller: vtk.vtkObject, event: str) -> None:
+            if react():
+                self._keep_from_view(caller)
+
+        return observe
+
+    def _keep_from_view(self, caller: vtk.vtkObject) -> None:
+        for tag in self._tags:
+            command = caller.GetCommand(tag)
+            if command is not None:
+                command.SetAbortFlag(1)
