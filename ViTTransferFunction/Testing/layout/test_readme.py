@@ -65,6 +65,13 @@ def test_every_picture_is_there_and_every_one_that_is_there_is_shown() -> None:
     assert len(shown) == len(drawn), "a picture is shown twice"
 
 
+def test_the_three_clicks_move_and_begin_again() -> None:
+    image = pytest.importorskip("PIL.Image")
+    with image.open(ROOT / "Screenshots" / "three_clicks.gif") as animation:
+        assert animation.n_frames > 20
+        assert animation.info["loop"] == 0
+
+
 def test_the_pictures_are_quickly_loaded() -> None:
     assert sum(path.stat().st_size for path in (ROOT / "Screenshots").iterdir()) < MOST_BYTES
 
@@ -78,7 +85,8 @@ def test_the_agreement_under_each_picture_is_the_one_that_was_measured_when_it_w
 
 
 def test_every_link_to_a_file_or_heading_leads_somewhere() -> None:
-    headings = {re.sub(r"[^\w -]", "", line.lower()).strip().replace(" ", "-") for line in README.splitlines() if line[:1] == "#"}
+    titles = [line.lower() for line in README.splitlines() if line.startswith("#")]
+    headings = {re.sub(r"[^\w -]", "", title).strip().replace(" ", "-") for title in titles}
     for target in re.findall(r"(?<!!)\[[^\]]+\]\(([^)]+)\)", README):
         path, _, anchor = target.partition("#")
         if path and not path.startswith("http"):

@@ -38,19 +38,19 @@ def captioned(text: str, picture: np.ndarray) -> np.ndarray:
 def save_small(picture: np.ndarray, path: Path) -> None:
     """Write a PNG of 256 colours, a third of the size of one of all colours."""
     image = Image.fromarray(picture)
-    image.quantize(palette=palette_of(picture), dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
+    image.quantize(palette=palette_of(picture), dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def palette_of(picture: np.ndarray) -> Image.Image:
-    """256 colours for a picture: greys from black to white, and the others by what there is.
+    """256 colours for a picture: greys from black to white, and others that are near to every colour that there is.
 
-    Each of the picture's colours counts once, since there is much more grey tissue than coloured surface.
+    By how often colours occur, all would go to the grey of tissue, and none to the shades of a small surface.
     """
     every = np.unique(picture.reshape(-1, 3), axis=0)
     colored = every[np.ptp(every.astype(int), axis=1) > _GREYEST]
     palette = np.repeat(np.rint(np.linspace(0, 255, _GREYS)).astype(np.uint8), 3).tolist()
     if len(colored):
-        found = Image.fromarray(colored[None]).quantize(256 - _GREYS, method=Image.Quantize.MEDIANCUT)
+        found = Image.fromarray(colored[None]).quantize(256 - _GREYS, method=Image.Quantize.MAXCOVERAGE)
         palette += found.getpalette()[: 3 * (256 - _GREYS)]
     image = Image.new("P", (1, 1))
     image.putpalette(palette)
