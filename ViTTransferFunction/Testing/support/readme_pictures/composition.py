@@ -38,7 +38,7 @@ def captioned(text: str, picture: np.ndarray) -> np.ndarray:
 def save_small(picture: np.ndarray, path: Path) -> None:
     """Write a PNG of 256 colours, a third of the size of one of all colours."""
     image = Image.fromarray(picture)
-    image.quantize(palette=palette_of(picture), dither=Image.Dither.NONE).save(path, optimize=True)
+    image.quantize(palette=palette_of(picture), dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
 
 
 def palette_of(picture: np.ndarray) -> Image.Image:
