@@ -19,7 +19,7 @@ from ViTTransferFunction.Testing.support.readme_pictures.scans import ABDOMEN_CT
 from ViTTransferFunction.Testing.support.scenes import segment_masks
 
 ANNOTATIONS = Path(__file__).parents[3] / "Resources" / "Annotations"
-VIEW = 440
+VIEW = 475
 PANEL_HEIGHT = 2 * VIEW + 2
 STEP_VIEW = 400
 TURNS = 16
