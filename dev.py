@@ -4,7 +4,7 @@
     python dev.py test     run the tests; `--quick` leaves out the slow ones; further arguments go to pytest
     python dev.py lint     check style and types
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
-    python dev.py screenshots    draw the Slicer module's panel and views; arguments go to it, `--help` names them
+    python dev.py screenshots    draw the pictures of the README; arguments go to it, `--help` names them
     python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
 
 Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt.
@@ -74,9 +74,9 @@ def bench(arguments: list[str]) -> int:
 
 
 def screenshots(arguments: list[str]) -> int:
-    """Draw the Slicer module."""
+    """Draw the pictures of the README."""
     set_up("test")
-    return run("-m", "ViTTransferFunction.Testing.support.screenshots", *arguments)
+    return run("-m", "ViTTransferFunction.Testing.support.readme_pictures.run", *arguments)
 
 
 def rooms(arguments: list[str]) -> int:

@@ -56,6 +56,14 @@ class ViTTransferFunction(ScriptedLoadableModule):
             "Transfer Function Design, IEEE TVCG 2024."
         )
         slicer.app.connect("startupCompleted()", register_sample_data)
+        slicer.app.connect("startupCompleted()", _register_tutorial_data)
+
+
+def _register_tutorial_data() -> None:
+    """Offer the scans of the README's tutorials in the module Sample Data."""
+    from ViTTransferFunction.Widget.tutorial_data import register_tutorial_data
+
+    register_tutorial_data()
 
 
 class ViTTransferFunctionLogic(ScriptedLoadableModuleLogic):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -185,8 +186,19 @@ def test_a_saved_scene_brings_everything_back(widget: Any, volume: Any, tmp_path
 def test_sample_data_is_offered_with_its_checksum(host: Host) -> None:
     import SampleData
 
-    (source,) = SampleData.SampleDataLogic.sources
+    (source,) = (source for source in SampleData.SampleDataLogic.sources if source["nodeNames"] == "CTChest")
     assert source["uris"].endswith(source["checksums"].removeprefix("SHA256:"))
+
+
+def test_the_scans_of_the_tutorials_are_offered_at_one_commit_with_their_checksums(host: Host) -> None:
+    import SampleData
+
+    sources = {source["sampleName"]: source for source in SampleData.SampleDataLogic.sources}
+    for name in ("TorsoCT", "BrainMR"):
+        assert re.fullmatch(r"https://raw\.githubusercontent\.com/\w+/\w+/[0-9a-f]{40}/\S+", sources[name]["uris"])
+        assert re.fullmatch(r"SHA256:[0-9a-f]{64}", sources[name]["checksums"])
+        assert sources[name]["fileNames"].rpartition(".")[2] == sources[name]["uris"].rpartition(".")[2]
+        assert sources[name]["category"] == sources["ViTTransferFunctionChestCT"]["category"]
 
 
 @pytest.mark.parametrize(

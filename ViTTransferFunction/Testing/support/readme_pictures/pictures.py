@@ -1,0 +1,164 @@
+"""What is to be seen on each picture: the opening, three clicks that move, and the steps of the two tutorials."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from Benchmarks.shared.segmentation_metrics import dice
+from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, read_annotations
+from ViTTransferFunction.Testing.support.readme_pictures.animation import Animation
+from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, column, row, save_small
+from ViTTransferFunction.Testing.support.readme_pictures.desk import Desk
+from ViTTransferFunction.Testing.support.readme_pictures.scans import ABDOMEN_CT, BRAIN, TORSO, Scan
+from ViTTransferFunction.Testing.support.scenes import segment_masks
+
+ANNOTATIONS = Path(__file__).parents[3] / "Resources" / "Annotations"
+VIEW = 475
+PANEL_HEIGHT = 2 * VIEW + 2
+STEP_VIEW = 400
+TURNS = 16
+START = -0.3
+CLICKS_LOOK = replace(ABDOMEN_CT.look, width_mm=360.0, centre_3d_ras=(8.0, -245.0, 1150.0), height_3d_mm=300.0)
+
+Dice = dict[str, float]
+
+
+def opening(data: Path, out: Path) -> Dice:
+    """The panel and four views with six organs."""
+    desk, classes = _ready_desk(ABDOMEN_CT, "amos_0336.json", data)
+    desk.annotate(classes)
+    desk.session.select_class(desk.session.classes[0].id)
+    desk.look_at(classes[0].request.positive[0])
+    desk.settle()
+    save_small(_panel_and_views(desk), out / "module.png")
+    return _finish(desk, ABDOMEN_CT, data)
+
+
+def three_clicks(data: Path, out: Path) -> Dice:
+    """Three organs, one click each, as they happen."""
+    desk, classes = _ready_desk(ABDOMEN_CT, "amos_0336_three_clicks.json", data)
+    desk.look = CLICKS_LOOK
+    desk.look_at(classes[0].request.positive[0])
+    size = STEP_VIEW
+    animation = Animation(pointer=(size * 0.55, size * 0.9))
+
+    def frame(text: str) -> np.ndarray:
+        return captioned(text, row(desk.view("axial", size, size), desk.view("3d", size, size)))
+
+    animation.show(frame("Three clicks on an abdominal CT"), 1200)
+    for number, given in enumerate(classes, start=1):
+        text = f"Click {number}: {given.name}"
+        place = given.request.positive[0]
+        id_ = desk.add_structure(given)
+        desk.settle()
+        before = frame(text)
+        x, y = desk.place_in_view("axial", size, size, place)
+        target = x, y + len(before) - size
+        animation.move(before, target)
+        animation.click(before)
+        desk.click(id_, place, positive=True)
+        desk.until(lambda id_=id_: desk.session.chosen_iso(id_) is not None)
+        animation.show(frame(text), 400)
+        desk.settle()
+        animation.show(frame(text), 1300)
+    for turn in np.linspace(0.0, 2.0 * np.pi, TURNS + 1)[1:]:
+        desk.look = replace(desk.look, from_ras=(np.sin(turn + START), np.cos(turn + START), 0.1))
+        animation.show(frame("Three organs, one click each"), 120)
+    animation.show(frame("Three organs, one click each"), 2500)
+    animation.save(out / "three_clicks.gif")
+    return _finish(desk, ABDOMEN_CT, data)
+
+
+def estimate(data: Path, out: Path) -> Dice:
+    """The tutorial's first step: the panel says what the features of the torso CT will cost."""
+    with tempfile.TemporaryDirectory() as folder:
+        # An empty cache, as the reader has it.
+        os.environ["VITTF_CACHE"] = folder
+        desk = Desk(TORSO.read(data), TORSO.look)
+        desk.settle()
+        desk.look_at((98.0, 164.0, 394.0))
+        save_small(row(desk.panel(STEP_VIEW), desk.view("axial", STEP_VIEW, STEP_VIEW)), out / "ct_1_compute_features.png")
+        desk.close()
+    return {}
+
+
+def ct_tutorial(data: Path, out: Path) -> Dice:
+    """The steps of the tutorial on the torso CT."""
+    desk, classes = _ready_desk(TORSO, "torso_ct.json", data)
+    liver, others = classes[0], classes[1:]
+    first, *further = liver.request.positive
+    id_ = desk.add_structure(liver)
+    desk.click(id_, first, positive=True)
+    desk.look_at(first)
+    desk.settle()
+    save_small(_views_in_a_row(desk), out / "ct_2_first_click.png")
+    for point in further:
+        desk.click(id_, point, positive=True)
+    desk.settle()
+    save_small(_views_in_a_row(desk), out / "ct_3_liver.png")
+    desk.annotate(others)
+    desk.look_at(others[2].request.positive[0])
+    desk.settle()
+    save_small(_panel_and_views(desk), out / "ct_4_all_structures.png")
+    desk.create_segments()
+    desk.session.parameters.set("rendering", "off")
+    desk.session.parameters.set("overlayVisible", False)
+    desk.settle()
+    save_small(_views_in_a_row(desk), out / "ct_5_segments.png")
+    return _finish(desk, TORSO, data)
+
+
+def mr_tutorial(data: Path, out: Path) -> Dice:
+    """The steps of the tutorial on the brain MR."""
+    desk, classes = _ready_desk(BRAIN, "brain_mr.json", data)
+    first, *others = classes
+    desk.annotate([first])
+    desk.look_at(first.request.positive[0])
+    desk.settle()
+    save_small(_views_in_a_row(desk), out / "mr_1_ventricles.png")
+    desk.annotate(others)
+    desk.look_at(others[0].request.positive[0])
+    desk.settle()
+    save_small(_panel_and_views(desk), out / "mr_2_all_structures.png")
+    return _finish(desk, BRAIN, data)
+
+
+DRAWINGS: dict[str, Callable[[Path, Path], Dice]] = {
+    "opening": opening,
+    "clicks": three_clicks,
+    "estimate": estimate,
+    "ct": ct_tutorial,
+    "mr": mr_tutorial,
+}
+
+
+def _ready_desk(scan: Scan, annotations: str, data: Path) -> tuple[Desk, Sequence[AnnotatedClass]]:
+    """A desk with computed features, and what is to be annotated."""
+    volume = scan.read(data)
+    desk = Desk(volume, scan.look)
+    desk.compute_features()
+    return desk, read_annotations(ANNOTATIONS / annotations, volume.geometry)
+
+
+def _panel_and_views(desk: Desk) -> np.ndarray:
+    upper = row(desk.view("axial", VIEW, VIEW), desk.view("3d", VIEW, VIEW))
+    lower = row(desk.view("coronal", VIEW, VIEW), desk.view("sagittal", VIEW, VIEW))
+    return row(desk.panel(PANEL_HEIGHT), column(upper, lower))
+
+
+def _views_in_a_row(desk: Desk) -> np.ndarray:
+    return row(*(desk.view(name, STEP_VIEW, STEP_VIEW) for name in ("axial", "coronal", "3d")))
+
+
+def _finish(desk: Desk, scan: Scan, data: Path) -> Dice:
+    """How well the segments agree with the labels that come with the scan."""
+    segmentation = desk.session.parameters.segmentation or desk.create_segments()
+    masks = segment_masks(segmentation, desk.session.parameters.volume)
+    desk.close()
+    return {name: round(dice(masks[name], truth), 2) for name, truth in scan.truth(data).items() if name in masks}
