@@ -136,6 +136,10 @@ class Desk:
             slicer.app.processEvents()
             time.sleep(0.01)
 
+    def wait_for_map(self, id_: str) -> None:
+        """Let the panel work until a structure has its first map."""
+        self.until(lambda: self.session.chosen_iso(id_) is not None)
+
     def panel(self, height: int) -> np.ndarray:
         """The panel from its top, (H, W, 3) uint8."""
         self._host.window.resize(PANEL_WIDTH, height)
