@@ -51,7 +51,7 @@ def palette_of(picture: np.ndarray) -> Image.Image:
     palette = np.repeat(np.rint(np.linspace(0, 255, _GREYS)).astype(np.uint8), 3).tolist()
     if len(colored):
         found = Image.fromarray(colored[None]).quantize(256 - _GREYS, method=Image.Quantize.MAXCOVERAGE)
-        palette += found.getpalette()[: 3 * (256 - _GREYS)]
+        palette += (found.getpalette() or [])[: 3 * (256 - _GREYS)]
     image = Image.new("P", (1, 1))
     image.putpalette(palette)
     return image

@@ -101,6 +101,10 @@ class Desk:
         """Place a point of a structure."""
         self.session.annotations.add_points(id_, np.array([ras]), positive=positive)
 
+    def wait_for_overlay(self, id_: str) -> None:
+        """Wait for the first answer to a structure's first click, which is coarse."""
+        self.until(lambda: self.session.chosen_iso(id_) is not None)
+
     def annotate(self, classes: Sequence[AnnotatedClass]) -> None:
         """Add structures with all their points, and wait for what is made of them."""
         for given in classes:
