@@ -101,6 +101,10 @@ class Desk:
         """Place a point of a structure."""
         self.session.annotations.add_points(id_, np.array([ras]), positive=positive)
 
+    def wait_for_overlay(self, id_: str) -> None:
+        """Wait for the first answer to a structure's first click, which is coarse."""
+        self.until(lambda: self.session.chosen_iso(id_) is not None)
+
     def annotate(self, classes: Sequence[AnnotatedClass]) -> None:
         """Add structures with all their points, and wait for what is made of them."""
         for given in classes:
@@ -135,10 +139,6 @@ class Desk:
             self.session.poll()
             slicer.app.processEvents()
             time.sleep(0.01)
-
-    def wait_for_map(self, id_: str) -> None:
-        """Let the panel work until a structure has its first map."""
-        self.until(lambda: self.session.chosen_iso(id_) is not None)
 
     def panel(self, height: int) -> np.ndarray:
         """The panel from its top, (H, W, 3) uint8."""

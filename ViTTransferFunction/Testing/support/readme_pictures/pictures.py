@@ -63,7 +63,7 @@ def three_clicks(data: Path, out: Path) -> Dice:
         animation.move(before, target)
         animation.click(before)
         desk.click(id_, place, positive=True)
-        desk.wait_for_map(id_)
+        desk.wait_for_overlay(id_)
         animation.show(frame(text), 400)
         desk.settle()
         animation.show(frame(text), 1300)
