@@ -154,10 +154,12 @@ class ColorVolume:
 
     Attributes:
         rgba: (K, J, I, 4) uint8.
+        codes: the smallest and the largest code.
         geometry: of its voxels, in the volume's frame.
     """
 
     rgba: np.ndarray
+    codes: tuple[int, int]
     geometry: Geometry
 
 

@@ -17,6 +17,7 @@ from ..core.progress import Progress
 from ..core.volume import Volume
 from ..features.networks import Networks
 from ..rendering.iso_surfaces import similarity_rgba
+from ..rendering.optical_properties import CODE_COMPONENT
 from ..rendering.transfer_function import transfer_function_rgba
 from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, crop_map, on_common_box, restricted
@@ -128,7 +129,8 @@ class SegmentationService:
             intensities, window = session.volume.array[box], session.display_window
             rgba = transfer_function_rgba(intensities, window, maps, isos, colors, opacities, self._progress)
         k, j, i, _ = rgba.shape
-        return ColorVolume(rgba, session.volume.geometry.part(box).resized((k, j, i)))
+        codes = rgba[..., CODE_COMPONENT]
+        return ColorVolume(rgba, (int(codes.min()), int(codes.max())), session.volume.geometry.part(box).resized((k, j, i)))
 
     def _last_maps(self, refined: bool) -> tuple[list[Any], list[float], Box]:
         """The arrays of the maps that were replied last, their thresholds, and the part of the volume that they fill."""

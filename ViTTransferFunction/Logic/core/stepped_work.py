@@ -13,6 +13,8 @@ Result = TypeVar("Result")
 Steps = Generator[int, None, Result]
 """Work that stops after each short step, tells how many voxels the step was about, and returns its result in the end."""
 
+ADVANCE_S = 0.015
+"""How long an event loop may stand still at a time: less than one picture of a view that is being scrolled through."""
 STEP_VOXELS = 1 << 20
 """Voxels of a step: a few milliseconds of numpy's time, so that the voxels of one step stay in the processor's cache."""
 
@@ -33,7 +35,7 @@ class SteppedWork(Generic[Result]):
         self.done = 0
         self.result: Result | None = None
 
-    def advance(self, seconds: float) -> bool:
+    def advance(self, seconds: float = ADVANCE_S) -> bool:
         """Take steps until that much time has passed, at least one; returns whether the work is finished.
 
         Raises whatever the work raises; it is over then.

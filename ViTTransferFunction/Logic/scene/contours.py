@@ -17,7 +17,9 @@ from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkFlyingEdges3D
 
 from ..core.class_map import ClassMap, box_above, in_units_of
 from ..core.colors import Color
+from ..core.geometry import Box, Geometry
 from ..core.resampling import interpolated
+from ..core.stepped_work import Steps
 from .derived_nodes import DerivedNodes
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ CLASS_INDEX = "class"
 """Name of the array that says which class a point of the model is of."""
 
 COLORS = 256
+
+PART_VOXELS = 1 << 20
+"""A surface is made in parts of about so many voxels, some hundredths of a second of work each."""
 
 EDGE_VOXELS = 1e-3
 """How far beyond the map's border a surface that the border cuts is closed."""
@@ -56,11 +61,8 @@ class ShownMap:
         return other is not None and self.map is other.map and self.color == other.color
 
 
-class _Surface(NamedTuple):
-    """A class's iso-surface, and the map that it was made from."""
-
-    map: ClassMap
-    mesh: vtkPolyData
+Surface = list[vtkPolyData]
+"""A class's iso-surface: parts that meet, in RAS millimetres."""
 
 
 class Contours:
@@ -72,24 +74,23 @@ class Contours:
 
     def __init__(self, scene: slicer.vtkMRMLScene) -> None:
         self._nodes = DerivedNodes(scene)
-        self._surfaces: dict[str, _Surface] = {}
 
-    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, shown: Sequence[ShownMap]) -> None:
-        """Show the outlines of these classes and no others. Only those whose map is another one than before are computed.
+    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, outlines: Sequence[tuple[Color, Surface]]) -> None:
+        """Show the outlines of these classes and no others.
 
         Args:
-            volume_node: the volume that the maps are of; the outlines move with it.
-            shown: the visible classes.
+            volume_node: the volume that they are in; they move with it.
+            outlines: the colours of the classes, and their surfaces.
         """
-        self._surfaces = {of_class.class_id: self._surface(of_class) for of_class in shown}
         append = vtkAppendPolyData()
-        for index, of_class in enumerate(shown):
-            append.AddInputData(_marked(self._surfaces[of_class.class_id].mesh, index))
-        if shown:
+        for index, (_, surface) in enumerate(outlines):
+            for part in surface:
+                append.AddInputData(_marked(part, index))
+        if append.GetNumberOfInputConnections(0):
             append.Update()
 
         colors = self._nodes.find(COLORS_NAME) or self._add_colors()
-        _set_colors(colors, [of_class.color for of_class in shown])
+        _set_colors(colors, [color for color, _ in outlines])
         model = self._nodes.find(MODEL_NAME) or self._add_model()
         if model.GetDisplayNode() is None:
             _add_display(model, colors)
@@ -109,11 +110,6 @@ class Contours:
     def remove(self) -> None:
         """Take the outlines out of the scene."""
         self._nodes.remove()
-        self._surfaces.clear()
-
-    def _surface(self, shown: ShownMap) -> _Surface:
-        known = self._surfaces.get(shown.class_id)
-        return known if known and known.map is shown.map else _Surface(shown.map, iso_surface(shown.map))
 
     def _add_colors(self) -> Any:
         colors = self._nodes.add("vtkMRMLColorTableNode", COLORS_NAME)
@@ -152,58 +148,94 @@ def _add_display(model: Any, colors: Any) -> None:
     display.SetScalarVisibility(True)
 
 
-def iso_surface(class_map: ClassMap) -> vtkPolyData:
-    """The surface where a map, interpolated trilinearly, has its iso value; closed at the map's border.
+def iso_surface(class_map: ClassMap) -> Steps[Surface]:
+    """The surface where a map, interpolated trilinearly, has its iso value; closed at the map's border; in steps.
 
     Returns:
-        Triangles with points in RAS millimetres; none where the map is nowhere above its iso value.
+        Triangles; none where the map is nowhere above its iso value.
     """
-    array = class_map.array
+    array, surface = class_map.array, []
     box = box_above(array, class_map.iso, margin=1)
-    if box is None:
-        return vtkPolyData()
-    # Only of coarse maps; the voxels of the others are small enough for straight edges across them.
-    values, positions = _closed(array[box], refine=array.dtype != np.uint8)
+    if box is not None:
+        # Only coarse maps are refined; the voxels of the others are small enough for straight edges across them.
+        grid = _refined(array[box]) if array.dtype != np.uint8 else _unrefined(array[box])
+        iso = in_units_of(array, class_map.iso)
+        planes, rows, columns = (len(positions) for positions in grid.positions)
+        thickness = max(PART_VOXELS // (rows * columns), 1)
+        for start in range(0, planes - 1, thickness):
+            # Together with the first plane of the next one, so that no gap is left.
+            k = slice(start, min(start + thickness + 1, planes))
+            part = _part(grid, k, iso)
+            _place(part, (start, 0, 0), grid.positions, box, class_map.geometry)
+            surface.append(part)
+            yield thickness * rows * columns
+    return surface
 
+
+class _ClosedGrid(NamedTuple):
+    """Values up to their box's faces, and zeros right beyond them.
+
+    Attributes:
+        values: (k, j, i).
+        rows: for each axis, which of the values lie on the planes between the first and the last, which are of zeros.
+        positions: for each axis, where the planes lie, in voxels from the box's first.
+    """
+
+    values: np.ndarray
+    rows: list[np.ndarray]
+    positions: list[np.ndarray]
+
+
+def _refined(values: np.ndarray) -> _ClosedGrid:
+    """Also half-way between voxels."""
+    positions = [np.arange(2 * count + 1) / 2 - 0.5 for count in values.shape]
+    return _ClosedGrid(interpolated(values, positions), [np.arange(len(p)) for p in positions], _and_beyond(positions))
+
+
+def _unrefined(values: np.ndarray) -> _ClosedGrid:
+    """The faces have the values of the voxels behind them."""
+    positions = [np.concatenate([[-0.5], np.arange(count), [count - 0.5]]) for count in values.shape]
+    rows = [np.clip(np.arange(count + 2) - 1, 0, count - 1) for count in values.shape]
+    return _ClosedGrid(values, rows, _and_beyond(positions))
+
+
+def _and_beyond(positions: list[np.ndarray]) -> list[np.ndarray]:
+    return [np.concatenate([[p[0] - EDGE_VOXELS], p, [p[-1] + EDGE_VOXELS]]) for p in positions]
+
+
+def _part(grid: _ClosedGrid, k: slice, iso: float) -> vtkPolyData:
+    """The surface between some of the planes; its points count planes from the first of them."""
+    rows_k, rows_j, rows_i = grid.rows
+    values = np.zeros((k.stop - k.start, len(rows_j) + 2, len(rows_i) + 2), dtype=grid.values.dtype)
+    first, last = max(k.start, 1), min(k.stop, len(rows_k) + 1)
+    inner = grid.values[rows_k[first - 1 : last - 1]][:, rows_j][:, :, rows_i]
+    values[first - k.start : last - k.start, 1:-1, 1:-1] = inner
     image = vtkImageData()
     image.SetDimensions(*values.shape[::-1])
-    scalars = np.ascontiguousarray(values).ravel()
+    scalars = values.ravel()
     # Referred to, not copied.
     image.GetPointData().SetScalars(numpy_to_vtk(scalars))
     edges = vtkFlyingEdges3D()
     edges.SetInputData(image)
-    edges.SetValue(0, in_units_of(array, class_map.iso))
+    edges.SetValue(0, iso)
     edges.ComputeNormalsOff()
     edges.ComputeGradientsOff()
     edges.ComputeScalarsOff()
     edges.Update()
-    surface = edges.GetOutput()
-    steps = vtk_to_numpy(surface.GetPoints().GetData())
+    return edges.GetOutput()
+
+
+def _place(part: vtkPolyData, start: tuple[int, int, int], positions: list[np.ndarray], box: Box, geometry: Geometry) -> None:
+    """Put points that count planes (i, j, k) from `start` (k, j, i) to where those are, RAS millimetres."""
+    planes = vtk_to_numpy(part.GetPoints().GetData())
     kji = [
-        extent.start + np.interp(steps[:, 2 - axis], np.arange(len(position)), position)
-        for axis, (extent, position) in enumerate(zip(box, positions, strict=True))
+        extent.start + np.interp(first + planes[:, 2 - axis], np.arange(len(position)), position)
+        for axis, (first, extent, position) in enumerate(zip(start, box, positions, strict=True))
     ]
     points = vtkPoints()
-    points_ras = class_map.geometry.ijk_to_ras_points(np.stack(kji[::-1], axis=1))
+    points_ras = geometry.ijk_to_ras_points(np.stack(kji[::-1], axis=1))
     points.SetData(numpy_to_vtk(points_ras.astype(np.float32), deep=True))
-    surface.SetPoints(points)
-    return surface
-
-
-def _closed(values: np.ndarray, refine: bool) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Values (k, j, i) up to their box's faces, and zeros right beyond them; also half-way between voxels, if asked.
-
-    Returns:
-        The values, and where they lie along each axis, in voxels from the first.
-    """
-    if refine:
-        positions = [np.arange(2 * count + 1) / 2 - 0.5 for count in values.shape]
-        values = interpolated(values, positions)
-    else:
-        positions = [np.concatenate([[-0.5], np.arange(count), [count - 0.5]]) for count in values.shape]
-        values = np.pad(values, 1, mode="edge")
-    beyond = [np.concatenate([[p[0] - EDGE_VOXELS], p, [p[-1] + EDGE_VOXELS]]) for p in positions]
-    return np.pad(values, 1), beyond
+    part.SetPoints(points)
 
 
 def _marked(mesh: vtkPolyData, index: int) -> vtkPolyData:

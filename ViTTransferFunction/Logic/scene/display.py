@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import slicer
+from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..compute.requests import ColorVolume
-from .contours import Contours, ShownMap
+from ..core.stepped_work import SteppedWork
+from .contours import Contours, ShownMap, Surface, iso_surface
 from .overlay import SimilarityOverlay
 from .rendering import ClassRendering
+from .volume import bytes_image
 
 
 class SceneDisplay:
@@ -25,11 +28,14 @@ class SceneDisplay:
         self._contours = Contours(scene)
         self._rendering = ClassRendering(scene, app_logic)
         self._volume: slicer.vtkMRMLScalarVolumeNode | None = None
+        self._transform = ""
+        self._moved = False
         self._overlaid: tuple[ShownMap, float, str] | None = None
         self._shown: dict[str, ShownMap] = {}
-        self._outlined: dict[str, ShownMap] = {}
-        self._transform = ""
-        self._rendered: tuple[ColorVolume, str] | None = None
+        self._outlined: dict[str, tuple[ShownMap, Surface]] = {}
+        self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
+        self._rendered: ColorVolume | None = None
+        self._filling: tuple[ColorVolume, SteppedWork[vtkImageData]] | None = None
 
     def show_maps(
         self,
@@ -40,61 +46,93 @@ class SceneDisplay:
     ) -> None:
         """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
-        The overlay is there at once, and its class's contour; the other contours follow one by one, by `advance`.
+        The overlay is there at once, and its class's contour if that is quickly made; the others follow by `advance`.
         """
-        self._volume = volume
+        self._follow(volume)
         self._shown = {of_class.class_id: of_class for of_class in shown}
         self._show_overlay(self._shown.get(overlaid or ""), overlay_opacity)
-        transform = volume.GetTransformNodeID() or ""
-        if transform != self._transform or self._outlined.keys() - self._shown.keys():
-            self._transform = transform
-            self._outlined = {id_: self._outlined[id_] for id_ in self._shown if id_ in self._outlined}
-            self._contours.show(volume, list(self._outlined.values()))
-        if overlaid in self._shown:
-            self._outline(overlaid)
+        if self._moved or self._outlined.keys() - self._shown.keys():
+            self._moved = False
+            self._outlined = {id_: outlined for id_, outlined in self._outlined.items() if id_ in self._shown}
+            self._show_contours()
+        if overlaid in self._shown and self._lacks_outline(self._shown[overlaid]):
+            self._outline(self._shown[overlaid])
+
+    def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
+        """Show a volume of colours in the 3D views, at once if it is small, else by `advance`; None: nothing."""
+        if rendering is None:
+            self._rendered = self._filling = None
+            self._rendering.hide()
+            return
+        self._follow(volume)
+        if self._rendered is not rendering and (self._filling is None or self._filling[0] is not rendering):
+            self._filling = rendering, SteppedWork(bytes_image(rendering.rgba))
+            self._fill()
 
     @property
     def pending(self) -> bool:
-        """Whether there are contours still to be shown."""
-        return any(not of_class.is_like(self._outlined.get(id_)) for id_, of_class in self._shown.items())
+        """Whether there is something still to be shown."""
+        return self._filling is not None or any(self._lacks_outline(of_class) for of_class in self._shown.values())
 
     def advance(self) -> None:
-        """Bring the next contour up to date: some hundredths of a second of work."""
-        for id_, of_class in self._shown.items():
-            if not of_class.is_like(self._outlined.get(id_)):
-                self._outline(id_)
-                return
+        """Go on with what is still to be shown: some hundredths of a second of work."""
+        if self._filling is not None:
+            self._fill()
+            return
+        lacking = [of_class for of_class in self._shown.values() if self._lacks_outline(of_class)]
+        begun = [of_class for of_class in lacking if self._outlining and of_class.map is self._outlining[0].map]
+        if lacking:
+            self._outline((begun or lacking)[0])
+
+    def _follow(self, volume: slicer.vtkMRMLScalarVolumeNode) -> None:
+        """From now on this volume is meant, under the transform that it has."""
+        before = self._volume, self._transform
+        self._volume, self._transform = volume, volume.GetTransformNodeID() or ""
+        if (self._volume, self._transform) != before:
+            self._moved, self._rendered = True, None
+
+    def _fill(self) -> None:
+        """Go on to make the image of the colours, and show it when it is ready."""
+        assert self._filling is not None
+        rendering, work = self._filling
+        if work.advance():
+            assert work.result is not None
+            self._rendered, self._filling = rendering, None
+            self._rendering.show(self._volume, work.result, rendering.codes, rendering.geometry.ijk_to_ras)
+
+    def _lacks_outline(self, of_class: ShownMap) -> bool:
+        outlined = self._outlined.get(of_class.class_id)
+        return outlined is None or not of_class.is_like(outlined[0])
+
+    def _outline(self, of_class: ShownMap) -> None:
+        """Go on to make the contour of one class, and show it when it is ready; the others stay as they are."""
+        outlined = self._outlined.get(of_class.class_id)
+        if outlined is not None and outlined[0].map is of_class.map:
+            self._outlined[of_class.class_id] = of_class, outlined[1]
+            self._show_contours()
+            return
+        if self._outlining is None or self._outlining[0].map is not of_class.map:
+            self._outlining = of_class, SteppedWork(iso_surface(of_class.map))
+        work = self._outlining[1]
+        if work.advance():
+            self._outlining = None
+            self._outlined[of_class.class_id] = of_class, work.result or []
+            self._show_contours()
+
+    def _show_contours(self) -> None:
+        self._contours.show(self._volume, [(of_class.color, surface) for of_class, surface in self._outlined.values()])
 
     def _show_overlay(self, of_class: ShownMap | None, opacity: float) -> None:
         if of_class is None or self._volume is None:
             self._overlaid = None
             self._overlay.hide()
             return
-        transform = self._volume.GetTransformNodeID() or ""
         if self._overlaid is not None:
             before, *look = self._overlaid
-            if of_class.is_like(before) and look == [opacity, transform]:
+            if of_class.is_like(before) and look == [opacity, self._transform]:
                 return
-        self._overlaid = of_class, opacity, transform
+        self._overlaid = of_class, opacity, self._transform
         self._overlay.show(self._volume, of_class.map, of_class.color, opacity)
-
-    def _outline(self, id_: str) -> None:
-        """Bring the contour of one class up to date; the others stay as they are."""
-        if not self._shown[id_].is_like(self._outlined.get(id_)):
-            self._outlined[id_] = self._shown[id_]
-            self._contours.show(self._volume, list(self._outlined.values()))
-
-    def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
-        """Show a volume of colours in the 3D views; None: nothing."""
-        transform = volume.GetTransformNodeID() or ""
-        if rendering is None:
-            self._rendered = None
-            self._rendering.hide()
-            return
-        if self._rendered is not None and self._rendered[0] is rendering and self._rendered[1] == transform:
-            return
-        self._rendered = rendering, transform
-        self._rendering.show(volume, rendering.rgba, rendering.geometry.ijk_to_ras)
 
     def hide(self) -> None:
         """Show nothing."""
@@ -111,5 +149,5 @@ class SceneDisplay:
         self._forget()
 
     def _forget(self) -> None:
-        self._volume = self._overlaid = self._rendered = None
+        self._volume = self._overlaid = self._outlining = self._rendered = self._filling = None
         self._shown, self._outlined = {}, {}

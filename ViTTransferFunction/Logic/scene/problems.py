@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-Cause = Literal["volume", "computing", "segments"]
-"""The volume or a setting; the compute process, or what it was asked for; segments that could not be written."""
+Cause = Literal["volume", "computing", "segments", "views"]
+"""The volume or a setting; the compute process, or what it was asked for; segments that could not be written; what
+cannot be shown."""
 
 
 class Problems:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
+from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
 
 from ..core.errors import InputError
 from ..rendering.optical_properties import (
@@ -20,7 +20,7 @@ from ..rendering.optical_properties import (
 )
 from .derived_nodes import DerivedNodes
 from .surface_smoothing import SurfaceSmoothing
-from .volume import set_image
+from .volume import take_image
 
 if TYPE_CHECKING:
     import slicer
@@ -48,12 +48,19 @@ class ClassRendering:
         self._nodes = DerivedNodes(scene)
         self._smoothing = SurfaceSmoothing(scene)
 
-    def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, rgba: np.ndarray, ijk_to_ras: np.ndarray) -> None:
+    def show(
+        self,
+        volume_node: slicer.vtkMRMLScalarVolumeNode,
+        image: vtkImageData,
+        codes: tuple[int, int],
+        ijk_to_ras: np.ndarray,
+    ) -> None:
         """Show colours, or others instead, in all 3D views.
 
         Args:
             volume_node: the volume that they are of; they move with it.
-            rgba: (K, J, I, 4) uint8, colours and codes.
+            image: uint8, colours and codes, four numbers in each voxel. It must not be changed later.
+            codes: the smallest and the largest code.
             ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
 
         Raises:
@@ -65,8 +72,7 @@ class ClassRendering:
             volume.GetVolumeDisplayNode().SetSaveWithScene(False)
         display = self._nodes.find(DISPLAY_NAME) or self._add_display()
         material = self._nodes.find(PROPERTY_NAME) or self._add_property()
-        set_image(volume, rgba, ijk_to_ras)
-        codes = volume.GetImageData().GetPointData().GetScalars().GetFiniteRange(CODE_COMPONENT)
+        take_image(volume, image, ijk_to_ras)
         _set_opacity(material, codes)
         volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
         display.SetAndObserveVolumePropertyNodeID(material.GetID())
@@ -114,7 +120,7 @@ class ClassRendering:
         return node
 
 
-def _set_opacity(node: Any, codes: tuple[float, float]) -> None:
+def _set_opacity(node: Any, codes: tuple[int, int]) -> None:
     """The opacity of each code in a volume whose codes range from the one to the other."""
     opacity = vtkPiecewiseFunction()
     for position, value in opacity_points(*codes):

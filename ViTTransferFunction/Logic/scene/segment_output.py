@@ -19,9 +19,6 @@ from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
 
-ADVANCE_S = 0.015
-"""How long the event loop stands still at a time: less than one picture of a view that is being scrolled through."""
-
 
 class SegmentOutput:
     """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
@@ -171,7 +168,7 @@ class _CorrectionSearch:
 
     def advance(self) -> bool:
         """Look on; returns whether it is finished."""
-        if not self._search.advance(ADVANCE_S):
+        if not self._search.advance():
             return False
         found = set((self._search.result or {}).values())
         self.names = tuple(
@@ -202,7 +199,7 @@ class _SegmentWriting:
 
     def advance(self) -> bool:
         """Prepare what is to be written, anew where the segmentation was changed meanwhile; returns whether it is ready."""
-        if not self._preparation.advance(ADVANCE_S):
+        if not self._preparation.advance():
             return False
         if self._segmentation_node is not None:
             check_writable(self._segmentation_node, self._volume_node)

@@ -14,9 +14,6 @@ from ..core.voxel_digest import label_boxes
 from .labelmaps import LABELMAP, Labelmap, labelmaps_of
 from .volume import matrix_to_world
 
-ADVANCE_S = 0.015
-"""How long the event loop stands still at a time."""
-
 _Key = tuple[str, str, int]
 _State = tuple[Any, int, int]
 
@@ -62,7 +59,7 @@ class SegmentPoints:
             return True
         assert self._work is not None
         key, state, work = self._work
-        if work.advance(ADVANCE_S):
+        if work.advance():
             assert work.result is not None
             self._found[key] = state, work.result
             self._work = None

@@ -265,7 +265,7 @@ class SceneSession:
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
         elif self._display.pending:
-            self._display.advance()
+            self._try_to_show(self._display.advance)
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
@@ -389,7 +389,10 @@ class SceneSession:
         volume, selected = self.parameters.volume, self.selected_class
         visible = {state.id: state for state in self.classes if state.visible}
         styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
-        self._proxy.look(self.parameters.rendering_mode(), styles)
+        mode = self.parameters.rendering_mode()
+        self._proxy.look(mode, styles)
+        if mode is None:
+            self._problems.solve("views")
         maps = self._proxy.maps
         if volume is None or not maps or self.volume_changed:
             self._display.hide()
@@ -401,7 +404,13 @@ class SceneSession:
             overlaid,
             self.parameters.get("overlayOpacity"),
         )
-        self._display.show_rendering(volume, self._proxy.rendering)
+        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering))
+
+    def _try_to_show(self, show: Callable[[], None]) -> None:
+        try:
+            show()
+        except InputError as error:
+            self._problems.put("views", str(error))
 
     def _advance_output(self) -> None:
         """Take labels in that have arrived, or go on to turn them into segments."""

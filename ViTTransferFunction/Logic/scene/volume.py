@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
+from ..core.stepped_work import Steps, slabs
 
 
 def array_from_node(node: Any) -> np.ndarray:
@@ -89,6 +91,24 @@ def set_image(node: Any, array: np.ndarray, ijk_to_ras: np.ndarray) -> None:
     image = vtkImageData()
     image.SetDimensions(*array.shape[2::-1])
     image.GetPointData().SetScalars(numpy_to_vtk(_as_tuples(array), deep=True))
+    take_image(node, image, ijk_to_ras)
+
+
+def bytes_image(array: np.ndarray) -> Steps[vtkImageData]:
+    """An image with the voxels of an array (K, J, I, C) uint8, C numbers in each; in steps."""
+    image = vtkImageData()
+    image.SetDimensions(*array.shape[2::-1])
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, array.shape[3])
+    voxels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(array.shape)
+    k, j, i = (slice(0, size) for size in array.shape[:3])
+    for slab in slabs((k, j, i)):
+        np.copyto(voxels[slab], array[slab])
+        yield voxels[slab].size
+    return image
+
+
+def take_image(node: Any, image: vtkImageData, ijk_to_ras: np.ndarray) -> None:
+    """Replace voxels and geometry of a volume node by an image itself; see `set_image`."""
     was_modifying = node.StartModify()
     node.SetIJKToRASMatrix(vtk_matrix(ijk_to_ras))
     node.SetAndObserveImageData(image)

@@ -41,7 +41,7 @@ BODIES = [
         (ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5), ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1)), (2.5, 0.0)
     ),
     requests.Labels(ARRAY.astype(np.uint16), (1, 2, 3)),
-    requests.ColorVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), GEOMETRY),
+    requests.ColorVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), (0, 200), GEOMETRY),
     requests.Progressed(1, 2, "Extracting features"),
     requests.CoarseFeatures(),
     requests.GivenUp(),

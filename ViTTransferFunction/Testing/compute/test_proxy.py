@@ -167,7 +167,7 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     ready.poll()
     assert client.cancelled == [rendering]
     assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
-    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), GEOMETRY))
+    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
     assert "rendering" not in ready.poll()
     assert ready.rendering is None
 
@@ -179,7 +179,7 @@ def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: Segment
     client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
     assert ready.poll() == {"maps"}
     assert ready.maps == {"liver": MAP}
-    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), GEOMETRY))
+    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
     assert ready.poll() == {"rendering"}
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
     client.answer(RefineMaps, Maps((MAP,), (1.5,)))

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkFiltersCore import vtkAppendPolyData, vtkCleanPolyData, vtkFeatureEdges, vtkMassProperties
 
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.scene.contours import Contours, ShownMap, iso_surface
+from ViTTransferFunction.Logic.core.stepped_work import finished
+from ViTTransferFunction.Logic.scene.contours import PART_VOXELS, Contours, Surface, iso_surface
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
 from ViTTransferFunction.Logic.scene.volume import set_image
@@ -41,8 +43,8 @@ def a_map(iso: float = 0.5, array: np.ndarray = SIMILARITY, ijk_to_ras: np.ndarr
     return ClassMap(array, Geometry(array.shape, ijk_to_ras), iso)
 
 
-def shown_as(class_id: str, color: Color, iso: float = 0.5) -> ShownMap:
-    return ShownMap(class_id, a_map(iso), color)
+def outlined(color: Color, iso: float = 0.5) -> tuple[Color, Surface]:
+    return color, finished(iso_surface(a_map(iso)))
 
 
 def show(overlay: SimilarityOverlay, views: Views, opacity: float = 0.6, array: np.ndarray = SIMILARITY) -> None:
@@ -50,7 +52,7 @@ def show(overlay: SimilarityOverlay, views: Views, opacity: float = 0.6, array: 
 
 
 def outline(views: Views, contours: Contours, iso: float = 0.5) -> None:
-    contours.show(views.volume, [shown_as("a", GREEN, iso)])
+    contours.show(views.volume, [outlined(GREEN, iso)])
 
 
 def redness(picture: np.ndarray) -> np.ndarray:
@@ -149,7 +151,7 @@ def test_overlay_and_outline_lie_right_in_an_oblique_anisotropic_volume(slicer_a
     view = views.slice_view("Sagittal")
     class_map = a_map(0.5, similarity, ijk_to_ras)
     SimilarityOverlay(views.scene, views.app_logic).show(views.volume, class_map, RED, 0.6)
-    Contours(views.scene).show(views.volume, [ShownMap("a", class_map, GREEN)])
+    Contours(views.scene).show(views.volume, [(GREEN, finished(iso_surface(class_map)))])
     row, column = slice_pixel(view, centre)
     assert redness(pixels(view))[row, column] > 100
     row, column = slice_pixel(view, edge)
@@ -159,14 +161,11 @@ def test_overlay_and_outline_lie_right_in_an_oblique_anisotropic_volume(slicer_a
 def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views: Views) -> None:
     view, contours = views.slice_view(), Contours(views.scene)
     slice_pixel(view, CENTRE_RAS)
-    contours.show(
-        views.volume,
-        [shown_as("a", GREEN), shown_as("b", (1.0, 0.0, 1.0), 0.9)],
-    )
+    contours.show(views.volume, [outlined(GREEN), outlined((1.0, 0.0, 1.0), 0.9)])
     shown = pixels(view)
     assert is_green(shown).any()
     assert ((shown[..., 0] > 200) & (shown[..., 2] > 200) & (shown[..., 1] < 60)).any()
-    contours.show(views.volume, [shown_as("b", RED, 0.9)])
+    contours.show(views.volume, [outlined(RED, 0.9)])
     assert not is_green(pixels(view)).any()
     contours.show(views.volume, [])
     assert redness(pixels(view)).max() < 60
@@ -175,13 +174,36 @@ def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views:
 def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
     similarity = ball(SHAPE, (0.0, 7.5, 7.5), 4.0)
     for array in (similarity, np.rint(255 * similarity).astype(np.uint8).repeat(8, 0).repeat(8, 1).repeat(8, 2)):
-        surface = iso_surface(a_map(0.5, array, np.eye(4)))
+        (surface,) = finished(iso_surface(a_map(0.5, array, np.eye(4))))
         triangles = vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).reshape(-1, 3)
         edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         _, counts = np.unique(edges, axis=0, return_counts=True)
         assert (counts == 2).all()
         lowest = vtk_to_numpy(surface.GetPoints().GetData())[:, 2].min()
         assert lowest == pytest.approx(-0.5, abs=2e-3)
+
+
+def test_the_surface_of_a_large_map_is_made_in_parts_that_meet() -> None:
+    shape, radius = (120, 120, 120), 56.0
+    assert np.prod(shape) > PART_VOXELS
+    class_map = a_map(0.5, np.rint(255 * ball(shape, (60.0, 60.0, 60.0), radius)).astype(np.uint8), np.eye(4))
+    parts = finished(iso_surface(class_map))
+    assert len(parts) > 1
+    whole = vtkAppendPolyData()
+    for part in parts:
+        whole.AddInputData(part)
+    joined = vtkCleanPolyData()
+    joined.SetInputConnection(whole.GetOutputPort())
+    joined.SetTolerance(1e-7)
+    volume = vtkMassProperties()
+    volume.SetInputConnection(joined.GetOutputPort())
+    assert volume.GetVolume() == pytest.approx(4.0 / 3.0 * np.pi * radius**3, rel=0.01)
+    gaps = vtkFeatureEdges()
+    gaps.SetInputConnection(joined.GetOutputPort())
+    gaps.FeatureEdgesOff()
+    gaps.NonManifoldEdgesOff()
+    gaps.Update()
+    assert gaps.GetOutput().GetNumberOfCells() == 0
 
 
 def test_coarse_maps_are_interpolated_trilinearly_for_the_overlay() -> None:

@@ -14,11 +14,13 @@ from ViTTransferFunction.CommandLine.rendering_picture import color_volume_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_rgba
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
+from ViTTransferFunction.Logic.rendering.optical_properties import CODE_COMPONENT
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -28,6 +30,12 @@ LEFT_KJI, RIGHT_KJI = (7.5, 9.5, 6.0), (7.5, 9.5, 17.0)
 LEFT, RIGHT = GRID.ijk_to_ras_points(np.array([LEFT_KJI[::-1], RIGHT_KJI[::-1]]))
 MIDDLE = GRID.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
 DISTANCE_MM = 130.0
+
+
+def show(rendering: ClassRendering, volume: Any, rgba: np.ndarray, ijk_to_ras: np.ndarray) -> None:
+    """Show colours (K, J, I, 4)."""
+    codes = rgba[..., CODE_COMPONENT]
+    rendering.show(volume, finished(bytes_image(rgba)), (int(codes.min()), int(codes.max())), ijk_to_ras)
 
 
 class Stage:
@@ -43,7 +51,7 @@ class Stage:
 
     def show(self, maps: Sequence[np.ndarray], colors: Sequence[Color], opacities: Sequence[float] | None = None) -> None:
         rgba = similarity_rgba(maps, [0.5] * len(maps), colors, opacities or [1.0] * len(maps))
-        self.rendering.show(self.views.volume, rgba, self.grid.resized(rgba.shape[:3]).ijk_to_ras)
+        show(self.rendering, self.views.volume, rgba, self.grid.resized(rgba.shape[:3]).ijk_to_ras)
 
     def picture(self) -> np.ndarray:
         self.view.renderer().ResetCameraClippingRange()
@@ -171,7 +179,7 @@ def test_pictures_of_the_command_line_show_what_the_view_shows(
     look_from(stage.view, middle, 2.5 * float(grid.extent_mm.max()))
     masks = [ball(SHAPE, centre, 5.0) > 0.5 for centre in (LEFT_KJI, RIGHT_KJI)]
     rgba, fine = mask_rgba(grid, masks, [RED, GREEN], [1.0, opacity])
-    stage.rendering.show(stage.views.volume, rgba, fine.ijk_to_ras)
+    show(stage.rendering, stage.views.volume, rgba, fine.ijk_to_ras)
     in_slicer, theirs = stage.picture(), displayed_volume(stage)
     stage.rendering.hide()
     ours = color_volume_prop(rgba, fine.ijk_to_ras)
@@ -279,7 +287,7 @@ def test_showing_and_removing_again_and_again_leaves_nothing_behind(stage: Stage
     before, picture = stage.scene.GetNumberOfNodes(), stage.picture()
     rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
     for _ in range(50):
-        stage.rendering.show(stage.views.volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+        show(stage.rendering, stage.views.volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
         stage.rendering.remove()
     assert stage.scene.GetNumberOfNodes() == before
     assert np.array_equal(stage.picture(), picture)
@@ -318,7 +326,7 @@ def test_after_the_scene_was_closed_the_next_volume_is_shown_and_removed(stage: 
     set_image(volume, np.zeros(SHAPE, dtype=np.int16), GRID.ijk_to_ras)
     before = stage.scene.GetNumberOfNodes()
     rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
-    stage.rendering.show(volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+    show(stage.rendering, volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
     (display,) = nodes_of_class(stage.scene, "vtkMRMLVolumeRenderingDisplayNode")
     assert display.GetVisibility()
     stage.rendering.remove()
@@ -342,4 +350,4 @@ def test_a_slicer_without_volume_rendering_is_told_so(stage: Stage) -> None:
             return None
 
     with pytest.raises(InputError, match="Volume Rendering"):
-        ClassRendering(stage.scene, NoModules()).show(stage.views.volume, np.zeros((4, 4, 4, 4), np.uint8), np.eye(4))
+        show(ClassRendering(stage.scene, NoModules()), stage.views.volume, np.zeros((4, 4, 4, 4), np.uint8), np.eye(4))

@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
+from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
@@ -240,6 +241,20 @@ def test_nothing_to_segment_is_reported_and_nothing_written(session: SceneSessio
     assert "nothing to segment" in (session.take_error() or "")
     assert session.parameters.segmentation is None
     session.annotations.add_class()
+    assert session.errors == ()
+
+
+def test_what_cannot_be_shown_in_3d_is_told_until_it_is_switched_off(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*args: Any) -> None:
+        raise InputError("Slicer's module Volume Rendering is missing.")
+
+    monkeypatch.setattr(ClassRendering, "show", refuse)
+    annotate(session, spheres)
+    assert session.errors == ("Slicer's module Volume Rendering is missing.",)
+    assert session.chosen_iso(session.classes[0].id) is not None
+    session.parameters.set("rendering", "off")
     assert session.errors == ()
 
 
