@@ -19,6 +19,9 @@ from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
 
+WRITING = "Writing segments"
+"""What `progress` is about, once labels are there."""
+
 
 class SegmentOutput:
     """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
@@ -217,7 +220,7 @@ class _SegmentWriting:
     @property
     def progress(self) -> WorkProgress:
         """How far it is."""
-        return WorkProgress(min(self._preparation.done, self._total), self._total, "Writing segments", None)
+        return WorkProgress(min(self._preparation.done, self._total), self._total, WRITING, None)
 
     def _begin(self) -> None:
         self._state = segmentation_state(self._segmentation_node, self._volume_node)

@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
+from ViTTransferFunction.Testing.support.stub_process import one_reply_of_labels, stub_executable
 
 # What Slicer's PythonSlicer does: it starts another program, waits, and complains if that did not end by itself.
 LAUNCHER = """
@@ -35,36 +36,12 @@ print(json.dumps({"content": {"number": 0, "body": body}}), flush=True)
 """
 BUSY = SAYS_ITS_NUMBER + "import ctypes\nctypes.PyDLL(None).sleep(600)\n"
 LABELS_SHAPE = (300, 512, 512)
-LARGE_REPLY = f"""
-import sys
-sys.path.insert(0, {str(Path(__file__).parents[3])!r})
-from pathlib import Path
-import numpy as np
-from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
-from ViTTransferFunction.Logic.compute.codec import to_message
-from ViTTransferFunction.Logic.compute.messages import read_message, write_message
-from ViTTransferFunction.Logic.compute.requests import Labels
-files = ArrayFiles(Path(sys.argv[-1]))
-read_message(sys.stdin.buffer, files)
-labels = np.zeros({LABELS_SHAPE}, np.uint8)
-labels[-1] = 7
-write_message(sys.stdout.buffer, to_message(1, Labels(labels, (0, 0, 0))), files)
-sys.stdin.read()
-"""
 
 
 @pytest.fixture
 def executable(tmp_path: Path) -> Callable[[str], Path]:
-    """A program in the place of Python, which runs the given one instead of what it is asked to."""
-
-    def make(program: str) -> Path:
-        (tmp_path / "program.py").write_text(program)
-        path = tmp_path / "PythonSlicer"
-        path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{tmp_path}/program.py" "$@"\n')
-        path.chmod(0o700)
-        return path
-
-    return make
+    """Makes a program to start in the place of Python."""
+    return lambda program: stub_executable(tmp_path, program)
 
 
 @pytest.fixture
@@ -89,7 +66,7 @@ def runs(pid: int) -> bool:
 def test_a_large_reply_comes_at_once_where_the_event_loop_holds_python_s_lock(
     executable: Callable[[str], Path], start: Callable[..., ComputeClient]
 ) -> None:
-    client = start(executable(LARGE_REPLY))
+    client = start(executable(one_reply_of_labels(LABELS_SHAPE)))
     client.request(Prepare(SessionSettings()))
     replies: list[tuple[int, Labels]] = []
 

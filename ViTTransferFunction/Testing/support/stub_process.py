@@ -1,0 +1,42 @@
+"""Programs in the place of the compute process."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+
+
+def stub_executable(folder: Path, program: str) -> Path:
+    """Something to start in the place of Python: it runs the given program, with the arguments that Python would have got.
+
+    Args:
+        folder: gets its files.
+        program: Python.
+    """
+    (folder / "program.py").write_text(program)
+    path = folder / "PythonSlicer"
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{folder}/program.py" "$@"\n')
+    path.chmod(0o700)
+    return path
+
+
+def one_reply_of_labels(shape: tuple[int, int, int]) -> str:
+    """A program that answers its first request by labels (K, J, I) uint8: 7 in the last slice, 0 elsewhere."""
+    return f"""
+import sys
+sys.path.insert(0, {str(ROOT)!r})
+from pathlib import Path
+import numpy as np
+from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
+from ViTTransferFunction.Logic.compute.codec import to_message
+from ViTTransferFunction.Logic.compute.messages import read_message, write_message
+from ViTTransferFunction.Logic.compute.requests import Labels
+labels = np.zeros({shape}, np.uint8)
+labels[-1] = 7
+files = ArrayFiles(Path(sys.argv[-1]))
+read_message(sys.stdin.buffer, files)
+write_message(sys.stdout.buffer, to_message(1, Labels(labels, (0, 0, 0))), files)
+sys.stdin.read()
+"""
