@@ -158,7 +158,7 @@ def help_text() -> str:
     """What the module does, that it is for research, and what it needs; as HTML."""
     purpose = _(
         "Segments structures of a CT or MR volume, and renders them in 3D, from a few points: features of a vision transformer "
-        "tell which voxels are similar to those that were clicked. Nothing is trained, and no data leaves this computer."
+        "tell which voxels are similar to those that were clicked. Nothing is trained, and no image leaves this computer."
     )
     research = _("For research use only. This is not a medical device: do not base diagnosis or treatment on its results.")
     needs = (

@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
+from ViTTransferFunction.Widget.wording import in_menu
 
 
 class ClassActions(Section):
@@ -100,7 +101,7 @@ class ClassActions(Section):
             menu.addAction(_("Draw a closed curve or an ROI in Slicer's module Markups first")).enabled = False
 
     def _list_markup(self, menu: Any, positive: bool, node_id: str, name: str) -> None:
-        menu.addAction(name).triggered.connect(lambda: self._add_markup(node_id, positive))
+        menu.addAction(in_menu(name)).triggered.connect(lambda: self._add_markup(node_id, positive))
 
     def _add_markup(self, node_id: str, positive: bool) -> None:
         if self.session is not None and self.selected is not None:

@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.scene.corrections import Corrections
 from ViTTransferFunction.Logic.scene.segment_tags import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+from ViTTransferFunction.Widget.wording import in_menu
 
 
 class OutputSection(Section):
@@ -101,8 +102,7 @@ class OutputSection(Section):
             self._offer(segment_id, segment.GetName())
 
     def _offer(self, segment_id: str, name: str) -> None:
-        # A menu takes a single & for the mark of a key.
-        action = self._segments_menu.addAction(name.replace("&", "&&"))
+        action = self._segments_menu.addAction(in_menu(name))
         action.triggered.connect(lambda: self._on_continue(segment_id))
 
     def _on_continue(self, segment_id: str) -> None:

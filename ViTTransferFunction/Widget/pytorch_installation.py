@@ -81,7 +81,7 @@ def install_pytorch(installer: Callable[[], Any]) -> None:
         forget_version()
     if not pytorch_is_installed():
         raise InputError(
-            _("PyTorch is still not there, or too old. Restart Slicer and try again; the Python console shows what happened.")
+            _("PyTorch is still missing, or too old. Restart Slicer and try again; the Python console shows what happened.")
         )
 
 

@@ -79,7 +79,7 @@ def explanation(version: str | None) -> str:
     if version is None:
         return _(
             "This module computes with PyTorch, which is not installed in Slicer yet. It is a download of up to 3 GB, and "
-            "takes some minutes. Everything else works without it."
+            "takes some minutes. Until then you can place points, but not segment."
         )
     return _(
         "This module computes with PyTorch {oldest} or later, and Slicer has version {version}. Another extension may have "

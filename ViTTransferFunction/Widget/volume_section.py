@@ -56,7 +56,7 @@ class VolumeSection(Section):
         obstacle = _obstacle(phase)
         ui.extractButton.enabled = not obstacle
         ui.extractButton.toolTip = obstacle or _(
-            "Compute what the structures are told apart by: once for each volume, then kept in the cache. "
+            "Compute the features, which tell the structures apart: once for each volume, then kept in the cache. "
             "You can go on working meanwhile."
         )
         ui.estimateLabel.text = obstacle or (estimate_text(session.estimate, session.frame) if session else "")
@@ -130,7 +130,7 @@ def status_text(session: SceneSession | None, phase: str) -> str:
     frame = frame_text(session.frame) if session.frame else ""
     if session.volume_changed:
         if phase == "extracting":
-            return _("The image has changed since: the new one comes next.")
+            return _("The image has changed meanwhile: its new features come next.")
         return _("The image has changed: its features follow when it stops changing.")
     if phase == "extracting":
         return frame

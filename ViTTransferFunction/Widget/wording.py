@@ -1,4 +1,4 @@
-"""Durations and sizes in words, as coarse as people talk about them."""
+"""Durations and sizes in words, as coarse as people talk about them, and names as menus want them."""
 
 from __future__ import annotations
 
@@ -20,3 +20,8 @@ def size(n_bytes: float) -> str:
     if n_bytes < 1e9:
         return _("{megabytes} MB").format(megabytes=round(n_bytes / 1e6))
     return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
+
+
+def in_menu(name: str) -> str:
+    """A name that the user gave, for an entry of a menu: there, a single & marks the key of the entry."""
+    return name.replace("&", "&&")

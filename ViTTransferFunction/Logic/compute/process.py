@@ -75,8 +75,8 @@ class ComputeProcess:
             self._errors.close()
             shutil.rmtree(self.folder, ignore_errors=True)
             raise InputError(
-                f"The process that computes could not be started with {executable}: {error.strerror or error}. "
-                "Restart the program; if that does not help, install it again."
+                f"Computing could not be started with {executable}: {error.strerror or error}. "
+                "Restart Slicer; if that does not help, install Slicer again."
             ) from error
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -133,8 +133,8 @@ def _executable(given: str | Path | None) -> str:
     executable = str(given or sys.executable or "")
     if not executable or not Path(executable).is_file():
         raise InputError(
-            f"Python was not found {f'as {executable}' if executable else 'beside this program'}; it is needed to compute in a "
-            "process of its own. The installation is incomplete: install the program again."
+            f"Python was not found {f'as {executable}' if executable else 'in Slicer'}, and nothing can be computed without "
+            "it. The installation of Slicer is incomplete: install Slicer again."
         )
     return executable
 

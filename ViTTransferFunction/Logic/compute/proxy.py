@@ -155,7 +155,7 @@ class SegmentationProxy:
 
     def segment(self, refinement: Refinement) -> None:
         """Ask for a label map of the classes of the last `update`."""
-        self.progress = WorkProgress(0, 0, "Segmenting classes", None)
+        self.progress = WorkProgress(0, 0, "Segmenting structures", None)
         self._ask(SegmentClasses(self._classes, refinement))
 
     @property
@@ -343,7 +343,8 @@ class SegmentationProxy:
         self._client = None
         self._reset()
         self._error = (
-            "The process that computes ended unexpectedly"
-            f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your annotations are untouched; "
-            "compute the features again, with a coarser grid or another device if it happens again."
+            "The computation in the background ended unexpectedly"
+            f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your structures and points "
+            "are kept. Compute the features again; if it happens again, choose a faster preset, a smaller grid or another "
+            "device under Advanced."
         )

@@ -166,7 +166,7 @@ class SegmentationService:
     @property
     def _the_session(self) -> SegmentationSession:
         if self._session is None:
-            raise InputError("The volume's settings cannot be used; correct them first.")
+            raise InputError("The volume or its settings cannot be used; correct them first.")
         return self._session
 
 

@@ -26,7 +26,10 @@ class IntensityWindow:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
-            raise InputError(f"An intensity window needs two finite bounds, the lower first; got {self.low} and {self.high}.")
+            raise InputError(
+                f"The intensity window needs two numbers, the lower first; got {self.low:g} and {self.high:g}. "
+                "Change one, or have them chosen automatically."
+            )
 
     @property
     def width(self) -> float:

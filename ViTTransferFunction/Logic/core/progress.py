@@ -10,7 +10,7 @@ class Progress(Protocol):
     """Called with the work done so far; raises `Cancelled` to stop the work at that point."""
 
     def __call__(self, done: int, total: int, what: str) -> None:
-        """Report `done` of `total` steps of the work named `what` (such as "Extracting features")."""
+        """Report `done` of `total` steps of the work named `what` (such as "Computing features")."""
 
 
 @dataclass(frozen=True)

@@ -67,11 +67,11 @@ class BoundedMemory:
         elif device.type != "cpu":
             self._network = self._network.converted("cpu", self._network.dtype)
             self._at_once = None
-            self.trouble = f" (too little memory on {device.type}: on the processor)"
+            self.trouble = " (too little memory on the graphics card; the processor goes on)"
         else:
             raise InputError(
-                f"There is too little memory to extract features, even slice by slice ({error}). "
-                "Close other programs, or choose a coarser preset or grid."
+                f"There is too little memory to compute features, even slice by slice ({error}). "
+                "Close other programs, choose a faster preset or a smaller grid, or crop the volume to what you need."
             ) from error
         logger.warning("Out of memory on %s%s", device, self.trouble)
 

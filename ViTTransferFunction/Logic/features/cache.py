@@ -77,7 +77,7 @@ class FeatureCache:
             raise InputError(
                 f"The disk of the cache folder {self.folder} is full: {free / 1e6:.0f} MB free, "
                 f"{(needed_bytes + SPARE_BYTES) / 1e6:.0f} MB needed. "
-                f"Free some space, or set {CACHE_VARIABLE} to a folder on another disk."
+                f"Free some space, or set the environment variable {CACHE_VARIABLE} to a folder on another disk."
             )
 
     def entries(self) -> list[CacheEntry]:

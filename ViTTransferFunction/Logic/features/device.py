@@ -23,14 +23,16 @@ def choose_device(name: str) -> torch.device:
         import torch
     except ImportError as error:
         raise InputError(
-            f"PyTorch, which computes the features, cannot be loaded ({error}). Install it and try again."
+            f"PyTorch, which computes the features, cannot be loaded ({error}). Install PyTorch and try again."
         ) from error
 
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if name == "auto":
         return torch.device(next(device for device, there in available.items() if there))
     if not available[name]:
-        raise InputError(f"PyTorch finds no {name} device on this computer; choose the device cpu, or auto.")
+        raise InputError(
+            f"PyTorch cannot compute on {name} on this computer; choose another device: auto, or cpu (the processor)."
+        )
     return torch.device(name)
 
 

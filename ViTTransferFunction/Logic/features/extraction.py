@@ -86,7 +86,7 @@ class FeatureRun:
 
     def report(self, progress: Progress) -> None:
         """Tell how many slices are done, and what was given up for lack of memory."""
-        progress(self._done, self._total, f"Extracting features{self._memory.trouble}")
+        progress(self._done, self._total, f"Computing features{self._memory.trouble}")
 
     def run(self, batch: SliceBatch) -> None:
         """Run a batch of slices; each batch once."""

@@ -56,7 +56,7 @@ class FeatureSettings:
 
     def __post_init__(self) -> None:
         if not SMALLEST_GRID <= self.grid <= LARGEST_GRID:
-            raise InputError(f"The feature grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {self.grid}.")
+            raise InputError(f"The grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {self.grid}.")
         if not 0.0 < self.patches_per_cell <= 1.0:
             raise InputError(f"A cell must be more than 0 and at most 1 patch wide; got {self.patches_per_cell}.")
         if self.layer_step < 1 or (self.every_slice and self.layer_step > 1):

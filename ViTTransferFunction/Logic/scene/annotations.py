@@ -120,7 +120,7 @@ class SceneAnnotations:
         """
         state = replace(self._class(id_), **fields)
         if not state.name.strip():
-            raise InputError("A class needs a name; it keeps the one that it had.")
+            raise InputError("A structure needs a name; it keeps the one that it had.")
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
             write_class(self._scene, self._positive(id_), state)
 

@@ -116,7 +116,7 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
     """Bring a class in the scene to `state`; what is equal is not touched."""
     negative = negative_node(positive) or _create_negative(scene, positive)
     _set_name(positive, state.name)
-    _set_name(negative, f"{state.name} – not")
+    _set_name(negative, f"{state.name} – outside")
     for node, points in ((positive, state.positive), (negative, state.negative)):
         _set_color(node, state.color)
         _set_visible(node, state.visible)

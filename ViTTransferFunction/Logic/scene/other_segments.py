@@ -64,7 +64,7 @@ class OtherSegments:
             return None
         name = segment.GetName()
         if not len(points):
-            raise InputError(f"The segment '{name}' has no voxels; expected one to continue from. Choose another one.")
+            raise InputError(f"The segment '{name}' is empty, so no structure was added from it. Choose another one.")
         return annotations.continue_segment(segment_id, name, segment.GetColor(), points)
 
     def outside(self, states: tuple[ClassState, ...]) -> dict[str, np.ndarray]:

@@ -58,7 +58,7 @@ class SceneRegions:
     def _add(self, id_: str, points_ras: np.ndarray, positive: bool) -> None:
         points_ras = points_ras[self._in_volume(points_ras)]
         if not len(points_ras):
-            raise InputError("The region has no part in the volume, so it added no points. Draw it on the volume.")
+            raise InputError("No part of the region lies in the volume, so no points were added. Draw it on the volume.")
         self._annotations.add_points(id_, points_ras, positive)
 
 

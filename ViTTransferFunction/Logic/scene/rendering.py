@@ -25,9 +25,9 @@ from .volume import take_image
 if TYPE_CHECKING:
     import slicer
 
-VOLUME_NAME = "Class rendering"
-DISPLAY_NAME = "Class rendering display"
-PROPERTY_NAME = "Class rendering property"
+VOLUME_NAME = "Structure rendering"
+DISPLAY_NAME = "Structure rendering display"
+PROPERTY_NAME = "Structure rendering property"
 DISPLAY_CLASS = "vtkMRMLGPURayCastVolumeRenderingDisplayNode"
 
 

@@ -417,7 +417,9 @@ class SceneSession:
         arrived, self._proxy.labels = self._proxy.labels, None
         if self.volume_changed:
             self._output.cancel()
-            self._report("The image has changed meanwhile, so no segments were written. Create them again when it is ready.")
+            self._report(
+                "The image has changed meanwhile, so no segments were written. Write them again when its features are ready."
+            )
             return
         try:
             if arrived is not None:

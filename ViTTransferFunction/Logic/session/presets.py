@@ -36,17 +36,15 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
 PRESETS = {
     "preview": _whitened(
-        "three patches for eight cells along an edge: a first look within seconds", FeatureSettings(patches_per_cell=0.375)
+        "a first look within seconds, at a coarser scale than the others", FeatureSettings(patches_per_cell=0.375)
     ),
     "fast": _whitened(
-        "five patches for eight cells along an edge, near what the network was trained on: two fifths of the time of balanced",
+        "about two fifths of the time of balanced, at a slightly coarser scale",
         FeatureSettings(patches_per_cell=0.625),
     ),
-    "balanced": _whitened(
-        "a patch for each cell of a slice, through every second layer of cells", FeatureSettings(layer_step=2)
-    ),
+    "balanced": _whitened("the one to begin with: detail as fine as the grid's cells", FeatureSettings(layer_step=2)),
     "paper": Preset(
-        meaning="as in the paper: every slice of every axis, full intensity range, raw features; many times slower",
+        meaning="as in the paper, and many times slower: every slice along all three axes, over the full range of intensities",
         model="dino_vits8",
         features=FeatureSettings(
             isotropic=False,

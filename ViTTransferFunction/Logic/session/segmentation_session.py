@@ -202,18 +202,18 @@ class SegmentationSession:
         isos: list[float] = []
 
         def maps() -> Iterator[tuple[np.ndarray, float]]:
-            progress(0, len(requests), "Segmenting classes")
+            progress(0, len(requests), "Segmenting structures")
             low_maps = self.low_resolution_maps(requests)
             for index, request in enumerate(requests):
                 # In between as well: a click that comes now should not have to wait long.
-                between = partial(progress, index, len(requests), "Segmenting classes")
+                between = partial(progress, index, len(requests), "Segmenting structures")
                 full = self.refined_map(low_maps[index], requests, index, method, between)
                 between()
                 if on_map:
                     on_map(request, full)
                 isos.append(full.iso)
                 yield full.array, full.iso
-                progress(index + 1, len(requests), "Segmenting classes")
+                progress(index + 1, len(requests), "Segmenting structures")
 
         labels = self._labels(maps(), self.volume.geometry, requests, only_annotated_components)
         return Segmentation(labels, tuple(self._results(requests, isos, labels)))

@@ -63,7 +63,9 @@ def sha256_of(path: Path) -> str:
             while block := stream.read(_BLOCK):
                 digest.update(block)
     except OSError as error:
-        raise InputError(f"Cannot read {path} ({error.strerror or error}).") from error
+        raise InputError(
+            f"Cannot read {path} ({error.strerror or error}). Check its permissions, or choose another file."
+        ) from error
     return digest.hexdigest()
 
 

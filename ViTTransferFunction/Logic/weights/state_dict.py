@@ -29,7 +29,9 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
-        raise InputError(f"Cannot read the weights file {path} ({error.strerror or error}).") from error
+        raise InputError(
+            f"Cannot read the weights file {path} ({error.strerror or error}). Check its permissions, or choose another file."
+        ) from error
     except _DAMAGED as error:
         raise InputError(
             f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "

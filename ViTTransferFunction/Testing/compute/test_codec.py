@@ -42,7 +42,7 @@ BODIES = [
     ),
     requests.Labels(ARRAY.astype(np.uint16), (1, 2, 3)),
     requests.ColorVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), (0, 200), GEOMETRY),
-    requests.Progressed(1, 2, "Extracting features"),
+    requests.Progressed(1, 2, "Computing features"),
     requests.CoarseFeatures(),
     requests.GivenUp(),
     requests.Failed("'CT' is constant."),

@@ -207,7 +207,7 @@ def test_volumes_come_with_the_maps_and_go_with_the_classes(ready: SegmentationP
 def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, client: Client) -> None:
     ready.update([SPLEEN, LIVER], None)
     ready.segment(Refinement())
-    client.answer(SegmentClasses, Progressed(1, 2, "Segmenting classes"))
+    client.answer(SegmentClasses, Progressed(1, 2, "Segmenting structures"))
     ready.poll()
     assert ready.progress is not None
     assert (ready.progress.done, ready.progress.total) == (1, 2)

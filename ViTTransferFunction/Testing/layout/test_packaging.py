@@ -43,13 +43,15 @@ def catalogue_entry() -> dict:
     return json.loads((ROOT / f"{EXTENSION}.json").read_text(encoding="utf-8"))
 
 
-def test_every_python_file_is_listed_and_there() -> None:
-    assert sorted(cmake_list(MODULE / "CMakeLists.txt", "MODULE_PYTHON_SCRIPTS")) == shipped("*.py")
+def test_every_python_file_is_listed_once_and_in_order() -> None:
+    module, *rest = cmake_list(MODULE / "CMakeLists.txt", "MODULE_PYTHON_SCRIPTS")
+    assert module == f"{EXTENSION}.py"
+    assert rest == [path for path in shipped("*.py") if path != module]
 
 
-def test_every_resource_is_listed_and_there() -> None:
+def test_every_resource_is_listed_once_and_in_order() -> None:
     listed = cmake_list(MODULE / "CMakeLists.txt", "MODULE_PYTHON_RESOURCES")
-    assert sorted(listed) == [path for path in shipped("*") if path.startswith("Resources/")]
+    assert listed == [path for path in shipped("*") if path.startswith("Resources/")]
 
 
 def test_what_ships_imports_nothing_that_stays_behind() -> None:

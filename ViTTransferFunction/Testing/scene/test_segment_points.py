@@ -87,7 +87,7 @@ def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentat
     session.continue_segment(add_segment(a_segmentation, "liver", np.zeros(SHAPE, dtype=bool), OBLIQUE))
     session.wait()
     assert session.classes == ()
-    assert "'liver' has no voxels" in (session.take_error() or "")
+    assert "'liver' is empty" in (session.take_error() or "")
 
 
 def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSession, a_segmentation: Any) -> None:

@@ -52,7 +52,7 @@ def tiny_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSett
     [
         ({"preset": "published"}, "Unknown preset 'published'"),
         ({"grid": 3}, "4 to 128 cells; got 3"),
-        ({"window": (5.0, 5.0)}, "two finite bounds"),
+        ({"window": (5.0, 5.0)}, "the lower first"),
         ({"model": "dino_vits9"}, "Unknown model 'dino_vits9'"),
         ({"device": "tpu"}, "Unknown device 'tpu'"),
         ({"weights_path": "/not/there.pth"}, "no weights file"),

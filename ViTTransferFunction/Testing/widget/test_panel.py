@@ -87,6 +87,12 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert not widget.ui.messageFrame.isVisible()
 
 
+def test_names_in_messages_are_shown_letter_by_letter(widget: Any) -> None:
+    """A label that finds markup in its text would swallow it."""
+    for label in (widget.ui.messageLabel, widget.ui.pointsOutsideLabel):
+        assert label.textFormat() == Qt.TextFormat.PlainText
+
+
 def test_a_class_is_hidden_by_its_box(widget: Any) -> None:
     add_class(widget)
     widget.ui.classTable.item(0, 2).setCheckState(Qt.CheckState.Unchecked)
@@ -207,7 +213,7 @@ def test_a_region_beside_the_volume_is_said_to_be_there_and_adds_nothing(ready: 
     add_class(ready)
     ready.ui.boxOffButton.click()
     drag("Red", (5, 5), (40, 40))
-    assert "no part in the volume" in ready.ui.messageLabel.text()
+    assert "no points were added" in ready.ui.messageLabel.text()
     assert ready.panel.session.classes[0].negative == ()
 
 

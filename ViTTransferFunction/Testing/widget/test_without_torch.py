@@ -209,7 +209,7 @@ def test_an_installation_that_leaves_nothing_behind_is_reported(
 ) -> None:
     extension(lambda: None)
     widget.ui.installPyTorchButton.click()
-    assert "still not there" in widget.ui.messageLabel.text()
+    assert "still missing" in widget.ui.messageLabel.text()
 
 
 def test_a_pytorch_that_is_too_old_is_replaced_if_the_user_agrees(
