@@ -87,6 +87,10 @@ class AnnotationTools(Section):
         self._slice_tools.stop()
         self._check_buttons()
 
+    def end_unfinished(self) -> None:
+        """Have clicks in the views do nothing that no button shows, whatever the scene was doing when it was saved."""
+        self._place_mode.end_unfinished()
+
     def undo(self) -> None:
         """Take the last change back."""
         if self.session is not None:

@@ -100,9 +100,10 @@ class Panel:
             self.refresh()
 
     def bind_parameters(self) -> None:
-        """Keep widgets and parameter node equal."""
+        """Keep widgets and parameter node equal, and end what the scene was saved in the midst of."""
         if self.session is not None and self._bound is None:
             self._bound = BoundParameters(self.session.parameters, self._ui)
+            self.tools.end_unfinished()
 
     def release_parameters(self) -> None:
         """Leave widgets and parameter node to themselves, while the node is in the hands of others."""

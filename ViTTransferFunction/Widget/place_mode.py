@@ -56,6 +56,17 @@ class PlaceMode:
             self._restore()
             self._interaction.SwitchToViewTransformMode()
 
+    def end_unfinished(self) -> None:
+        """End what the scene was saved in the midst of: clicks that add points to a structure, and no tool that says so."""
+        place = slicer.vtkMRMLInteractionNode.Place
+        if self._before is not None or self._interaction.GetCurrentInteractionMode() != place:
+            return
+        node = self._selection.GetScene().GetNodeByID(self._selection.GetActivePlaceNodeID() or "")
+        if node is not None and is_list_of_a_class(node):
+            self._interaction.SetPlaceModePersistence(0)
+            self._selection.SetActivePlaceNodeID(None)
+            self._interaction.SwitchToViewTransformMode()
+
     def _placing(self) -> _Placing:
         selection, persistence = self._selection, self._interaction.GetPlaceModePersistence()
         list_class, list_id = selection.GetActivePlaceNodeClassName(), selection.GetActivePlaceNodeID()

@@ -135,9 +135,12 @@ class SegmentationProxy:
         self._ask(Extract())
 
     def cancel(self) -> None:
-        """Stop what runs: the extraction, or a segmentation."""
-        if self._client is not None:
-            self._client.cancel(number for number, request in self._pending.items() if isinstance(request, _WAITED_FOR))
+        """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already."""
+        if self._is_pending(SegmentClasses):
+            self._give_up(SegmentClasses)
+            self.progress = None
+        elif self._client is not None:
+            self._client.cancel(number for number, request in self._pending.items() if isinstance(request, Extract))
 
     def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None) -> None:
         """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how."""
@@ -291,7 +294,7 @@ class SegmentationProxy:
             self.phase = "no features"
         elif isinstance(request, TakeVolume):
             # What was asked about it next cannot be answered either.
-            self.phase = "no volume"
+            self.phase, self.progress = "no volume", None
             self._pending.clear()
         elif isinstance(request, Prepare):
             # So that the reason is not followed by another one, which says less.

@@ -142,24 +142,28 @@ def takes_transform(segmentation_node: Any) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Obstacle:
-    """A labelmap with voxels that are taken; `taken` has their labels, by the label that they do not stand in the way of."""
+    """A labelmap with voxels that are taken; `taken` has their labels, by the labels that they do not stand in the way of."""
 
     voxels: np.ndarray
     geometry: Geometry
-    taken: dict[int, list[int]]
+    taken: dict[tuple[int, ...], list[int]]
 
 
 def _obstacles(
     segmentation: Any, others: Collection[str], labels: ClassLabels, continued: Mapping[str, str], kept: Mapping[str, str]
 ) -> list[_Obstacle]:
-    label_of = labels.label_of_class
-    class_of = {segment_id: class_id for class_id, segment_id in (*continued.items(), *kept.items())}
     obstacles = []
     for labelmap in labelmaps_of(segmentation, others):
-        taken: dict[int, list[int]] = {}
+        taken: dict[tuple[int, ...], list[int]] = {}
         for segment_id, label in labelmap.labels.items():
-            of_class = class_of.get(segment_id) or read_tag(segmentation.GetSegment(segment_id), CORRECTED_TAG) or ""
-            taken.setdefault(label_of.get(of_class, 0), []).append(label)
+            corrected = read_tag(segmentation.GetSegment(segment_id), CORRECTED_TAG)
+            # A class and its duplicate may continue the same segment.
+            own_labels = tuple(
+                own_label
+                for class_id, own_label in labels.label_of_class.items()
+                if segment_id in (continued.get(class_id), kept.get(class_id)) or class_id == corrected
+            )
+            taken.setdefault(own_labels, []).append(label)
         obstacles.append(_Obstacle(labelmap.voxels, labelmap.geometry, taken))
     return obstacles
 
@@ -176,10 +180,10 @@ def _fill(target: np.ndarray, labels: ClassLabels, grid: Geometry, obstacles: Se
         if part.any():
             for obstacle in obstacles:
                 there = resample_labels(obstacle.voxels, obstacle.geometry, part_of_grid.part(slab))
-                for own_label, taken in obstacle.taken.items():
+                for own_labels, taken in obstacle.taken.items():
                     in_the_way = np.isin(there, taken)
-                    if own_label:
-                        in_the_way &= part != own_label
+                    if own_labels:
+                        in_the_way &= ~np.isin(part, own_labels)
                     part[in_the_way] = 0
         yield part.size
 

@@ -89,8 +89,12 @@ class SceneSession:
             slicer.vtkMRMLScene.EndRestoreEvent,
             slicer.vtkMRMLScene.EndCloseEvent,
         )
-        reactions = [(event, self._on_other_scene) for event in other_scene]
-        self._observers.observe(scene, [(slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed), *reactions])
+        reactions = [
+            (slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed),
+            *((event, self._on_other_scene) for event in other_scene),
+            (slicer.vtkMRMLScene.EndBatchProcessEvent, self._on_batch_end),
+        ]
+        self._observers.observe(scene, reactions)
         self._observers.observe(parameter_node, [("ModifiedEvent", self._on_parameters)])
         self._on_parameters()
 
@@ -338,6 +342,10 @@ class SceneSession:
     def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
         self.annotations.restart()
         self._other_segments.forget()
+
+    def _on_batch_end(self, caller: vtk.vtkObject, event: str) -> None:
+        """Many nodes were changed at once; where a scene replaces another one, not before the new one is complete."""
+        self.annotations.refresh_and_record()
         self._on_parameters()
 
     def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:

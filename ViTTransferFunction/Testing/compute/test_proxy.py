@@ -241,6 +241,15 @@ def test_a_refused_volume_leaves_none(client: Client) -> None:
     assert (proxy.phase, proxy.take_error(), proxy.busy) == ("no volume", "'CT' is constant.", False)
 
 
+def test_nothing_seems_to_run_after_a_volume_was_refused_for_which_extraction_was_asked(client: Client) -> None:
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
+    proxy.open(VOLUME, SETTINGS)
+    proxy.extract()
+    client.answer(TakeVolume, Failed("'CT' is constant."))
+    proxy.poll()
+    assert (proxy.progress, proxy.busy) == (None, False)
+
+
 def test_cancelling_gives_up_what_the_user_waits_for_and_nothing_else(ready: SegmentationProxy, client: Client) -> None:
     ready.update([LIVER], None)
     ready.poll()
@@ -251,6 +260,16 @@ def test_cancelling_gives_up_what_the_user_waits_for_and_nothing_else(ready: Seg
     ready.poll()
     assert ready.progress is None
     assert ready.take_error() is None
+
+
+def test_labels_that_were_on_their_way_when_the_user_cancelled_are_dropped(ready: SegmentationProxy, client: Client) -> None:
+    ready.update([LIVER], None)
+    ready.poll()
+    ready.segment(Refinement())
+    client.answer(SegmentClasses, Labels(np.ones((1, 1, 1), np.uint8), (0, 0, 0)))
+    ready.cancel()
+    assert "labels" not in ready.poll()
+    assert (ready.labels, ready.progress) == (None, None)
 
 
 def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(proxy: SegmentationProxy, client: Client) -> None:

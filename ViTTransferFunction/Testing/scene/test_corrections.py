@@ -188,6 +188,16 @@ def test_the_segment_that_a_class_continues_is_not_in_its_way(a_segmentation: An
     assert a_segmentation.GetSegmentation().GetSegment(liver).GetName() == "liver (2)"
 
 
+def test_a_segment_that_two_classes_continue_is_in_the_way_of_neither(a_segmentation: Any, a_volume: Any) -> None:
+    theirs = add_segment(a_segmentation, "liver", block(1, 5), OBLIQUE)
+    duplicates = [output(block(1, 3), LIVER, "liver"), output(block(3, 5), "copy-id", "liver copy")]
+    continued = {LIVER: theirs, "copy-id": theirs}
+    written = write_segments(a_segmentation, a_volume, duplicates, respect_others=True, continued=continued)
+    assert [voxels_of(a_segmentation, segment_id) for segment_id in written] == [
+        positions_of(mask, a_volume) for mask in (block(1, 3), block(3, 5))
+    ]
+
+
 def test_the_users_copy_is_never_written_to_also_where_the_original_is_kept(
     a_segmentation: Any, a_volume: Any, written: list[str]
 ) -> None:

@@ -328,6 +328,37 @@ def test_a_saved_scene_carries_on_where_it_was_left(
 
 
 @pytest.mark.slow
+def test_a_scene_that_is_loaded_in_place_of_another_is_taken_up(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], tmp_path: Path
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    saved = session.classes
+    assert slicer_app.scene.WriteToMRB(str(tmp_path / "yesterday.mrb"))
+    session.annotations.remove_class(id_)
+    session.set_volume(None)
+    session.wait()
+    replaces_what_is_there = True
+    assert slicer_app.scene.ReadFromMRB(str(tmp_path / "yesterday.mrb"), replaces_what_is_there)
+    session.wait()
+    assert session.phase == "ready"
+    assert session.classes == saved
+    assert session.chosen_iso(id_) is not None
+    assert not session.annotations.can_undo
+
+
+def test_lists_that_are_deleted_together_with_much_else_are_classes_that_are_removed(
+    slicer_app: Any, session: SceneSession
+) -> None:
+    state = session.annotations.add_class("sphere")
+    slicer_app.scene.StartState(slicer_app.scene.BatchProcessState)
+    slicer_app.scene.RemoveNode(session.annotations.points_node(state.id, positive=True))
+    slicer_app.scene.EndState(slicer_app.scene.BatchProcessState)
+    assert session.classes == ()
+    session.annotations.undo()
+    assert session.classes == (state,)
+
+
+@pytest.mark.slow
 def test_scene_after_scene_leaves_no_node_no_observer_and_no_memory_behind(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -128,3 +129,20 @@ def test_single_points_that_the_user_asks_for_meanwhile_stay_so(widget: Any, int
     interaction.SetPlaceModePersistence(0)
     widget.ui.pointOnButton.click()
     assert not interaction.GetPlaceModePersistence()
+
+
+@pytest.mark.parametrize("replaces", [True, False])
+def test_a_scene_that_was_saved_while_placing_does_not_go_on_placing(
+    widget: Any, interaction: Any, selection: Any, tmp_path: Path, replaces: bool
+) -> None:
+    add_class(widget)
+    assert slicer.mrmlScene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    widget.ui.pointOnButton.click()
+    assert slicer.mrmlScene.ReadFromMRB(str(tmp_path / "saved.mrb"), replaces)
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    assert not interaction.GetPlaceModePersistence()
+    assert not selection.GetActivePlaceNodeID()
+    assert not widget.ui.pointOnButton.isChecked()
+    widget.ui.pointOnButton.click()
+    points = widget.panel.session.annotations.points_node(widget.panel.session.classes[0].id, positive=True)
+    assert selection.GetActivePlaceNodeID() == points.GetID()

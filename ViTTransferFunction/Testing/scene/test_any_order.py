@@ -1,0 +1,170 @@
+"""A session while a user does anything in any order, whatever is under way."""
+
+from __future__ import annotations
+
+import random
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Testing.support.known_features import cache_known_features
+from ViTTransferFunction.Testing.support.scenes import add_segment, add_volume, open_spheres, put_under
+from ViTTransferFunction.Testing.support.segments import everything_about
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+STEPS = 120
+MOST_CLASSES = 5
+OBSERVERS, OBSERVERS_OF_A_CLASS = 40, 12
+THEIRS = ("bone", "fat")
+
+
+class User:
+    """Does what users do, by one method for each, as chance will have it.
+
+    Args:
+        app: the application.
+        spheres: what is segmented.
+        chance: decides the details.
+    """
+
+    def __init__(self, app: Any, spheres: Spheres, chance: random.Random) -> None:
+        self._random = chance
+        self._scene, self._spheres = app.scene, spheres
+        self.session = open_spheres(app, spheres)
+        self.volume = self.session.parameters.volume
+        turned = Volume(spheres[0].array[::-1].copy(), spheres[0].geometry, "another volume")
+        cache_known_features(turned, spheres[1][::-1])
+        self._another_volume = add_volume(app.scene, turned)
+        self.theirs = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "theirs")
+        self.theirs.CreateDefaultDisplayNodes()
+        for label, name in enumerate(THEIRS, start=2):
+            add_segment(self.theirs, name, spheres[1] == label, spheres[0].geometry.ijk_to_ras)
+        self.session.set_segmentation(self.theirs)
+
+    @property
+    def _ids(self) -> list[str]:
+        return [state.id for state in self.session.classes]
+
+    def _points(self, count: int = 1) -> np.ndarray:
+        near = [self._random.uniform(-14.0, 14.0) for _ in range(3)]
+        return np.concatenate([centre_ras(self._spheres, self._random.choice((1, 2, 3))) + near for _ in range(count)])
+
+    def _segment_ids(self) -> list[str]:
+        node = self.session.parameters.segmentation
+        return list(node.GetSegmentation().GetSegmentIDs()) if node else []
+
+    def add_a_class(self) -> None:
+        if len(self._ids) < MOST_CLASSES:
+            self.session.annotations.add_class()
+
+    def duplicate_a_class(self) -> None:
+        if 0 < len(self._ids) < MOST_CLASSES:
+            self.session.annotations.duplicate_class(self._random.choice(self._ids))
+
+    def continue_a_segment(self) -> None:
+        if len(self._ids) < MOST_CLASSES and self._segment_ids():
+            self.session.continue_segment(self._random.choice(self._segment_ids()))
+
+    def move_a_class(self) -> None:
+        if self._ids:
+            self.session.annotations.move_class(self._random.choice(self._ids), self._random.choice((-1, 1)))
+
+    def remove_a_class(self) -> None:
+        if self._ids:
+            self.session.annotations.remove_class(self._random.choice(self._ids))
+
+    def add_points(self) -> None:
+        if self._ids:
+            positive = self._random.random() < 0.7
+            self.session.annotations.add_points(self._random.choice(self._ids), self._points(2), positive)
+
+    def place_a_point(self) -> None:
+        if self._ids:
+            node = self.session.annotations.points_node(self._random.choice(self._ids), self._random.random() < 0.7)
+            node.AddControlPointWorld(vtk.vtkVector3d(*self._points()[0]))
+
+    def delete_a_list(self) -> None:
+        if self._ids:
+            positive = self._random.random() < 0.5
+            self._scene.RemoveNode(self.session.annotations.points_node(self._random.choice(self._ids), positive))
+
+    def delete_lists_at_once(self) -> None:
+        self._scene.StartState(self._scene.BatchProcessState)
+        for id_ in self._ids[:2]:
+            self._scene.RemoveNode(self.session.annotations.points_node(id_, positive=True))
+        self._scene.EndState(self._scene.BatchProcessState)
+
+    def undo(self) -> None:
+        self.session.annotations.undo()
+
+    def redo(self) -> None:
+        self.session.annotations.redo()
+
+    def change_a_setting(self) -> None:
+        name, values = self._random.choice([
+            ("rendering", ("off", "similarity", "transfer function")),
+            ("otherSegmentsAreOutside", (True, False)),
+            ("respectOtherSegments", (True, False)),
+            ("refinement", ("bilateral", "none")),
+            ("overlayVisible", (True, False)),
+        ])  # fmt: skip
+        self.session.parameters.set(name, self._random.choice(values))
+
+    def choose_a_volume(self) -> None:
+        self.session.set_volume(self._random.choice((self.volume, self.volume, self._another_volume, None)))
+
+    def choose_a_segmentation(self) -> None:
+        self.session.set_segmentation(self._random.choice((self.theirs, None)))
+
+    def delete_a_segment_of_ours(self) -> None:
+        ours = [segment_id for segment_id in self._segment_ids() if segment_id not in THEIRS]
+        if ours:
+            self.session.parameters.segmentation.GetSegmentation().RemoveSegment(self._random.choice(ours))
+
+    def move_the_volume(self) -> None:
+        put_under(self.volume, np.diag([1.0, -1.0, 1.0, 1.0]))
+
+    def write_segments(self) -> None:
+        self.session.write_segments(self._random.choice(("ask", "keep", "overwrite")))
+
+    def cancel(self) -> None:
+        self.session.cancel()
+
+    def compute_features(self) -> None:
+        self.session.start_extraction()
+
+
+ACTIONS = tuple(name for name in vars(User) if not name.startswith("_"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_is_done_in_whatever_order_the_session_comes_to_rest_and_leaves_others_alone(
+    slicer_app: Any, spheres: Spheres, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chance = random.Random(seed)
+    user = User(slicer_app, spheres, chance)
+    session, theirs = user.session, user.theirs
+    composite = slicer_app.scene.AddNewNodeByClass("vtkMRMLSliceCompositeNode")
+    composite.SetBackgroundVolumeID(user.volume.GetID())
+    # VTK prints exceptions of observers and goes on.
+    raised: list[Any] = []
+    monkeypatch.setattr(sys, "excepthook", lambda *exception: raised.append(exception))
+    before = [everything_about(theirs, name) for name in THEIRS]
+    for _ in range(STEPS):
+        action = chance.choice(ACTIONS)
+        getattr(user, action)()
+        for _ in range(chance.randrange(20)):
+            session.poll()
+        assert raised == [], action
+        assert session.observer_count < OBSERVERS + OBSERVERS_OF_A_CLASS * len(session.classes)
+    session.wait(60.0)
+    assert session.up_to_date or session.phase != "ready"
+    assert [everything_about(theirs, name) for name in THEIRS] == before
+    session.close()
+    assert composite.GetNumberOfAdditionalLayers() == 0
+    assert composite.GetBackgroundVolumeID() == user.volume.GetID()
