@@ -28,6 +28,10 @@ sys.modules["ViTTransferFunction"] = package
 from ViTTransferFunction.Logic.compute.server import main
 main(sys.argv[2])
 """
+IN_MEMORY = Path("/dev/shm")
+"""Linux's file system in memory."""
+ROOM_BYTES = 2 * 2**30
+"""A large volume and its label map take half of that."""
 _LAST_WORDS_BYTES = 4000
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
 """Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
@@ -55,7 +59,7 @@ class ComputeProcess:
         executable = _executable(python_executable)
         self.own_pid: int | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `end`)
-        self.folder = Path(tempfile.mkdtemp(prefix="vittf-"))
+        self.folder = _private_folder()
         try:
             self._process = subprocess.Popen(
                 [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), str(self.folder)],
@@ -137,6 +141,12 @@ def _executable(given: str | Path | None) -> str:
             "it. The installation of Slicer is incomplete: install Slicer again."
         )
     return executable
+
+
+def _private_folder() -> Path:
+    """In memory, where the system has a file system for that and there is room: no voxel is then written to a disk."""
+    in_memory = IN_MEMORY.is_dir() and os.access(IN_MEMORY, os.W_OK) and shutil.disk_usage(IN_MEMORY).free >= ROOM_BYTES
+    return Path(tempfile.mkdtemp(prefix="vittf-", dir=IN_MEMORY if in_memory else None))
 
 
 def _close(stream: IO[bytes]) -> None:

@@ -57,6 +57,7 @@ class Server:
         self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self._serving = 0
+        self._told: tuple[int, Progressed] | None = None
         self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(self._serving, CoarseFeatures()))
 
     def serve(self) -> None:
@@ -101,7 +102,11 @@ class Server:
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:
             raise Cancelled
-        self._reply(self._serving, Progressed(done, total, what))
+        progress = Progressed(done, total, what)
+        # It is called more often than there is something to tell, so that what was cancelled ends soon.
+        if (self._serving, progress) != self._told:
+            self._told = self._serving, progress
+            self._reply(self._serving, progress)
 
     def _reply(self, number: int, reply: Any) -> None:
         with self._replying:

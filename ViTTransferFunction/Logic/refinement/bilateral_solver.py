@@ -22,7 +22,7 @@ from .upsampling import Upsampling, upsampled
 from .workers import Workers
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from torch import Tensor
 
@@ -87,6 +87,7 @@ def refine_map(
     spacing_mm: Sequence[float],
     settings: BilateralSolverSettings | None = None,
     threshold: float | None = None,
+    between: Callable[[], None] = lambda: None,
 ) -> BilateralSolution:
     """Bring a coarse map to the resolution and to the edges of the volume that it describes.
 
@@ -97,6 +98,7 @@ def refine_map(
         spacing_mm: of the volume, along (K, J, I).
         settings: default values where None.
         threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
+        between: called between short steps; may raise `Cancelled`.
 
     Raises:
         InputError: something about the volume, the window or the settings cannot be used.
@@ -106,7 +108,7 @@ def refine_map(
     settings = settings or BilateralSolverSettings()
     layout = _layout(intensities, spacing_mm, settings)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
-    with Workers(intensities.device) as workers:
+    with Workers(intensities.device, between) as workers:
         if large_arrays.all_finite(low_resolution_map):
             target = Target(Upsampling(low_resolution_map, intensities.shape).read, _largest(low_resolution_map))
             return _refine(target, None, intensities, window, active, layout, settings, workers)

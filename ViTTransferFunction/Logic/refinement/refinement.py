@@ -67,7 +67,7 @@ def refine(
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, NEAR_SHARE_OF_ISO * iso)
+        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, NEAR_SHARE_OF_ISO * iso, between)
     else:
         refined[box] = _filtered(target, intensities, window, spacing_mm)
     return refined
@@ -86,6 +86,7 @@ def _solved(
     spacing_mm: np.ndarray,
     cell_edge_mm: float,
     threshold: float,
+    between: Callable[[], None],
 ) -> np.ndarray:
     """The bilateral solver's answer; it smooths over most of a feature cell, and over two voxels at least."""
     import torch
@@ -96,7 +97,7 @@ def _solved(
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
     tensors = torch.from_numpy(target), torch.from_numpy(intensities)
-    return refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold).map.numpy()
+    return refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between).map.numpy()
 
 
 def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray) -> np.ndarray:

@@ -25,9 +25,14 @@ class Workers:
     a second became ten. On a GPU there is nothing to divide, and the caller does the work.
 
     Use as a context: within it PyTorch is set to one thread.
+
+    Args:
+        device: where the operations run.
+        between: called before each loop; may raise `Cancelled`.
     """
 
-    def __init__(self, device: torch.device) -> None:
+    def __init__(self, device: torch.device, between: Callable[[], None] = lambda: None) -> None:
+        self._between = between
         self._on_cpu = device.type == "cpu"
         self._torch_threads = 1
         self._pool: ThreadPoolExecutor | None = None
@@ -56,6 +61,7 @@ class Workers:
 
     def share_out(self, items: Sequence[Item], work: Callable[[Sequence[Item]], None]) -> None:
         """Call `work` with runs of consecutive items until all are done. It must not matter in which order."""
+        self._between()
         shares = min(self.shares, len(items))
         if self._pool is None or shares <= 1:
             work(items)

@@ -29,6 +29,9 @@ from .feature_source import FeatureProvenance, FeatureSource
 from .labels import assign_labels, count_labels, keep_annotated_components
 from .presets import Preset
 
+SEGMENTING = "Segmenting structures"
+"""What the progress of `SegmentationSession.segment` is about."""
+
 
 @dataclass(frozen=True)
 class ClassResult:
@@ -202,18 +205,18 @@ class SegmentationSession:
         isos: list[float] = []
 
         def maps() -> Iterator[tuple[np.ndarray, float]]:
-            progress(0, len(requests), "Segmenting structures")
+            progress(0, len(requests), SEGMENTING)
             low_maps = self.low_resolution_maps(requests)
             for index, request in enumerate(requests):
                 # In between as well: a click that comes now should not have to wait long.
-                between = partial(progress, index, len(requests), "Segmenting structures")
+                between = partial(progress, index, len(requests), SEGMENTING)
                 full = self.refined_map(low_maps[index], requests, index, method, between)
                 between()
                 if on_map:
                     on_map(request, full)
                 isos.append(full.iso)
                 yield full.array, full.iso
-                progress(index + 1, len(requests), "Segmenting structures")
+                progress(index + 1, len(requests), SEGMENTING)
 
         labels = self._labels(maps(), self.volume.geometry, requests, only_annotated_components)
         return Segmentation(labels, tuple(self._results(requests, isos, labels)))

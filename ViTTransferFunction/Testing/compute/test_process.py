@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.compute import process as process_module
 from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
@@ -135,6 +136,7 @@ def test_a_process_that_cannot_be_started_is_reported_and_nothing_is_left(
     file, temporary = tmp_path / "no program", tmp_path / "temporary"
     file.write_text("")
     temporary.mkdir()
+    monkeypatch.setattr(process_module, "IN_MEMORY", tmp_path / "none")
     monkeypatch.setattr("tempfile.tempdir", str(temporary))
     volume = TakeVolume(np.zeros((2, 2, 2)), Geometry((2, 2, 2), np.eye(4)), "CT")
     proxy = SegmentationProxy(lambda: ComputeClient(file))
@@ -161,7 +163,8 @@ def test_programs_in_the_working_folder_are_not_taken_for_libraries(
 
 @pytest.mark.slow
 def test_only_the_user_can_read_the_arrays_and_closing_leaves_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(process_module, "IN_MEMORY", tmp_path)
+    monkeypatch.setattr(process_module, "ROOM_BYTES", 0)
     process = ComputeProcess()
     assert process.folder.parent == tmp_path
     assert process.folder.stat().st_mode & 0o077 == 0
@@ -171,8 +174,25 @@ def test_only_the_user_can_read_the_arrays_and_closing_leaves_none(tmp_path: Pat
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("room_bytes", "where"), [(0, "memory"), (2**62, "disk")])
+def test_arrays_stay_in_memory_where_there_is_room(
+    room_bytes: int, where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("memory", "disk"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setattr(process_module, "IN_MEMORY", tmp_path / "memory")
+    monkeypatch.setattr(process_module, "ROOM_BYTES", room_bytes)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "disk"))
+    process = ComputeProcess()
+    assert process.folder.parent == tmp_path / where
+    process.end()
+    process.clean_up()
+
+
+@pytest.mark.slow
 def test_nothing_is_left_where_the_program_that_started_it_just_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(process_module, "IN_MEMORY", tmp_path)
+    monkeypatch.setattr(process_module, "ROOM_BYTES", 0)
     process = ComputeProcess()
     (process.folder / "1-0").write_bytes(b"voxels")
     process.requests.close()
@@ -186,7 +206,8 @@ def test_nothing_is_left_where_the_program_that_started_it_just_ended(tmp_path: 
 def test_where_the_temporary_folder_has_no_room_the_reason_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
 ) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(process_module, "IN_MEMORY", tmp_path)
+    monkeypatch.setattr(process_module, "ROOM_BYTES", 0)
     client = start()
     polls_until(lambda: bool(client.replies() or client.alive))
     (folder,) = tmp_path.glob("vittf-*")
