@@ -409,7 +409,10 @@ class SceneSession:
             overlaid,
             self.parameters.get("overlayOpacity"),
         )
-        self._display.show_rendering(volume, self._proxy.rendering)
+        try:
+            self._display.show_rendering(volume, self._proxy.rendering)
+        except InputError as error:  # Everything else works without it.
+            self._problems.put("computing", str(error))
 
     def _advance_output(self) -> None:
         """Take labels in that have arrived, or go on to turn them into segments."""
