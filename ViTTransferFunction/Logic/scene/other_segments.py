@@ -30,7 +30,7 @@ class OtherSegments:
         self._scene = scene
         self._parameters = parameters
         self._points = SegmentPoints(scene)
-        self._continued: tuple[Any, str] | None = None
+        self._continued: list[tuple[Any, str]] = []
 
     @property
     def busy(self) -> bool:
@@ -42,30 +42,34 @@ class OtherSegments:
         return self._points.advance()
 
     def choose_continued(self, segment_id: str) -> None:
-        """Choose a segment for `begin_continued`."""
-        if self._parameters.segmentation is not None:
-            self._continued = self._parameters.segmentation, segment_id
+        """Choose a segment for `begin_continued`; those that were chosen before come first."""
+        chosen = self._parameters.segmentation, segment_id
+        if chosen[0] is not None and chosen not in self._continued:
+            self._continued.append(chosen)
 
     def begin_continued(self, annotations: SceneAnnotations) -> ClassState | None:
-        """Add a class with the chosen segment's name, colour, and points in it, once they are known; None until then.
+        """Add a class with the name and colour of the segment that was chosen first, and points in it.
+
+        Returns:
+            The class; None where no segment is left, or its points are still being searched for.
 
         Raises:
             InputError: the segment cannot be continued.
         """
-        if self._continued is None:
-            return None
-        (node, segment_id), self._continued = self._continued, None
-        segment = node.GetSegmentation().GetSegment(segment_id)
-        if not self._scene.IsNodePresent(node) or segment is None:
-            return None
-        points = self._points.of(node, segment_id, CONTINUED_POINTS)
-        if points is None:
-            self._continued = node, segment_id
-            return None
-        name = segment.GetName()
-        if not len(points):
-            raise InputError(f"The segment '{name}' is empty, so no structure was added from it. Choose another one.")
-        return annotations.continue_segment(segment_id, name, segment.GetColor(), points)
+        while self._continued:
+            node, segment_id = chosen = self._continued.pop(0)
+            segment = node.GetSegmentation().GetSegment(segment_id)
+            if not self._scene.IsNodePresent(node) or segment is None:
+                continue
+            points = self._points.of(node, segment_id, CONTINUED_POINTS)
+            if points is None:
+                self._continued.insert(0, chosen)
+                return None
+            name = segment.GetName()
+            if not len(points):
+                raise InputError(f"The segment '{name}' is empty, so no structure was added from it. Choose another one.")
+            return annotations.continue_segment(segment_id, name, segment.GetColor(), points)
+        return None
 
     def outside(self, states: tuple[ClassState, ...]) -> dict[str, np.ndarray]:
         """Points off each class, by its id (`outside_points`); none where the user does not want them."""
@@ -80,4 +84,4 @@ class OtherSegments:
     def forget(self) -> None:
         """The scene is another one."""
         self._points.forget()
-        self._continued = None
+        self._continued.clear()

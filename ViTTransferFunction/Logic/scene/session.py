@@ -384,12 +384,11 @@ class SceneSession:
     def _use_segment_points(self) -> None:
         """Use what is known of points in segments; what is not known yet is being searched for."""
         try:
-            begun = self._other_segments.begin_continued(self.annotations)
+            while (begun := self._other_segments.begin_continued(self.annotations)) is not None:
+                self.select_class(begun.id)
         except InputError as error:
-            begun = None
             self._report(str(error))
-        if begun is not None:
-            self.select_class(begun.id)
+            self._segments_changed = True  # There may be others, which the next poll takes up.
         self._ask_for_maps()
 
     def _show(self) -> None:

@@ -83,6 +83,22 @@ def test_a_class_continues_a_segment_in_one_step(session: SceneSession, a_segmen
     assert session.classes == (state,)
 
 
+def test_segments_that_are_chosen_one_right_after_the_other_are_all_continued(
+    session: SceneSession, a_segmentation: Any
+) -> None:
+    add_segment(a_segmentation, "liver", block(1, 3), OBLIQUE)
+    add_segment(a_segmentation, "empty", np.zeros(SHAPE, dtype=bool), OBLIQUE)
+    add_segment(a_segmentation, "spleen", block(3, 5), OBLIQUE)
+    told: list[str | None] = []
+    session.add_observer(lambda: told.append(session.take_error()))
+    for segment_id in ("liver", "empty", "spleen", "spleen"):
+        session.continue_segment(segment_id)
+    session.wait()
+    assert [state.name for state in session.classes] == ["liver", "spleen"]
+    assert session.selected_class == session.classes[-1]
+    assert ["'empty' has no voxels" in error for error in told if error] == [True]
+
+
 def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentation: Any) -> None:
     session.continue_segment(add_segment(a_segmentation, "liver", np.zeros(SHAPE, dtype=bool), OBLIQUE))
     session.wait()

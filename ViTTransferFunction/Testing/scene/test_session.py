@@ -258,6 +258,18 @@ def test_what_cannot_be_shown_in_3d_is_told_until_it_is_switched_off(
     assert session.errors == ()
 
 
+def test_without_slicer_s_volume_rendering_the_user_is_told_and_everything_else_works(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    slicer_app.app_logic.SetModuleLogic("VolumeRendering", None)
+    ids = annotate(session, spheres)
+    assert "Volume Rendering" in (session.take_error() or "")
+    assert all(session.chosen_iso(id_) is not None for id_ in ids)
+    session.write_segments()
+    session.wait()
+    assert session.segment_of(ids[0]) is not None
+
+
 def test_a_compute_process_that_does_not_start_is_an_error_for_the_user(
     slicer_app: Any, spheres: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch
 ) -> None:

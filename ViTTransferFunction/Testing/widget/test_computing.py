@@ -134,6 +134,28 @@ def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, v
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_scene_that_is_opened_in_place_of_another_carries_on_where_it_was_saved(
+    ready: Any, host: Host, spheres: Spheres, tmp_path: Path, elsewhere: bool
+) -> None:
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    assert slicer.mrmlScene.WriteToMRB(str(tmp_path / "yesterday.mrb"))
+    add_class(ready, "of today")
+    if elsewhere:
+        host.representation.exit()
+    assert slicer.mrmlScene.ReadFromMRB(str(tmp_path / "yesterday.mrb"), True)
+    if elsewhere:
+        host.representation.enter()
+    session = ready.panel.session
+    wait_until(lambda: session.phase == "ready" and not session.busy)
+    assert ready.ui.volumeSelector.currentNode().GetName() == "spheres"
+    assert [text(ready.ui.classTable, row, 1) for row in range(ready.ui.classTable.rowCount())] == ["sphere"]
+    assert text(ready.ui.classTable, 0, 6) != "–"
+    assert not ready.ui.undoButton.isEnabled()
+
+
+@pytest.mark.slow
 def test_features_arrive_also_while_the_user_is_in_another_module(widget: Any, host: Host, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     host.representation.exit()
