@@ -8,7 +8,7 @@ from typing import Any
 
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.event_loop import POLL_S, idle_with_the_lock
+from ViTTransferFunction.Testing.support.event_loop import CLICK_POLL_S, POLL_S, idle_with_the_lock
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume
 
 
@@ -40,7 +40,7 @@ class Watched:
             self.call(self.session.poll)
             if finished():
                 return time.perf_counter() - began
-            idle_with_the_lock(POLL_S)
+            idle_with_the_lock(CLICK_POLL_S if self.session.awaits_maps else POLL_S)
 
 
 def open_session(app: Any, volume: Volume, **parameters: Any) -> Watched:

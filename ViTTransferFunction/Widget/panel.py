@@ -26,6 +26,8 @@ from ViTTransferFunction.Widget.volume_section import VolumeSection
 
 POLL_MS = 10
 """How often the session is asked for news while something runs."""
+CLICK_POLL_MS = 5
+"""And while the answer to a click is under way."""
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""
 
@@ -133,7 +135,7 @@ class Panel:
     def _set_pace(self) -> None:
         if self.session is None:
             return
-        pace_ms = POLL_MS if self.session.busy else IDLE_POLL_MS
+        pace_ms = CLICK_POLL_MS if self.session.awaits_maps else POLL_MS if self.session.busy else IDLE_POLL_MS
         if not self._timer.active or self._timer.interval != pace_ms:
             self._timer.interval = pace_ms
             self._timer.start()

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import queue
 import threading
-import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from .array_files import ArrayFiles
 from .codec import from_message, to_message
-from .messages import ArraysNotWritten, Message, read_message, write_message
+from .messages import ArraysNotWritten, Message, message_of, read_line, write_message
 from .process import ComputeProcess
 from .requests import Cancel, Started
 
@@ -26,8 +25,8 @@ _TURN_S = 0.001
 
 The event loop of Slicer holds the lock also while it idles: threads get on only while this program waits for something else.
 """
-_WRITING_S = 0.0002
-"""How long `request` leaves it to them: enough to send one without large arrays."""
+_WRITING_S, _READING_S = 0.002, 0.01
+"""How long `request` and `replies` leave it to them at most, while a message is on its way: most are there much sooner."""
 
 
 class ComputeClient:
@@ -47,6 +46,7 @@ class ComputeClient:
         self._last_request = 0
         self._outgoing: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._incoming: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._all_written, self._reading = threading.Event(), threading.Event()
         self._writer, self._reader = (threading.Thread(target=work, daemon=True) for work in (self._write, self._read))
         self._writer.start()
         self._reader.start()
@@ -59,8 +59,9 @@ class ComputeClient:
     def request(self, request: Any) -> int:
         """Ask for something (`requests`); returns the request's number at once. Its arrays must not change until the reply."""
         self._last_request += 1
+        self._all_written.clear()
         self._outgoing.put(to_message(self._last_request, request))
-        time.sleep(_WRITING_S)
+        self._all_written.wait(_WRITING_S)
         return self._last_request
 
     def cancel(self, numbers: Iterable[int]) -> None:
@@ -81,8 +82,14 @@ class ComputeClient:
         return received
 
     def _next(self) -> Message | None:
+        message = self._within(_TURN_S)
+        if message is None and self._reading.is_set():
+            message = self._within(_READING_S)
+        return message
+
+    def _within(self, seconds: float) -> Message | None:
         try:
-            return self._incoming.get(timeout=_TURN_S)
+            return self._incoming.get(timeout=seconds)
         except queue.Empty:
             return None
 
@@ -107,6 +114,8 @@ class ComputeClient:
         try:
             while (message := self._outgoing.get()) is not None:
                 write_message(self._process.requests, message, self._files)  # type: ignore[arg-type]
+                if self._outgoing.empty():
+                    self._all_written.set()
         except ArraysNotWritten as error:
             self._trouble = f"no room in the folder for temporary files: {error}"
         except (OSError, ValueError):
@@ -114,7 +123,9 @@ class ComputeClient:
 
     def _read(self) -> None:
         try:
-            while (message := read_message(self._process.replies, self._files)) is not None:  # type: ignore[arg-type]
-                self._incoming.put(message)
+            while (line := read_line(self._process.replies)) is not None:  # type: ignore[arg-type]
+                self._reading.set()
+                self._incoming.put(message_of(line, self._files))
+                self._reading.clear()
         except (OSError, ValueError) as error:
             self._trouble = f"its answer could not be read: {error}"

@@ -40,15 +40,24 @@ def write_message(stream: BinaryIO, message: Message, files: ArrayFiles) -> None
 
 
 def read_message(stream: BinaryIO, files: ArrayFiles) -> Message | None:
-    """Wait for the next message; None where the stream ends before it is complete.
+    """Wait for the next message; None where the stream ends before it is complete. Raises as `message_of`."""
+    line = read_line(stream)
+    return None if line is None else message_of(line, files)
+
+
+def read_line(stream: BinaryIO) -> bytes | None:
+    """Wait for what the next message says; None where the stream ends before that is complete."""
+    line = stream.readline()
+    return line if line.endswith(b"\n") else None
+
+
+def message_of(line: bytes, files: ArrayFiles) -> Message:
+    """The message that a line says, with its arrays, which may take a while to read.
 
     Raises:
-        ValueError: what was read is no message.
+        ValueError: the line is no message.
         OSError: its arrays are not there.
     """
-    line = stream.readline()
-    if not line.endswith(b"\n"):
-        return None
     message = json.loads(line)
     if not isinstance(message, dict) or not isinstance(message.get("content"), dict):
         raise ValueError(f"not a message: {line[:100]!r}")

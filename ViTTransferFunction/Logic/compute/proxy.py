@@ -174,6 +174,11 @@ class SegmentationProxy:
         return not self._maps_due and not self._is_pending(ComputeMaps)
 
     @property
+    def awaits_maps(self) -> bool:
+        """Whether the answer to a click is under way."""
+        return self._is_pending(ComputeMaps)
+
+    @property
     def pid(self) -> int | None:
         """The number of the compute process; None where none runs."""
         return self._client.pid if self._client else None

@@ -46,17 +46,16 @@ class SceneDisplay:
     ) -> None:
         """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
-        The overlay is there at once, and its class's contour if that is quickly made; the others follow by `advance`.
+        The overlay is there at once; contours follow by `advance`, first that of the same class.
         """
         self._follow(volume)
-        self._shown = {of_class.class_id: of_class for of_class in shown}
+        first = sorted(shown, key=lambda of_class: of_class.class_id != overlaid)
+        self._shown = {of_class.class_id: of_class for of_class in first}
         self._show_overlay(self._shown.get(overlaid or ""), overlay_opacity)
         if self._moved or self._outlined.keys() - self._shown.keys():
             self._moved = False
             self._outlined = {id_: outlined for id_, outlined in self._outlined.items() if id_ in self._shown}
             self._show_contours()
-        if overlaid in self._shown and self._lacks_outline(self._shown[overlaid]):
-            self._outline(self._shown[overlaid])
 
     def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
         """Show a volume of colours in the 3D views, at once if it is small, else by `advance`; None: nothing."""

@@ -130,6 +130,11 @@ class SceneSession:
         )
 
     @property
+    def awaits_maps(self) -> bool:
+        """Whether the answer to a click is under way: then `poll` should be called more often."""
+        return self._proxy.awaits_maps
+
+    @property
     def up_to_date(self) -> bool:
         """Whether what is shown follows from the annotations as they are now."""
         return self._proxy.up_to_date
