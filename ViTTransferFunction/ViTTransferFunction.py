@@ -165,7 +165,7 @@ def help_text() -> str:
         _("Slicer {version} or later").format(version=".".join(map(str, OLDEST_SLICER))),
         _("PyTorch, which the panel installs: a download of up to 3 GB"),
         _("the weights of a neural network: a download of {size} MB, once, or a file that you have").format(size=WEIGHTS_MB),
-        _("1 GB of memory beyond what Slicer and the volume take"),
+        _("1.5 GB of memory beyond what Slicer and the volume take"),
         _("disk space for features, which are kept: up to {size} GB, and you can clear them").format(size=FEATURES_GB),
         # Benchmarks/results/features.md, scaling of the default.
         _("no graphics card: the features of 512×512×512 voxels took 3 minutes on two processor cores"),
