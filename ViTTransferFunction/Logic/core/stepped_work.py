@@ -35,12 +35,12 @@ class SteppedWork(Generic[Result]):
         self.done = 0
         self.result: Result | None = None
 
-    def advance(self, seconds: float = ADVANCE_S) -> bool:
-        """Take steps until that much time has passed, at least one; returns whether the work is finished.
+    def advance(self, seconds: float | None = None) -> bool:
+        """Take steps until that much time has passed (`ADVANCE_S`), at least one; returns whether the work is finished.
 
         Raises whatever the work raises; it is over then.
         """
-        until = time.perf_counter() + seconds
+        until = time.perf_counter() + (ADVANCE_S if seconds is None else seconds)
         while True:
             try:
                 self.done += next(self._steps)

@@ -10,8 +10,8 @@ import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.requests import Labels
+from ViTTransferFunction.Logic.core import stepped_work
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene import segment_output
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.segment_output import SegmentOutput
@@ -74,7 +74,7 @@ def block(rows: slice) -> np.ndarray:
 
 @pytest.fixture
 def desk(slicer_app: Any, monkeypatch: pytest.MonkeyPatch) -> Desk:
-    monkeypatch.setattr(segment_output, "ADVANCE_S", 0.0)
+    monkeypatch.setattr(stepped_work, "ADVANCE_S", 0.0)
     return Desk(slicer_app)
 
 

@@ -96,7 +96,7 @@ def test_segments_that_are_chosen_one_right_after_the_other_are_all_continued(
     session.wait()
     assert [state.name for state in session.classes] == ["liver", "spleen"]
     assert session.selected_class == session.classes[-1]
-    assert ["'empty' has no voxels" in error for error in told if error] == [True]
+    assert ["'empty' is empty" in error for error in told if error] == [True]
 
 
 def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentation: Any) -> None:
