@@ -14,7 +14,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.colors import Color
 from ..core.errors import InputError
-from ..core.progress import WorkProgress
+from ..core.progress import SEGMENTING, WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .client import ComputeClient
@@ -158,7 +158,7 @@ class SegmentationProxy:
 
     def segment(self, refinement: Refinement) -> None:
         """Ask for a label map of the classes of the last `update`."""
-        self.progress = WorkProgress(0, 0, "Segmenting structures", None)
+        self.progress = WorkProgress(0, 0, SEGMENTING, None)
         self._ask(SegmentClasses(self._classes, refinement))
 
     @property

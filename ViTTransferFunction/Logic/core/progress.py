@@ -13,6 +13,10 @@ class Progress(Protocol):
         """Report `done` of `total` steps of the work named `what` (such as "Computing features")."""
 
 
+SEGMENTING = "Segmenting structures"
+"""What is being done while structures are segmented, for users."""
+
+
 @dataclass(frozen=True)
 class WorkProgress:
     """How far running work is: `done` of `total` steps of `what`; `seconds_left` is None until it can be told."""

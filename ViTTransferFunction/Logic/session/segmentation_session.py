@@ -16,7 +16,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest, check_requests
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
-from ..core.progress import Progress, no_progress
+from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
 from ..features.feature_volume import FeatureVolume
@@ -28,9 +28,6 @@ from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
 from .labels import assign_labels, count_labels, keep_annotated_components
 from .presets import Preset
-
-SEGMENTING = "Segmenting structures"
-"""What the progress of `SegmentationSession.segment` is about."""
 
 
 @dataclass(frozen=True)
