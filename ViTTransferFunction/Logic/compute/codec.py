@@ -10,6 +10,7 @@ import numpy as np
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
+from ..core.iso_proposals import IsoProposals
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from ..session.settings import SessionSettings
 from . import requests
@@ -40,6 +41,7 @@ _TYPES: dict[str, type] = {
         ClassRequest,
         FeatureEstimate,
         Geometry,
+        IsoProposals,
         SessionSettings,
         WeightsDownload,
     )

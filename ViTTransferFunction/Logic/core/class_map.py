@@ -8,6 +8,7 @@ import numpy as np
 
 from .bounding_box import bounding_box
 from .geometry import Box, Geometry
+from .iso_proposals import IsoProposals
 
 FULL_SCALE = 255
 """The byte that stands for a similarity of 1."""
@@ -24,11 +25,13 @@ class ClassMap:
             voxels, or on the box of them that matters, S_H.
         geometry: where the array lies, in the volume's frame.
         iso: threshold that selects the class, in [0, 1].
+        proposals: the iso values of smaller and larger structures; None where the user fixed the iso value.
     """
 
     array: np.ndarray
     geometry: Geometry
     iso: float
+    proposals: IsoProposals | None = None
 
     def __post_init__(self) -> None:
         if self.array.shape != self.geometry.shape:

@@ -11,6 +11,7 @@ import numpy as np
 
 from .errors import InputError
 from .geometry import Geometry
+from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
 
 def no_points() -> np.ndarray:
@@ -27,6 +28,8 @@ class ClassRequest:
         positive: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
         negative: (M, 3) RAS millimetres, points that are not of this structure.
         iso: threshold on the class's similarity map, in [0, 1]; None: chosen from the annotations.
+        size: how large a structure is meant, from −3 to 3: −1 the smaller proposal, 0 the chosen, 1 the larger one
+            (`IsoProposals`). Nothing where there is an `iso`.
         proximity: p̃ of the paper, in [0, 1]: how much similarity fades with distance from the positive points; 0: not at all.
         refine: whether the map is sharpened against the intensities.
         name: what the user calls it; its id where nobody says.
@@ -39,6 +42,7 @@ class ClassRequest:
     positive: np.ndarray
     negative: np.ndarray = field(default_factory=no_points)
     iso: float | None = None
+    size: float = 0.0
     proximity: float = 0.0
     refine: bool = True
     name: str = ""
@@ -52,6 +56,7 @@ class ClassRequest:
         if not len(self.positive):
             raise InputError(f"Class '{self.name}' has no positive points; place at least one on the structure.")
         check_share(self.iso, "iso", self.name)
+        check_size(self.size, self.name)
         check_share(self.proximity, "proximity", self.name)
         if not isinstance(self.refine, bool):
             raise InputError(f"'refine' of class '{self.name}' is {self.refine!r}; expected true or false.")
@@ -70,7 +75,7 @@ class ClassRequest:
     @property
     def _values(self) -> tuple[Any, ...]:
         points = (self.positive.tobytes(), self.negative.tobytes())
-        return self.id, self.name, self.iso, self.proximity, self.refine, *points
+        return self.id, self.name, self.iso, self.size, self.proximity, self.refine, *points
 
 
 def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
@@ -95,6 +100,14 @@ def check_share(value: Any, field_name: str, class_name: str) -> None:
     """Raise InputError unless a field of a class is None or a number from 0 to 1."""
     if value is not None and not (is_number(value) and 0.0 <= value <= 1.0):
         raise InputError(f"'{field_name}' of class '{class_name}' is {value!r}; expected a number from 0 to 1.")
+
+
+def check_size(value: Any, class_name: str) -> None:
+    """Raise InputError unless a class's size is a number from -3 to 3."""
+    if not (is_number(value) and SMALLEST_SIZE <= value <= LARGEST_SIZE):
+        raise InputError(
+            f"'size' of class '{class_name}' is {value!r}; expected a number from {SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
+        )
 
 
 def as_points(points: Any, what: str) -> np.ndarray:

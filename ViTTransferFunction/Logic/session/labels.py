@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.geometry import Geometry
-from ..similarity.iso_value import SMALLEST_ISO
+from ..core.iso_proposals import SMALLEST_ISO
 
 
 def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:

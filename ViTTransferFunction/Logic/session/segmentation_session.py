@@ -16,6 +16,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest, check_requests
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
+from ..core.iso_proposals import IsoProposals
 from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
@@ -150,7 +151,7 @@ class SegmentationSession:
                 if request.proximity > 0.0:
                     similarity *= proximity(geometry, request.positive, request.proximity)
             return [
-                ClassMap(similarity, geometry, rule.iso(similarity, requests, index) if request.iso is None else request.iso)
+                _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
                 for index, (similarity, request) in enumerate(zip(maps, requests, strict=True))
             ]
 
@@ -172,10 +173,10 @@ class SegmentationSession:
             wanted = method if request.refine else "none"
             similarity = refine(low.array, self.volume, self.display_window, request.positive, low.iso, wanted, between)
             between()
-            iso = low.iso
-            if wanted != "none" and request.iso is None:
-                iso = self.rule.refined_iso(similarity, requests, index)
-            return ClassMap(similarity, self.volume.geometry, iso)
+            if wanted == "none":
+                return ClassMap(similarity, self.volume.geometry, low.iso, low.proposals)
+            propose = partial(self.rule.refined_iso, similarity, requests, index)
+            return _class_map(similarity, self.volume.geometry, request, propose)
 
     def segment(
         self,
@@ -252,6 +253,16 @@ class SegmentationSession:
         voxel_ml = _voxel_ml(self.volume.geometry)
         for request, iso, count in zip(requests, isos, count_labels(labels, len(requests)), strict=True):
             yield ClassResult(request.name, iso, count, count * voxel_ml)
+
+
+def _class_map(
+    similarity: np.ndarray, geometry: Geometry, request: ClassRequest, propose: Callable[[], IsoProposals]
+) -> ClassMap:
+    """A map with the iso value that the user fixed, or else with the one of the size that the user chose."""
+    if request.iso is not None:
+        return ClassMap(similarity, geometry, request.iso)
+    proposals = propose()
+    return ClassMap(similarity, geometry, proposals.at(request.size), proposals)
 
 
 def _voxel_ml(geometry: Geometry) -> float:

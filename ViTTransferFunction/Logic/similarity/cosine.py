@@ -8,9 +8,10 @@ import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
+from ..core.iso_proposals import IsoProposals
 from ..core.resampling import sample_at
 from ..features.whitening import NormalisedFeatures
-from .iso_value import iso_between_points
+from .iso_value import iso_between_points, proposals_around
 
 LOWEST_COUNTED_COSINE = 0.25
 CLAMPED_EXPONENT = 2.5
@@ -39,11 +40,11 @@ class CosineSimilarity:
         """See `SimilarityRule`."""
         return [self._map(request) for request in requests]
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
         return _iso(similarity, self._features.geometry, requests, index)
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
         return _iso(similarity, self._volume_geometry, requests, index)
 
@@ -79,9 +80,10 @@ def mean_clamped_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
     return total / len(queries)
 
 
-def _iso(similarity: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], index: int) -> float:
+def _iso(similarity: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
     """The threshold between a class's map at its positive points, and at its negative and all points of other classes alone."""
     request = requests[index]
     others = [other.positive[~request.claims(other.positive)] for other in requests]
     positive, negative = request.positive, np.concatenate([request.negative, *others])
-    return iso_between_points(*(sample_at(similarity[..., None], geometry, points) for points in (positive, negative)))
+    at_points = (sample_at(similarity[..., None], geometry, points) for points in (positive, negative))
+    return proposals_around(iso_between_points(*at_points))

@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 
 from ..core.intensity_cdf import IntensityCdf
+from ..core.iso_proposals import LARGEST_ISO, SMALLEST_ISO, IsoProposals
 
 POINTS_TO_HALF = 1.5
 """κ."""
@@ -32,7 +33,8 @@ STABILITY_FLOOR = 0.02
 STABILITY_SAMPLES = 2_000_000
 """At most this many voxels of a refined map are looked at, spread evenly."""
 LOWEST_LEVEL = 0.01
-SMALLEST_ISO, LARGEST_ISO = 0.02, 0.98
+SMALLER, LARGER = 1.7, 0.3
+"""Iso values of the smaller and the larger proposal over the chosen one."""
 ISO_WITHOUT_NEGATIVES = 0.5
 """Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
 LARGEST_SHARE_OF_POSITIVES = 0.8
@@ -82,6 +84,11 @@ def choose_refined_iso(
     edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
     gain = edges - _log_instability(refined) - np.log(CANDIDATES / prior) ** 2
     return _near_prior(gain, REFINED_SOFTNESS, at_positives)
+
+
+def proposals_around(iso: float) -> IsoProposals:
+    """A chosen iso value with those of a smaller and of a larger structure."""
+    return IsoProposals(min(SMALLER * iso, max(LARGEST_ISO, iso)), iso, LARGER * iso)
 
 
 def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) -> np.ndarray:

@@ -23,11 +23,12 @@ import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.intensity_cdf import IntensityCdf
+from ..core.iso_proposals import IsoProposals
 from ..core.orientation import canonical_orientation
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
-from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso
+from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around
 from .kernel_rows import KernelRows
 
 FEATURE_SHARPNESS = 2.5
@@ -106,20 +107,22 @@ class KernelRidge:
         row: np.ndarray = self._kernel(points.subset(np.array([index])), self._cells)[0]
         return row
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
-        return choose_iso_by_edges(similarity.ravel()[self._iso_cells], self._edge_strength, at_positives, _prior(request))
+        similarity = similarity.ravel()[self._iso_cells]
+        return proposals_around(choose_iso_by_edges(similarity, self._edge_strength, at_positives, _prior(request)))
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
+    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives, at_cells = (
             sample_at(similarity[..., None], self._volume_geometry, points)[:, 0]
             for points in (request.positive, self._iso_cells_ras)
         )
-        return choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(request))
+        iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(request))
+        return proposals_around(iso)
 
     def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""

@@ -8,6 +8,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ..core.class_request import ClassRequest
+from ..core.iso_proposals import IsoProposals
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
@@ -23,11 +24,11 @@ class SimilarityRule(Protocol):
     def maps(self, requests: Sequence[ClassRequest]) -> Sequence[np.ndarray]:
         """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them."""
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
-        """The threshold, in (0, 1), of the index-th class's S_L (K', J', I')."""
+    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+        """The thresholds that the index-th class's S_L (K', J', I') may have."""
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> float:
-        """The threshold, in (0, 1), of the index-th class's S_H (K, J, I) on the volume's voxels."""
+    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+        """The thresholds that the index-th class's S_H (K, J, I) on the volume's voxels may have."""
 
 
 def similarity_rule(method: SimilarityMethod, features: NormalisedFeatures, volume: Volume) -> SimilarityRule:
