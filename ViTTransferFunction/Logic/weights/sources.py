@@ -85,6 +85,8 @@ def fetch_weights(
     target = folder / model.file_name
     if not allow_download:
         raise _unavailable(model, target, "downloading is switched off")
+    if model.request_page is not None:
+        raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:
         raise _unavailable(model, target, "nobody publishes them as a file")
     try:
@@ -113,9 +115,9 @@ def identify_model(path: str | Path | None = None) -> str | None:
 
 
 def offered_models() -> list[str]:
-    """Names of the models that a user can choose without further ado: those that can be downloaded, or are here already.
+    """Names of the models that a user can choose: those that can be downloaded or asked for, or are here already.
 
-    A model without an address is here where `VITTF_WEIGHTS` or the cache has its file.
+    Another model is here where `VITTF_WEIGHTS` or the cache has its file.
     """
     folders = [weights_folder()]
     if named := os.environ.get(WEIGHTS_VARIABLE):
@@ -124,7 +126,7 @@ def offered_models() -> list[str]:
     return [
         model.name
         for model in PRETRAINED_MODELS.values()
-        if model.url is not None or any(file_in(folder, model) for folder in folders)
+        if model.url is not None or model.request_page is not None or any(file_in(folder, model) for folder in folders)
     ]
 
 
@@ -182,7 +184,9 @@ def _download(model: PretrainedModel, url: str, target: Path, progress: Progress
 
 
 def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUnavailable:
-    if model.url is None:
+    if model.request_page is not None:
+        how = f"Ask for {model.file_name} at {model.request_page} ({model.licence}, {model.size_mb} MB), and copy it"
+    elif model.url is None:
         how = f"On a computer with a network, run 'vittf weights get {model.name}', and copy the file"
     else:
         how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def load_state_dict(path: Path) -> dict[str, Tensor]:
     """The tensors of a weights file under their published names, on the CPU. Code in the file is never run.
 
-    `mask_token`, which DINOv2's files carry for training and no forward pass uses, is left out. Nothing else is.
+    `mask_token`, which files of DINOv2 and DINOv3 carry for training and no forward pass uses, is left out. Nothing else is.
 
     Raises:
         InputError: the file cannot be read, or holds anything but a dictionary of tensors.

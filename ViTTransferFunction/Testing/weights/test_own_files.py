@@ -109,11 +109,18 @@ def test_its_model_is_known_by_its_hash(own: Path) -> None:
     assert identify_model(own) == NAME
 
 
-@pytest.mark.parametrize("file_name", ["dinov2_vits14_reg.pt", "dinov2_vits14_reg4_pretrain.pth"])
-def test_its_model_is_known_by_its_name(own: Path, file_name: str) -> None:
+@pytest.mark.parametrize(
+    ("file_name", "model"),
+    [
+        ("dinov2_vits14_reg.pt", "dinov2_vits14_reg"),
+        ("dinov2_vits14_reg4_pretrain.pth", "dinov2_vits14_reg"),
+        ("dinov3_vits16plus_pretrain_lvd1689m-4057cbaa.pth", "dinov3_vits16plus"),
+    ],
+)
+def test_its_model_is_known_by_its_name(own: Path, file_name: str, model: str) -> None:
     own = own.rename(own.with_name(file_name))
 
-    assert identify_model(own) == "dinov2_vits14_reg"
+    assert identify_model(own) == model
 
 
 def test_its_model_is_unknown_where_neither_hash_nor_name_is_known(own: Path) -> None:
