@@ -29,6 +29,7 @@ class PretrainedModel:
         url: where the weights are published; None where the file cannot simply be downloaded, and comes from the user.
         request_page: where a person agrees to the licence, and then gets the file; None where nobody is asked.
         sha256: of the published file; None where nobody publishes one: then the first download's hash counts.
+        sha256_start: the first digits of it, where no more is published; a file with other digits may be as good.
         tensors_sha256: of the tensors (`state_dict.tensors_sha256`), where each computer makes the file anew and its bytes
             vary with the version of PyTorch; None elsewhere.
         size_mb: megabytes (10⁶ bytes) of the file, for people who decide whether to get it.
@@ -54,8 +55,13 @@ class PretrainedModel:
     citation: str
     tensors_sha256: str | None = None
     request_page: str | None = None
+    sha256_start: str | None = None
     gated_mlp: bool = False
     layer_norm_epsilon: float = 1e-6
+
+    def is_published(self, sha256: str) -> bool:
+        """Whether a file of this hash is the published one, as far as its hash is known."""
+        return sha256 == self.sha256 or (self.sha256_start is not None and sha256.startswith(self.sha256_start))
 
     @property
     def rotary_positions(self) -> bool:
@@ -140,11 +146,12 @@ def _dinov3(
         gated_mlp=gated_mlp,
         layer_norm_epsilon=1e-5,
         file_name=f"{published_as}.pth",
-        # Meta mails addresses that expire to those who agreed. The file's name ends in the first digits of its SHA-256, which
-        # are all that is published of it.
+        # To those who agreed, Meta mails addresses that expire.
         url=None,
         request_page="https://ai.meta.com/resources/models-and-libraries/dinov3-downloads/",
         sha256=None,
+        # The convention of torch.hub, by which Meta's program checks the file.
+        sha256_start=published_as.rpartition("-")[2],
         size_mb=size_mb,
         licence="DINOv3 License (Meta's own terms)",
         homepage="https://github.com/facebookresearch/dinov3",

@@ -51,7 +51,7 @@ def find_weights(
     """The weights of a model, from the first source that has them.
 
     The sources are, in this order: `path`; the file or folder that `VITTF_WEIGHTS` names; the cache; the official address,
-    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt` or `<model name>.pth`.
+    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt`, `.pth` or `.safetensors`.
 
     Args:
         model_name: a key of `PRETRAINED_MODELS`.
@@ -164,14 +164,14 @@ def _check_may_be(model: PretrainedModel, path: Path, sha256: str, origin: str) 
             f"{path} ({origin}) holds the weights of '{owner}', expected those of '{model.name}'. "
             f"Choose the model '{owner}', or name another file."
         )
-    if sha256 not in trusted_hashes(model, path):
+    if owner is None and sha256 not in trusted_hashes(model, path):
         _logger.warning(
             "%s has SHA-256 %s, which is not known as that of '%s'. It is used all the same.", path, sha256, model.name
         )
 
 
 def _model_of_hash(sha256: str) -> str | None:
-    return next((model.name for model in PRETRAINED_MODELS.values() if model.sha256 == sha256), None)
+    return next((model.name for model in PRETRAINED_MODELS.values() if model.is_published(sha256)), None)
 
 
 def _download(model: PretrainedModel, url: str, target: Path, progress: Progress) -> WeightsFile:

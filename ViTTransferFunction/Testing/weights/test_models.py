@@ -60,3 +60,6 @@ def test_hashes_are_sha256_and_tell_the_models_apart() -> None:
     hashes = [model.sha256 for model in PRETRAINED_MODELS.values() if model.sha256 is not None]
     assert all(re.fullmatch("[0-9a-f]{64}", sha256) for sha256 in hashes)
     assert len(set(hashes)) == len(hashes)
+    starts = [model.sha256_start for model in PRETRAINED_MODELS.values() if model.sha256_start is not None]
+    assert all(re.fullmatch("[0-9a-f]{8}", start) for start in starts)
+    assert len(set(starts)) == len(starts) == 3

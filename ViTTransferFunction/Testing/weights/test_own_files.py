@@ -56,6 +56,17 @@ def test_one_of_published_hash_is_used_silently(own: Path, caplog: pytest.LogCap
     assert not caplog.records
 
 
+def test_one_whose_hash_begins_as_the_published_one_is_known_and_used_silently(
+    own: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    name = "dinov3_vits16"
+    monkeypatch.setitem(PRETRAINED_MODELS, name, dataclasses.replace(PRETRAINED_MODELS[name], sha256_start=SHA256[:8]))
+
+    assert identify_model(own) == name
+    assert find_weights(name, own).path == own
+    assert not caplog.records
+
+
 @pytest.mark.usefixtures("hashed")
 def test_one_of_another_model_is_refused_by_that_models_name(own: Path) -> None:
     with pytest.raises(InputError, match="holds the weights of 'dino_vits8', expected those of 'dinov2_vits14'"):
