@@ -38,8 +38,8 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     except _DAMAGED as error:
         raise InputError(
             f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "
-            "PyTorch, or a safetensors file: the file is damaged, is something else under this name, or carries code, which was "
-            "not run. Get it again."
+            "PyTorch, or a safetensors file: the file is damaged, is something else under this name, or carries code, which "
+            "was not run. Get it again."
         ) from error
     _check_is_state_dict(content, path)
     if has_transformers_names(content):
