@@ -53,7 +53,7 @@ def check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> N
     if differing:
         first = differing[0]
         fitting = [f"'{other.name}'" for other in PRETRAINED_MODELS.values() if expected_shapes(other) == got]
-        belongs_to = f" ({' or '.join(fitting)}, by its shapes)" if fitting else ""
+        belongs_to = f", by its shapes {' or '.join(fitting)}" if fitting else ""
         raise InputError(
             f"The weights are not those of '{model.name}': {len(differing)} entries differ, first '{first}': expected "
             f"{expected.get(first, 'no such entry')}, got {got.get(first, 'no such entry')}. "

@@ -153,7 +153,7 @@ def _dinov3(
         # The convention of torch.hub, by which Meta's program checks the file.
         sha256_start=published_as.rpartition("-")[2],
         size_mb=size_mb,
-        licence="DINOv3 License (Meta's own terms)",
+        licence="Meta's DINOv3 License",
         homepage="https://github.com/facebookresearch/dinov3",
         citation="Siméoni et al., DINOv3, arXiv:2508.10104, 2025",
     )
