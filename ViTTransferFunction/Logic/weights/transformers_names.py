@@ -32,7 +32,7 @@ def has_transformers_names(tensors: dict[str, Tensor]) -> bool:
 
 
 def with_published_names(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors as Meta's files have them; what is unknown, or lacks its counterparts, keeps its name.
+    """The tensors as Meta's files have them; what is unknown, or lacks its like, keeps its name.
 
     Query, key and value are one tensor there. The keys' biases, and the periods of the rotary positions, which transformers
     leaves out because they are zero and always the same, are there.
@@ -60,7 +60,7 @@ def _join_attention(tensors: dict[str, Tensor], block: str) -> None:
 
     weights = [f"{block}.attention.{part}_proj.weight" for part in "qkv"]
     query_bias, value_bias = biases = [f"{block}.attention.{part}_proj.bias" for part in "qv"]
-    if not all(name in tensors for name in (*weights, *biases)):
+    if not all(name in tensors for name in (*weights, *biases)) or len({tensors[name].shape for name in weights}) > 1:
         return
     one, zero = torch.ones_like(tensors[query_bias]), torch.zeros_like(tensors[query_bias])
     tensors[f"{block}.attn.qkv.weight"] = torch.cat([tensors.pop(name) for name in weights])

@@ -61,10 +61,14 @@ def test_a_file_from_hugging_face_holds_what_metas_does(name: str, tmp_path: Pat
         torch.testing.assert_close(loaded[entry], tensor, atol=0, rtol=0)
 
 
-def test_what_it_lacks_is_told(tmp_path: Path) -> None:
+@pytest.mark.parametrize("damage", ["missing", "shape"])
+def test_what_is_wrong_with_one_is_told(damage: str, tmp_path: Path) -> None:
     model = pretrained_model("dinov3_vits16")
     tensors = as_in_transformers(model, random_state_dict(model))
-    del tensors["layer.3.attention.k_proj.weight"]
+    if damage == "missing":
+        del tensors["layer.3.attention.k_proj.weight"]
+    else:
+        tensors["layer.3.attention.k_proj.weight"] = torch.zeros(384, 385)
     torch.save(tensors, tmp_path / "model.pt")
 
     with pytest.raises(InputError, match=r"not those of 'dinov3_vits16'.*first 'blocks\.3\.att"):
