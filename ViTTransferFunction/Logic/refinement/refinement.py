@@ -110,14 +110,17 @@ def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWind
 
 
 def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:
-    """The window in which a structure's edges show: as wide as the display's, centred on the annotated intensities.
+    """The window in which a structure's edges show: as wide as the display's, around most of the annotated intensities.
 
-    This separates lung from the chest wall and from outside air, although a soft-tissue window shows it as plain black.
+    This separates lung from the chest wall and from outside air, although a soft-tissue window shows it as plain black. Where a
+    structure has parts of very different brightness, as a stomach has gas and food, the one with most points is looked at: the
+    middle between them would show neither.
     """
     annotated = _intensities_at(volume, positive_ras)
     if not annotated.size:
         return display
-    centre = float(np.median(annotated))
+    together = np.abs(annotated[:, None] - annotated) <= 0.5 * display.width
+    centre = float(np.median(annotated[together[together.sum(axis=1).argmax()]]))
     return IntensityWindow(centre - 0.5 * display.width, centre + 0.5 * display.width)
 
 

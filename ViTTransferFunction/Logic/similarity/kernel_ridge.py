@@ -13,21 +13,27 @@ believed little (Λ), since any of them may lie in a structure of interest, and 
 Two places are alike when their features, their intensities and their positions are, so the kernel is a product:
 
     k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
+
+For an annotated point, it is also multiplied by how nearly the place is joined to it (`connected_points`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.intensity_cdf import IntensityCdf
+from ..core.intensity_window import display_window
 from ..core.iso_proposals import IsoProposals
 from ..core.orientation import canonical_orientation
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
+from .connected_points import ConnectedPoints, between_points, point_factors, shares
+from .connectedness import Connectedness
 from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around
 from .kernel_rows import KernelRows
 
@@ -43,8 +49,8 @@ POINT_RIDGE = 0.05
 BACKGROUND_RIDGE = 2.0
 """Diagonal of Λ: what annotated points, and what random cells, may be missed by."""
 BACKGROUND_CELLS = 100
-BACKGROUND_ROUNDS = 2
-BACKGROUND_LIMIT = 0.5
+BACKGROUND_ROUNDS = 3
+BACKGROUND_LIMIT = 0.12
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
@@ -73,10 +79,12 @@ class KernelRidge:
         indices = canonical_orientation(features.geometry).to_canonical(indices)
         drawn = np.random.default_rng(0).permutation(indices.ravel())
         background = drawn[:BACKGROUND_CELLS]
-        self._background = self._cells.subset(background)
+        self._background, self._background_cells = self._cells.subset(background), background
         rows = self._kernel(self._background, self._cells)
         self._background_kernel = rows[:, background].astype(np.float64)
         self._rows = KernelRows(rows)
+        connectedness = Connectedness(volume, features.geometry, display_window(volume).width)
+        self._connected = ConnectedPoints(connectedness)
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
@@ -85,14 +93,20 @@ class KernelRidge:
 
     def maps(self, requests: Sequence[ClassRequest]) -> list[np.ndarray]:
         """See `SimilarityRule`."""
-        points_ras, targets = _targets(requests)
-        points = self._places(self._features.at(points_ras), points_ras)
-        point_weights, background_weights = self._weights(points, targets)
-        indices = self._rows.indices([position.tobytes() for position in points_ras], lambda fresh: self._row(points, fresh))
+        annotated = _annotated(requests)
+        points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
+        self._connected.update(annotated.points_ras)
+        between = between_points(self._connected.at(annotated.points_ras, self._cells_at(annotated.points_ras)))
+        share = shares(between, annotated.classes, annotated.positive)
+        point_weights, background_weights = self._weights(annotated, points, between, share)
+        rows = self._rows.indices(
+            [position.tobytes() for position in annotated.points_ras], lambda fresh: self._rows_of(annotated, points, fresh)
+        )
         weights = np.zeros((len(requests), self._rows.count), dtype=np.float32)
         weights[:, : len(self._background.cdf)] = background_weights.T
         # Added, not set: the same place may have been annotated twice.
-        np.add.at(weights.T, np.array(indices), point_weights)
+        for row, part in zip(rows.T, (1.0 - share, share), strict=True):
+            np.add.at(weights.T, row, part[:, None] * point_weights)
         scores = self._rows.weighted(weights)
         np.clip(scores, 0.0, 1.0, out=scores)
         return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
@@ -102,10 +116,17 @@ class KernelRidge:
         positions = (positions_ras - self._centre_ras).astype(np.float32)
         return _Places(features, positions, self._cdf.around(positions_ras))
 
-    def _row(self, points: _Places, index: int) -> np.ndarray:
-        """Kernel of the index-th point with all cells, (cells,) float32."""
-        row: np.ndarray = self._kernel(points.subset(np.array([index])), self._cells)[0]
-        return row
+    def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
+        """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
+        geometry = self._features.geometry
+        kji = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
+        cells: np.ndarray = np.ravel_multi_index(tuple(kji.T), geometry.shape, mode="clip")
+        return cells
+
+    def _rows_of(self, annotated: _Annotated, points: _Places, index: int) -> np.ndarray:
+        """Kernel of the index-th point with all cells, and the same times their connectedness, (2, cells) float32."""
+        (row,) = self._kernel(points.subset(np.array([index])), self._cells)
+        return np.stack([row, row * self._connected.at(annotated.points_ras[[index]])[0]])
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
@@ -124,13 +145,15 @@ class KernelRidge:
         iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(request))
         return proposals_around(iso)
 
-    def _weights(self, points: _Places, targets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _weights(
+        self, annotated: _Annotated, points: _Places, between: np.ndarray, share: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
-        to_points = self._kernel(self._background, points).astype(np.float64)
-        kernel = np.block([
-            [self._kernel(points, points).astype(np.float64), to_points.T],
-            [to_points, self._background_kernel],
-        ])  # fmt: skip
+        targets = annotated.targets
+        joined = self._connected.at(annotated.points_ras, self._background_cells).T
+        to_points = self._kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
+        of_points = self._kernel(points, points).astype(np.float64) * point_factors(between, share)
+        kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
         background = np.zeros((len(to_points), targets.shape[1]))
         wanted = np.concatenate([targets, background])
         ridge = np.concatenate([np.full(len(targets), POINT_RIDGE), np.full(len(background), BACKGROUND_RIDGE)])
@@ -171,8 +194,25 @@ def _prior(request: ClassRequest) -> float:
     return prior_iso(len(np.unique(request.positive, axis=0)))
 
 
-def _targets(requests: Sequence[ClassRequest]) -> tuple[np.ndarray, np.ndarray]:
-    """All points (P, 3) and what each class should be there (P, classes): 1, 0, or NaN where a point says nothing of a class.
+@dataclass(frozen=True, eq=False)
+class _Annotated:
+    """All classes' points.
+
+    Attributes:
+        points_ras: (P, 3) RAS millimetres.
+        targets: (P, classes), what each class should be there: 1, 0, or NaN where a point says nothing of a class.
+        classes: (P,) the index of the class that each point belongs to.
+        positive: (P,) bool, whether it is a positive point of that class.
+    """
+
+    points_ras: np.ndarray
+    targets: np.ndarray
+    classes: np.ndarray
+    positive: np.ndarray
+
+
+def _annotated(requests: Sequence[ClassRequest]) -> _Annotated:
+    """The points of all classes, each class's positive ones before its negative ones.
 
     A negative point says that its own class is not there, and leaves open what is. A point that two classes claim, such as a
     class and its duplicate, speaks against neither.
@@ -184,7 +224,9 @@ def _targets(requests: Sequence[ClassRequest]) -> tuple[np.ndarray, np.ndarray]:
         positive[:, index], negative[:, index] = 1.0, 0.0
         points += [request.positive, request.negative]
         targets += [positive, negative]
-    return np.concatenate(points), np.concatenate(targets)
+    classes = np.repeat(np.arange(len(points)) // 2, [len(of_polarity) for of_polarity in points])
+    polarities = np.repeat(np.arange(len(points)) % 2 == 0, [len(of_polarity) for of_polarity in points])
+    return _Annotated(np.concatenate(points), np.concatenate(targets), classes, polarities)
 
 
 def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -13,8 +13,11 @@ ROWS_AT_ONCE = 32
 """Room for rows is made, and rows are multiplied, in blocks of this many."""
 
 
+ROWS_OF_POINT = 2
+
+
 class KernelRows:
-    """Kernels with all cells, one row for each place: first the background's, then those of points, which come and go.
+    """Kernels with all cells: first one row for each background cell, then two for each point, which come and go.
 
     Rows are kept from click to click, so that a click costs one new row and one product with all of them. That product waits
     for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
@@ -37,8 +40,8 @@ class KernelRows:
 
         return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
 
-    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> list[int]:
-        """The rows of points; `compute` makes the row of the point with that index in `keys`, where there is none yet."""
+    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
+        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`."""
         import torch
 
         for gone in self._row_of_key.keys() - set(keys):
@@ -46,13 +49,14 @@ class KernelRows:
         taken = set(self._row_of_key.values())
         for index, key in enumerate(keys):
             if key not in self._row_of_key:
-                row = next(row for row in itertools.count(self._background) if row not in taken)
+                row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
-                self._make_room(row)
-                self._rows[row] = torch.from_numpy(compute(index))
+                self._make_room(row + ROWS_OF_POINT - 1)
+                self._rows[row : row + ROWS_OF_POINT] = torch.from_numpy(compute(index))
                 self._row_of_key[key] = row
-        self.count = _whole_blocks(max(taken, default=self._background - 1) + 1)
-        return [self._row_of_key[key] for key in keys]
+        self.count = _whole_blocks(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
+        first = np.array([self._row_of_key[key] for key in keys])
+        return first[:, None] + np.arange(ROWS_OF_POINT)
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):
