@@ -27,7 +27,7 @@ _SMALLEST_SHARE = 0.08
 
 
 def with_intensity_likelihood(
-    similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float
+    similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float, near: float | None = None
 ) -> np.ndarray:
     """A class's map with each voxel's odds changed by its intensity.
 
@@ -36,30 +36,32 @@ def with_intensity_likelihood(
         intensities: (K, J, I), any real dtype; voxels that are not finite keep their map.
         window: in which the structure's edges show.
         iso: the map's threshold: even odds.
+        near: where the map is below it, it stays as it is; half of `iso` unless given.
 
     Returns:
         (K, J, I) float32 in [0, 1].
     """
     result: np.ndarray = similarity.copy()
     inside, outside = np.zeros(_BINS), np.zeros(_BINS)
+    threshold = NEAR_SHARE_OF_ISO * iso if near is None else near
     # Slice by slice, so that nothing but the result has the volume's size.
     for similarities, plane in zip(result, intensities, strict=True):
-        near, bins = _near_voxels(similarities, plane, window, iso)
-        probability = similarities[near] ** 2 / (similarities[near] ** 2 + np.float32(iso) ** 2)
+        voxels, bins = _near_voxels(similarities, plane, window, threshold)
+        probability = similarities[voxels] ** 2 / (similarities[voxels] ** 2 + np.float32(iso) ** 2)
         inside += np.bincount(bins, probability, _BINS)
         outside += np.bincount(bins, 1.0 - probability, _BINS)
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
     for similarities, plane in zip(result, intensities, strict=True):
-        near, bins = _near_voxels(similarities, plane, window, iso)
-        similarities[near] = np.minimum(similarities[near] * factors[bins], 1.0)
+        voxels, bins = _near_voxels(similarities, plane, window, threshold)
+        similarities[voxels] = np.minimum(similarities[voxels] * factors[bins], 1.0)
     return result
 
 
 def _near_voxels(
-    similarities: np.ndarray, plane: np.ndarray, window: IntensityWindow, iso: float
+    similarities: np.ndarray, plane: np.ndarray, window: IntensityWindow, threshold: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which voxels of a slice are near the structure, and the bins of their intensities, (near voxels,)."""
-    near = (similarities > NEAR_SHARE_OF_ISO * iso) & np.isfinite(plane)
+    near = (similarities > threshold) & np.isfinite(plane)
     return near, np.minimum((window.apply(plane[near]) * _BINS).astype(np.int64), _BINS - 1)
 
 

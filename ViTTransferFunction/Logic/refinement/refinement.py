@@ -31,6 +31,7 @@ def refine(
     iso: float,
     method: RefinementMethod,
     between: Callable[[], None] = lambda: None,
+    lowest_iso: float | None = None,
 ) -> np.ndarray:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
@@ -45,6 +46,8 @@ def refine(
         iso: threshold that will be applied, which says where the surface will be.
         method: "bilateral": 3D bilateral solver; "guided": 3D guided filter; "none": trilinear upsampling alone.
         between: called between steps; may raise `Cancelled`.
+        lowest_iso: the lowest threshold that will be applied to the map, where that is not `iso`: what lies near its surface
+            is refined as well.
 
     Returns:
         S_H, (K, J, I) float32 in [0, 1].
@@ -56,18 +59,19 @@ def refine(
     if method not in REFINEMENT_METHODS:
         raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
     refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
-    box = active_box(similarity > NEAR_SHARE_OF_ISO * iso, volume.shape)
+    near = NEAR_SHARE_OF_ISO * (iso if lowest_iso is None else min(iso, lowest_iso))
+    box = active_box(similarity > near, volume.shape)
     if method == "none" or box is None:
         return refined
     window = class_window(volume, display, positive_ras)
     intensities = np.ascontiguousarray(volume.array[box])
     between()
-    target = with_intensity_likelihood(refined[box], intensities, window, iso)
+    target = with_intensity_likelihood(refined[box], intensities, window, iso, near)
     between()
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, NEAR_SHARE_OF_ISO * iso, between)
+        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
     else:
         refined[box] = _filtered(target, intensities, window, spacing_mm)
     return refined

@@ -165,13 +165,17 @@ class SegmentationSession:
     ) -> ClassMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its threshold.
 
-        The threshold is chosen anew, since refinement changes the range of the map. `between` is called between steps, and may
-        raise `Cancelled`.
+        The threshold is chosen anew, since refinement changes the range of the map. The map is that of the chosen proposal
+        whatever the class's size, so that a larger size never makes the structure smaller. `between` is called between steps,
+        and may raise `Cancelled`.
         """
         request = requests[index]
         with self.watch.step("refinement"):
             wanted = method if request.refine else "none"
-            similarity = refine(low.array, self.volume, self.display_window, request.positive, low.iso, wanted, between)
+            usual = low.proposals.chosen if low.proposals else low.iso
+            similarity = refine(
+                low.array, self.volume, self.display_window, request.positive, usual, wanted, between, lowest_iso=low.iso
+            )
             between()
             if wanted == "none":
                 return ClassMap(similarity, self.volume.geometry, low.iso, low.proposals)

@@ -2,7 +2,7 @@
 
 The kernel's rows of a point p are multiplied by (1 − b) + b C_p: what is joined to p by intensities like its own stays as
 similar as it was, all else becomes less so. How much that may count, b, the class's own positive points say: if they are joined
-among themselves, what is not joined to them is unlikely to be theirs; two lungs, or the blood and the muscle of a heart, are not.
+among themselves, what is not joined to them is unlikely to be theirs; two lungs, or a heart's blood and muscle, are not.
 
     b = B · (Σ_{p<q} C_pq + ½) / (pairs + 1)
 

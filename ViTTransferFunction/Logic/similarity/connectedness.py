@@ -19,13 +19,13 @@ from ..core.volume import Volume
 
 SIGMA = 0.05
 """σ: 20 HU in a window of 400."""
-TOLERANCES = np.geomspace(0.4 * SIGMA, 2.8 * SIGMA, 7).astype(np.float32)
+TOLERANCES = np.geomspace(0.4 * SIGMA, 2.2 * SIGMA, 5).astype(np.float32)
 """At which D is found out. Below the first, noise decides; beyond the last, C is next to nothing."""
 SIMILARITIES = np.append(np.exp(-0.5 * (TOLERANCES / SIGMA) ** 2), 0.0).astype(np.float32)
 """C where D is each of the tolerances, and where it is larger than all."""
 BLOCKS_PER_CELL = 2
 """Along each axis: a wall between two structures is thinner than a cell."""
-MOST_BLOCKS = 1_000_000
+MOST_BLOCKS = 2_200_000
 """Of more, one for each cell has to do, since a new point takes time in proportion."""
 
 

@@ -65,7 +65,7 @@ def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
 
 def test_parts_without_a_click_are_dropped_unless_asked_for(session: SegmentationSession, spheres: Spheres) -> None:
     make_spheres_1_and_2_alike(session)
-    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
+    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.2)]
     dropped = session.segment(clicked).labels > 0
     kept = session.segment(clicked, only_annotated_components=False).labels > 0
     assert dice(dropped, spheres[1] == 1) > 0.9
@@ -96,7 +96,7 @@ def test_volumes_at_low_resolution_are_those_of_the_segments_to_the_size_of_a_ce
 def test_volumes_at_low_resolution_leave_out_what_the_segments_do(session: SegmentationSession, spheres: Spheres) -> None:
     look_alikes = np.isin(spheres[1], (1, 2)).sum() / (spheres[1] == 1).sum()
     make_spheres_1_and_2_alike(session)
-    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.3)]
+    clicked = [ClassRequest("sphere 1", centre_ras(spheres, 1), iso=0.2)]
     low_maps = session.low_resolution_maps(clicked)
     (alone,), (both,) = (session.low_resolution_volumes_ml(clicked, low_maps, only) for only in (True, False))
     assert both == pytest.approx(look_alikes * alone, rel=0.1)
