@@ -1,0 +1,45 @@
+"""Cases made of the labelled scans: organ-filling and half-body crops, thick slices, large voxels, noise, a narrow window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from Benchmarks.shared import case_changes
+from Benchmarks.shared.labelled_cases import CHEST, SCANS, Case, LabelledVolume
+
+
+@dataclass(frozen=True)
+class DerivedCase:
+    """A labelled scan, changed."""
+
+    name: str
+    of: Case
+    change: Callable[[LabelledVolume], LabelledVolume]
+
+    def read(self, folder: Path) -> LabelledVolume:
+        """The changed scan and its labels, from the folder that holds the files of the scan."""
+        return self.change(self.of.read(folder))
+
+
+AMOS, TORSO, BRAIN = SCANS
+
+ORGAN_FILLING_CROPS = (
+    DerivedCase("amos_0336 liver crop", AMOS, partial(case_changes.filled_by, structure="liver")),
+    DerivedCase("torso_small liver crop", TORSO, partial(case_changes.filled_by, structure="liver")),
+    DerivedCase("chest lungs crop", CHEST, partial(case_changes.filled_by, structure="lungs")),
+)
+WORSE_SCANS = (
+    DerivedCase("amos_0336 right half", AMOS, case_changes.right_half),
+    DerivedCase("amos_0336 10 mm slices", AMOS, partial(case_changes.thick_slices, thickness_mm=10.0)),
+    DerivedCase("amos_0336 half resolution", AMOS, case_changes.half_resolution),
+    DerivedCase("amos_0336 noise ×2", AMOS, case_changes.twice_the_noise),
+    DerivedCase("amos_0336 soft tissue window", AMOS, case_changes.soft_tissue_only),
+    DerivedCase("torso_small right half", TORSO, case_changes.right_half),
+    DerivedCase("torso_small 5 mm slices", TORSO, partial(case_changes.thick_slices, thickness_mm=5.0)),
+    DerivedCase("torso_small 10 mm slices", TORSO, partial(case_changes.thick_slices, thickness_mm=10.0)),
+    DerivedCase("brain 5 mm slices", BRAIN, partial(case_changes.thick_slices, thickness_mm=5.0)),
+    DerivedCase("brain noise ×2", BRAIN, case_changes.twice_the_noise),
+)
