@@ -63,16 +63,8 @@ def text(report: dict[str, Any]) -> str:
         _CLICKS,
         _click_changes(runs),
         "![Worst structures of each volume](accuracy_failures.png)",
-        "## Beside other methods",
-        _COMPARISON,
-        "![Intersection over union by annotations](accuracy_iou.png)",
-        _comparison(runs, compared),
         *(part for case in names_of(runs, "case") for part in _by_structure(runs, case)),
-        f"## Metrics by number of annotations\n\nMeans over the structures and paths of {', '.join(compared)}.",
-        _by_annotations(runs, compared),
-        f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained "
-        "on true samples by how many of each structure.",
-        _seconds(runs, compared),
+        *(_beside_other_methods(runs, compared) if compared else ()),
         f"## As published ({published.DATA_SET})",
         _published(),
     )
@@ -121,6 +113,19 @@ def _change_row(what: str, found: ChangeSummary | None) -> list[str]:
     if found is None:
         return []
     return [what, str(found.count), f"{found.unhurt:.1%}", f"{found.worst.change:+.3f}", found.worst.where]
+
+
+def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str]) -> Iterator[str]:
+    yield f"## Beside other methods\n\n{_COMPARISON}"
+    yield "![Intersection over union by annotations](accuracy_iou.png)"
+    yield _comparison(runs, cases)
+    yield f"## Metrics by number of annotations\n\nMeans over the structures and paths of {', '.join(cases)}."
+    yield _by_annotations(runs, cases)
+    yield (
+        f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained on true "
+        "samples by how many of each structure."
+    )
+    yield _seconds(runs, cases)
 
 
 def _comparison(runs: Sequence[Run], cases: Sequence[str]) -> str:

@@ -24,12 +24,25 @@ class DerivedCase:
         return self.change(self.of.read(folder))
 
 
+@dataclass(frozen=True)
+class OrganFillingCrop:
+    """The part of a labelled scan that a structure fills to a quarter."""
+
+    name: str
+    of: Case
+    filled_by: str
+
+    def read(self, folder: Path) -> LabelledVolume:
+        """The part and its labels, from the folder that holds the files of the scan."""
+        return case_changes.filled_by(self.of.read(folder), self.filled_by)
+
+
 AMOS, TORSO, BRAIN = SCANS
 
 ORGAN_FILLING_CROPS = (
-    DerivedCase("amos_0336 liver crop", AMOS, partial(case_changes.filled_by, structure="liver")),
-    DerivedCase("torso_small liver crop", TORSO, partial(case_changes.filled_by, structure="liver")),
-    DerivedCase("chest lungs crop", CHEST, partial(case_changes.filled_by, structure="lungs")),
+    OrganFillingCrop("amos_0336 liver crop", AMOS, "liver"),
+    OrganFillingCrop("torso_small liver crop", TORSO, "liver"),
+    OrganFillingCrop("chest lungs crop", CHEST, "lungs"),
 )
 WORSE_SCANS = (
     DerivedCase("amos_0336 right half", AMOS, case_changes.right_half),
