@@ -29,31 +29,26 @@ class Lead(NamedTuple):
 
 def methods_on(runs: Sequence[Run], case: str) -> dict[str, Figures]:
     """The default and the others that were given its clicks, by name."""
-    kinds = {DEFAULT.name: "own"}
-    found = {name: figures_of(runs, case, name, kinds.get(name, "same")) for name in names_of(runs, "method")}
+    found = {name: figures_of(runs, case, name, "own" if name == DEFAULT.name else "same") for name in names_of(runs, "method")}
     return {name: figures for name, figures in found.items() if figures.paths}
 
 
 def lead_of(runs: Sequence[Run], case: str, structure: str, clicks: str) -> Lead | None:
     """Over the best baseline, which is the one that the default is least ahead of; None where there is no baseline."""
     methods = methods_on(runs, case)
-    leads = []
+    found = []
     for baseline in BASELINES:
         theirs = methods.get(baseline.name)
         of_theirs = theirs and theirs.structure(structure, clicks)
         ours = theirs and methods[DEFAULT.name].on(theirs.paths).structure(structure, clicks)
         if of_theirs and ours:
             where = f"{case}: {structure} @{clicks}, {baseline.name}"
-            leads.append(Lead(ours.mean - of_theirs.mean, baseline.name, of_theirs.mean, where))
-    return min(leads, default=None)
+            found.append(Lead(ours.mean - of_theirs.mean, baseline.name, of_theirs.mean, where))
+    return min(found, default=None)
 
 
-def smallest_lead(runs: Sequence[Run]) -> Lead | None:
-    """Of all structures and numbers of clicks."""
-    return min(_leads(runs), default=None)
-
-
-def _leads(runs: Sequence[Run]) -> Iterator[Lead]:
+def leads(runs: Sequence[Run]) -> Iterator[Lead]:
+    """Of all structures and numbers of clicks that a baseline was measured on."""
     for case in names_of(runs, "case"):
         figures = figures_of(runs, case)
         for structure in figures.structures:

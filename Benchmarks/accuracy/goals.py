@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.accuracy.click_changes import ChangeSummary, in_rounds, of_the_clicked, of_the_others, summarised
-from Benchmarks.accuracy.comparison import smallest_lead
-from Benchmarks.accuracy.figures import column_of
+from Benchmarks.accuracy.comparison import leads
+from Benchmarks.accuracy.figures import COLUMNS, column_of
 from Benchmarks.shared.derived_cases import ORGAN_FILLING_CROPS
 from Benchmarks.shared.labelled_cases import SCANS
 
 Run = dict[str, Any]
 
-ALONE, STEPPED = "clicks alone", "with one size step"
+ALONE, STEPPED = COLUMNS
 CROPS = tuple(case.name for case in ORGAN_FILLING_CROPS)
 FILLING = tuple(case.filled_by for case in ORGAN_FILLING_CROPS)
 COMPARED = tuple(case.name for case in SCANS)
@@ -131,14 +131,16 @@ def _step_gains(runs: Sequence[Run]) -> Iterator[Reached]:
 
 
 def _leads(runs: Sequence[Run]) -> Iterator[Reached]:
-    lead = smallest_lead(runs)
-    if lead:
-        yield Reached("no structure behind its best baseline", 0.0, lead.difference, note=lead.where)
+    found = list(leads(runs))
+    if found:
+        smallest, behind = min(found), sum(lead.difference < 0.0 for lead in found)
+        note = f"{smallest.where}; {behind} of {len(found)} structures and numbers of clicks behind"
+        yield Reached("no structure behind its best baseline", 0.0, smallest.difference, note=note)
 
 
 def _harmless_clicks(runs: Sequence[Run]) -> Iterator[Reached]:
     changes = {
-        "clicked structures, all clicked in a round": summarised(in_rounds(runs)),
+        "clicked structures, all clicked in a round": summarised(in_rounds(run for run in runs if run["case"] in COMPARED)),
         "the structure clicked alone": summarised(of_the_clicked(runs)),
         "all others, where one is clicked alone": summarised(of_the_others(runs)),
     }

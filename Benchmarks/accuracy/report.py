@@ -24,7 +24,9 @@ REPORTED_CLICKS = ("1", "3", "5", "10")
 TYPICAL_CLICKS = "5"
 """At which tables stand that show one number of clicks: about the paper's 5.2."""
 METRICS = ("precision", "recall", "dice", "iou", "surface_dice")
-STEPPED = "with one size step"
+DETAILS = ("precision", "recall", "surface_dice")
+"""Of each structure, beside its Dice."""
+ALONE, STEPPED = COLUMNS
 
 _CAPTION = """Mean Dice over the structures, mean ± standard deviation between the paths of clicks where there are several: the
 first click anywhere in the inner half of a structure, later ones on the largest error, about (σ 3 mm) where it is deepest.
@@ -72,21 +74,25 @@ def text(report: dict[str, Any]) -> str:
 
 def _group(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:
     """The main table of some cases."""
+    measured = [case for case in names_of(runs, "case") if case in cases]
+    if not measured:
+        return
+    clicks = _reported(column_of(runs, measured[0], ALONE))
+    columns = [name for name in COLUMNS if column_of(runs, measured[0], name).paths]
     rows = []
-    for case in names_of(runs, "case"):
-        if case in cases:
-            alone, stepped = (column_of(runs, case, column) for column in COLUMNS)
-            clicks = _reported(alone)
-            figures = [alone.mean(n) for n in clicks] + [stepped.mean(n) for n in clicks if stepped.paths]
-            surface = [column.mean(TYPICAL_CLICKS, "surface_dice") for column in (alone, stepped) if column.paths]
-            rows.append([case, len(alone.structures), len(alone.paths), *map(_figure, figures + surface)])
-    if rows:
-        several = len(rows[0]) > len(clicks) + 4
-        header = ["volume", "structures", "paths", *(f"@{n}" for n in clicks)]
-        header += [f"{STEPPED} @{n}" for n in clicks if several]
-        header += [f"surface Dice @{TYPICAL_CLICKS}"] + [f"surface Dice {STEPPED} @{TYPICAL_CLICKS}"] * several
-        yield f"## {title}"
-        yield table(header, rows)
+    for case in measured:
+        alone, figures = column_of(runs, case, ALONE), [column_of(runs, case, name) for name in columns]
+        means = [column.mean(n) for column in figures for n in clicks]
+        means += [column.mean(TYPICAL_CLICKS, "surface_dice") for column in figures]
+        rows.append([case, len(alone.structures), len(alone.paths), *map(_figure, means)])
+    header = ["volume", "structures", "paths", *_headers("", columns, clicks)]
+    yield f"## {title}"
+    yield table([*header, *_headers("surface Dice", columns, [TYPICAL_CLICKS])], rows)
+
+
+def _headers(what: str, columns: Sequence[str], clicks: Sequence[str]) -> list[str]:
+    """Clicks alone need not be said."""
+    return [" ".join(filter(None, (what, "" if name == ALONE else name, f"@{n}"))) for name in columns for n in clicks]
 
 
 def _goals(runs: Sequence[Run]) -> str:
@@ -151,17 +157,17 @@ def _comparison(runs: Sequence[Run], cases: Sequence[str]) -> str:
 
 
 def _by_structure(runs: Sequence[Run], case: str) -> Iterator[str]:
-    alone, stepped = (column_of(runs, case, column) for column in COLUMNS)
-    clicks = _reported(alone)
-    compared = len(methods_on(runs, case)) > 1
-    header = ["structure", *(f"@{n}" for n in clicks)] + [f"{STEPPED} @{n}" for n in clicks if stepped.paths]
-    header += [f"{metric.replace('_', ' ')} @{TYPICAL_CLICKS}" for metric in ("precision", "recall", "surface_dice")]
+    columns = [name for name in COLUMNS if column_of(runs, case, name).paths]
+    alone, figures = column_of(runs, case, ALONE), [column_of(runs, case, name) for name in columns]
+    clicks, compared = _reported(alone), len(methods_on(runs, case)) > 1
+    header = ["structure", *_headers("", columns, clicks)]
+    header += [f"{metric.replace('_', ' ')} @{TYPICAL_CLICKS}" for metric in DETAILS]
     header += [f"best baseline @{TYPICAL_CLICKS}"] * compared
     rows = []
     for name in alone.structures:
-        figures = [column.structure(name, n) for column in (alone, stepped) for n in clicks if column.paths]
-        figures += [alone.structure(name, TYPICAL_CLICKS, metric) for metric in ("precision", "recall", "surface_dice")]
-        rows.append([name, *map(_figure, figures)] + [_best(runs, case, name)] * compared)
+        of_structure = [column.structure(name, n) for column in figures for n in clicks]
+        of_structure += [alone.structure(name, TYPICAL_CLICKS, metric) for metric in DETAILS]
+        rows.append([name, *map(_figure, of_structure)] + [_best(runs, case, name)] * compared)
     yield f"## {case}"
     yield table(header, rows)
 
