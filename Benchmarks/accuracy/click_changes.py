@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.accuracy.methods import DEFAULT
+from Benchmarks.accuracy.runs import DIGITS
 
 LOSS = 0.02
 """Dice that may be lost before a user would say so."""
@@ -63,7 +64,7 @@ def in_rounds(runs: Iterable[Run]) -> Iterator[ClickChange]:
                 for index, name in enumerate(before):
                     if counts[number][index] > counts[number - 1][index]:
                         where = f"{run['case']}, path {run['path']}: {name}, click {counts[number][index]}"
-                        yield ClickChange(where, after[name]["dice"] - before[name]["dice"])
+                        yield ClickChange(where, round(after[name]["dice"] - before[name]["dice"], DIGITS))
 
 
 def of_the_clicked(runs: Iterable[Run]) -> Iterator[ClickChange]:

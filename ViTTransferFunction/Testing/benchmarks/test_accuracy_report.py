@@ -100,6 +100,13 @@ def test_a_click_counts_where_the_structure_got_one() -> None:
     assert changes[1].where == "torso_small, path 1: liver, click 3"
 
 
+def test_a_loss_of_two_hundredths_is_none_also_where_it_is_a_difference() -> None:
+    (change,) = in_rounds([own("torso_small", 1, {"1": 0.92, "2": 0.9})])
+    found = summarised([change])
+    assert found is not None
+    assert found.unhurt == 1.0
+
+
 def test_of_the_others_the_one_that_loses_most_counts() -> None:
     assert [change.change for change in of_the_clicked(RUNS)] == [0.1, -0.05]
     assert [change.change for change in of_the_others(RUNS)] == [-0.3, 0.0]
