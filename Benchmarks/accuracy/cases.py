@@ -28,7 +28,7 @@ class CaseGroup:
 
 GROUPS = (
     CaseGroup("Scans", SCANS, every_path=True, compared=True),
-    CaseGroup("Organs that fill the volume", (CHEST, *ORGAN_FILLING_CROPS), every_path=True),
+    CaseGroup("Lungs, and crops that an organ fills", (CHEST, *ORGAN_FILLING_CROPS), every_path=True),
     CaseGroup("Worse scans, and generated shapes", (*WORSE_SCANS, PhantomCase())),
     CaseGroup("Every structure", EVERY_STRUCTURE),
 )

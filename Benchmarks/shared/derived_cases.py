@@ -50,9 +50,7 @@ WORSE_SCANS = (
     DerivedCase("amos_0336 half resolution", AMOS, case_changes.half_resolution),
     DerivedCase("amos_0336 noise ×2", AMOS, case_changes.twice_the_noise),
     DerivedCase("amos_0336 soft tissue window", AMOS, case_changes.soft_tissue_only),
-    DerivedCase("torso_small right half", TORSO, case_changes.right_half),
     DerivedCase("torso_small 5 mm slices", TORSO, partial(case_changes.thick_slices, thickness_mm=5.0)),
-    DerivedCase("torso_small 10 mm slices", TORSO, partial(case_changes.thick_slices, thickness_mm=10.0)),
     DerivedCase("brain 5 mm slices", BRAIN, partial(case_changes.thick_slices, thickness_mm=5.0)),
     DerivedCase("brain noise ×2", BRAIN, case_changes.twice_the_noise),
 )
