@@ -15,7 +15,7 @@ from Benchmarks.accuracy.figures import COLUMNS, Figures, column_of, figures_of,
 from Benchmarks.accuracy.goals import goals_reached
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.plot import plot_iou
-from Benchmarks.accuracy.summary import summary
+from Benchmarks.accuracy.summary import single_runs, summary
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
@@ -43,9 +43,11 @@ Run = dict[str, Any]
 
 def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path) -> None:
     """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png."""
-    report = {**report, "summary": summary(report["runs"])}
-    write_results(folder, "accuracy", report, text(report))
-    plot_iou(report["runs"], folder / "accuracy_iou.png")
+    runs = report["runs"]
+    # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
+    figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
+    write_results(folder, "accuracy", figures, text(report))
+    plot_iou(runs, folder / "accuracy_iou.png")
     plot_failures(failures, folder / "accuracy_failures.png")
 
 
@@ -56,7 +58,7 @@ def text(report: dict[str, Any]) -> str:
     return paragraphs(
         "# Accuracy by clicks",
         f"Features of {report['model']}, default preset, {report['paths']} paths of clicks. {in_words(report['machine'])}. "
-        "Command: `python dev.py bench accuracy`. Every figure by structure, path and click is in `accuracy.json`.",
+        "Command: `python dev.py bench accuracy`. Dice by structure, path and click is in `accuracy.json`.",
         _CAPTION,
         *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
         "## Goals",

@@ -9,9 +9,9 @@ Which error is corrected depends on the method. The figures to compare by are th
 the clicks that the default method's errors led to; one that takes no negative clicks leaves those out. What the faster methods
 reach when the clicker reacts to their own errors is measured as well.
 
-With `--keep`, what was measured is kept in a folder and not measured again, so that a run can be had in parts. Constants that
-were chosen on some `--cases` are to be judged on the others. Writes `accuracy.json`, `accuracy.md`, `accuracy_iou.png` and
-`accuracy_failures.png`.
+With `--keep`, all that was measured is kept in a folder and not measured again, so that a run can be had in parts. Constants
+that were chosen on some `--cases` are to be judged on the others. Writes `accuracy.json`, `accuracy.md`, `accuracy_iou.png`
+and `accuracy_failures.png`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The figures of a report for programs: means and spreads by case, column, number of clicks and structure."""
+"""The figures of a report for programs: means and spreads by case, column, number of clicks and structure; and single runs."""
 
 from __future__ import annotations
 
@@ -34,6 +34,19 @@ def summary(runs: Sequence[Run]) -> dict[str, Any]:
         },
         "goals": [{**asdict(goal), "is_reached": goal.is_reached} for goal in goals_reached(runs)],
     }
+
+
+def single_runs(runs: Sequence[Run]) -> list[Run]:
+    """Each run by itself: the Dice of its structures, in order, by number of clicks; or its changes by single clicks."""
+    short = []
+    for run in runs:
+        what = {key: value for key, value in run.items() if key not in ("rounds", "placed")}
+        if "rounds" in run:
+            by_clicks = run["rounds"]
+            what["structures"] = list(next(iter(by_clicks.values())))
+            what["dice"] = {clicks: [m["dice"] for m in metrics.values()] for clicks, metrics in by_clicks.items()}
+        short.append(what)
+    return short
 
 
 def _columns(runs: Sequence[Run], case: str) -> dict[str, Any]:
