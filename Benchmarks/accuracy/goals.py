@@ -18,7 +18,8 @@ Run = dict[str, Any]
 
 ALONE, STEPPED = COLUMNS
 CROPS = tuple(case.name for case in ORGAN_FILLING_CROPS)
-FILLING = tuple(case.filled_by for case in ORGAN_FILLING_CROPS)
+FILLED, FILLING = zip(*((case.name, name) for case in ORGAN_FILLING_CROPS for name in case.filled_by), strict=True)
+"""Crops, and what fills them, side by side."""
 COMPARED = tuple(case.name for case in SCANS)
 
 
@@ -55,7 +56,7 @@ class DiceGoal:
         cases: names; all have to be measured.
         clicks: for each structure.
         least: to be reached.
-        structures: the one of each case that counts; empty: all of them.
+        structures: the one that counts of each case, which may be there several times; empty: all of them.
         metric: instead of Dice.
     """
 
@@ -85,8 +86,8 @@ DICE_GOALS = (
     DiceGoal("torso_small", ("torso_small",), 5, 0.90),
     DiceGoal("brain", ("brain",), 5, 0.82),
     DiceGoal("organ-filling crops, all structures", CROPS, 3, 0.85),
-    DiceGoal("organ-filling crops, the organs that fill them", CROPS, 3, 0.85, FILLING),
-    DiceGoal("lungs of chest", ("chest",), 1, 0.85, ("lungs",)),
+    DiceGoal("organ-filling crops, the organs that fill them", FILLED, 3, 0.85, FILLING),
+    DiceGoal("each lung of chest", ("chest", "chest"), 1, 0.85, ("right lung", "left lung")),
     DiceGoal("aorta of amos_0336", ("amos_0336",), 5, 0.85, ("aorta",)),
     DiceGoal("aorta of torso_small", ("torso_small",), 5, 0.85, ("aorta",)),
     DiceGoal("surface Dice at 2 mm of amos_0336", ("amos_0336",), 5, 0.75, metric="surface_dice"),

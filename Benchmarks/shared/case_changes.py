@@ -5,6 +5,8 @@ Truth goes along: a new voxel belongs to what most of it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from Benchmarks.shared.labelled_cases import LabelledVolume
@@ -29,15 +31,15 @@ def right_half(labelled: LabelledVolume) -> LabelledVolume:
     return cropped(labelled, (slice(0, shape[0]), slice(0, shape[1]), right))
 
 
-def filled_by(labelled: LabelledVolume, structure: str) -> LabelledVolume:
-    """The largest box around a structure, equally far from it on all sides in millimetres, that it fills to a quarter.
+def filled_by(labelled: LabelledVolume, structures: Sequence[str]) -> LabelledVolume:
+    """The largest box around structures, equally far from them on all sides in millimetres, that they fill to a quarter.
 
-    Its bounding box, where it does not fill even that.
+    Their bounding box, where they do not fill even that.
     """
-    mask = labelled.truth == labelled.names.index(structure) + 1
+    mask = np.isin(labelled.truth, [labelled.names.index(name) + 1 for name in structures])
     inner = bounding_box(mask)
     if inner is None:
-        raise ValueError(f"'{structure}' has no voxel to crop around")
+        raise ValueError(f"there is no voxel of {', '.join(structures)} to crop around")
     box, voxels = inner, np.count_nonzero(mask)
     for margin_mm in range(1, 1000):
         larger = _padded(inner, margin_mm / np.array(labelled.spacing_mm), mask.shape)

@@ -26,11 +26,11 @@ class DerivedCase:
 
 @dataclass(frozen=True)
 class OrganFillingCrop:
-    """The part of a labelled scan that a structure fills to a quarter."""
+    """The part of a labelled scan that some structures fill to a quarter."""
 
     name: str
     of: Case
-    filled_by: str
+    filled_by: tuple[str, ...]
 
     def read(self, folder: Path) -> LabelledVolume:
         """The part and its labels, from the folder that holds the files of the scan."""
@@ -40,9 +40,9 @@ class OrganFillingCrop:
 AMOS, TORSO, BRAIN = SCANS
 
 ORGAN_FILLING_CROPS = (
-    OrganFillingCrop("amos_0336 liver crop", AMOS, "liver"),
-    OrganFillingCrop("torso_small liver crop", TORSO, "liver"),
-    OrganFillingCrop("chest lungs crop", CHEST, "lungs"),
+    OrganFillingCrop("amos_0336 liver crop", AMOS, ("liver",)),
+    OrganFillingCrop("torso_small liver crop", TORSO, ("liver",)),
+    OrganFillingCrop("chest lungs crop", CHEST, ("right lung", "left lung")),
 )
 WORSE_SCANS = (
     DerivedCase("amos_0336 right half", AMOS, case_changes.right_half),

@@ -124,9 +124,11 @@ SCANS = (
 )  # fmt: skip
 
 CHEST = Case(
-    "chest", "CTChest4.nrrd", "Segmentation.seg.nrrd", {"lungs": (5, 6), "ribs": (1,), "vertebrae": (2, 3, 4)}, "slicerio"
-)
-"""A CT of 10 mm slices; what fills it are the lungs."""
+    "chest", "CTChest4.nrrd", "Segmentation.seg.nrrd",
+    {"right lung": (5,), "left lung": (6,), "ribs": (1,), "vertebrae": (2, 3, 4)},
+    "slicerio",
+)  # fmt: skip
+"""A CT of 10 mm slices, full of lungs. Each is a structure: of one class, only parts that were clicked are kept."""
 
 
 def merged_labels(path: Path, case: Case) -> np.ndarray:

@@ -24,11 +24,17 @@ def where_ras(labelled: LabelledVolume, name: str) -> np.ndarray:
 
 
 def test_an_organ_fills_a_quarter_of_its_crop_and_is_whole(labelled: LabelledVolume) -> None:
-    crop = case_changes.filled_by(labelled, "left")
+    crop = case_changes.filled_by(labelled, ["left"])
     share = np.mean(crop.truth == crop.names.index("left") + 1)
     assert case_changes.FILLED_SHARE <= share < case_changes.FILLED_SHARE + 0.1
     assert (crop.truth == 1).sum() == (labelled.truth == 1).sum()
     np.testing.assert_allclose(where_ras(crop, "left"), where_ras(labelled, "left"))
+
+
+def test_several_organs_may_fill_a_crop_together(labelled: LabelledVolume) -> None:
+    crop = case_changes.filled_by(labelled, ["left", "right"])
+    assert {"left", "right"} <= set(crop.names)
+    assert np.isin(crop.truth, (1, 2)).sum() == np.isin(labelled.truth, (1, 2)).sum()
 
 
 def test_a_crop_drops_structures_of_which_little_is_left(labelled: LabelledVolume) -> None:
