@@ -10,6 +10,8 @@ from Benchmarks.shared.labelled_cases import SCANS, Case, LabelledCase
 from ViTTransferFunction.Logic.weights.sources import WeightsFile, find_weights, identify_model
 
 RESULTS = Path(__file__).parents[1] / "results"
+DEFAULT_MODEL = "dinov2_vits14_focus"
+"""All results that are part of the project were measured with it: everybody can have it."""
 
 
 def benchmark_parser(description: str | None) -> argparse.ArgumentParser:
@@ -24,12 +26,13 @@ def network_parser(description: str | None, keep: Path | None = None) -> argpars
     parser = benchmark_parser(description)
     parser.add_argument("--volumes", type=Path, required=True, help="folder with the volumes and their labels")
     parser.add_argument("--weights", type=Path, help="weights file; else VITTF_WEIGHTS, the cache or a download")
-    parser.add_argument("--model", default="dinov2_vits14_focus", help="where the weights file does not say it")
+    parser.add_argument("--model", help=f"model; else the one that the weights file is known as, else {DEFAULT_MODEL}")
     parser.add_argument(
         "--keep",
         type=Path,
         default=keep,
-        help="folder for what was measured; what is there is taken as it is, so empty it when the code has changed",
+        help="folder for what was measured, in it one for each file of weights; what is there is taken as it is, so empty it "
+        "when the code has changed",
     )
     return parser
 
@@ -53,5 +56,8 @@ def scans_of(options: argparse.Namespace) -> list[Case]:
 
 
 def weights_of(options: argparse.Namespace) -> WeightsFile:
-    """The weights that the command line asks for."""
-    return find_weights(identify_model(options.weights) or options.model, options.weights)
+    """The weights that the command line asks for; from then on, `options.keep` is a folder for what was measured with them."""
+    weights = find_weights(options.model or identify_model(options.weights) or DEFAULT_MODEL, options.weights)
+    if options.keep is not None:
+        options.keep /= f"{weights.model.name}-{weights.sha256[:8]}"
+    return weights

@@ -46,10 +46,15 @@ def _list() -> None:
 
 
 def _row(entry: CachedWeights) -> tuple[str, str, str, str, str]:
-    where = "not downloaded" if entry.path is None else str(entry.path)
-    if entry.path is not None and not entry.intact:
-        where = f"DAMAGED, remove and get again: {where}"
-    return entry.model.name, entry.model.licence, f"{entry.model.size_mb} MB", (entry.sha256 or "")[:12], where
+    model = entry.model
+    return model.name, model.licence, f"{model.size_mb} MB", (entry.sha256 or "")[:12], _where(entry)
+
+
+def _where(entry: CachedWeights) -> str:
+    if entry.path is None:
+        page = entry.model.request_page
+        return "not downloaded" if page is None else f"not here; ask for it at {page}"
+    return str(entry.path) if entry.intact else f"DAMAGED, remove and get again: {entry.path}"
 
 
 def _get(name: str) -> None:

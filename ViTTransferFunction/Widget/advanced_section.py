@@ -136,6 +136,8 @@ class AdvancedSection(Section):
     def _on_remove_model(self) -> None:
         model = self._model()
         question = _("Delete the weights of {model} from the cache? They can be downloaded again ({size}).")
+        if model.url is None:
+            question = _("Delete the weights of {model} from the cache ({size})? This module cannot download them again.")
         if slicer.util.confirmOkCancelDisplay(question.format(model=model.name, size=size(model.size_mb * 1e6))):
             self._attempt(lambda: remove_weights(model.name))
 

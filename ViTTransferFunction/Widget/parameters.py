@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.scene.parameters import RENDERINGS, SceneParameters
 from ViTTransferFunction.Logic.session.presets import PRESETS
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.sources import offered_models
 
 _DEFAULTS: dict[str, Any] = dict(SceneParameters.DEFAULTS)
@@ -93,6 +94,8 @@ def _word_choices(ui: Any) -> None:
         "similarity": _("Similarity"),
         "transfer function": _("Transfer function"),
     }
+    own = _("{model} (your own file)")
+    words |= {model.name: own.format(model=model.name) for model in PRETRAINED_MODELS.values() if model.request_page}
     for name, choices in _CHOICES.items():
         combo_box = getattr(ui, f"{name}ComboBox")
         for index, choice in enumerate(choices):

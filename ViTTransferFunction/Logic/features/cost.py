@@ -19,6 +19,7 @@ from ..core.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import interpolated_layers
 from .buffer_pool import BufferPool
+from .expected_shapes import expected_shapes
 from .extraction import features_size_bytes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
@@ -117,10 +118,14 @@ def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSe
 def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, number: int, converted: bool) -> int:
     """What is held beside the result while slices are run, in numbers of `number` bytes."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
-    weights = 0 if converted else number * 12 * model.depth * channels**2
+    weights = 0 if converted else number * sum(map(math.prod, expected_shapes(model).values()))
     # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
     of_token = _FLOAT32 * pixels + number * (pixels + 5 * channels)
-    hidden = number * 4 * channels * ROWS_AT_ONCE
+    hidden = number * (8 if model.gated_mlp else 4) * channels * ROWS_AT_ONCE
+    if model.rotary_positions:
+        # Cosines and sines; queries and keys as they are turned, and twice what that takes.
+        of_token += _FLOAT32 * channels // model.num_heads
+        hidden += _FLOAT32 * 6 * channels * ROWS_AT_ONCE
     sums = _FLOAT32 * channels * math.prod(plan.shape)
     return weights + sums + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
 

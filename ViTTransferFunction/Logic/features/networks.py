@@ -30,7 +30,8 @@ class Networks:
     def network(self, weights: WeightsFile, device: torch.device) -> VisionTransformer:
         """The model on its device; see `open_network`."""
         network = self._opened
-        if network is None or (network.weights_digest, network.device) != (weights.sha256, device):
+        wanted = (weights.model, weights.sha256, device)
+        if network is None or (network.model, network.weights_digest, network.device) != wanted:
             # The one before goes first: both might be too much.
             self._opened = None
             self._opened = network = open_network(weights, device)

@@ -1,7 +1,8 @@
 """A vision transformer that gives the attention keys of its last block: the features of the method (paper §III-A).
 
 Dosovitskiy et al., An Image is Worth 16×16 Words, 2021; Caron et al., Emerging Properties in Self-Supervised Vision
-Transformers, 2021 (DINO); Oquab et al., DINOv2, 2023; Darcet et al., Vision Transformers Need Registers, 2023.
+Transformers, 2021 (DINO); Oquab et al., DINOv2, 2023; Darcet et al., Vision Transformers Need Registers, 2023; Siméoni et al.,
+DINOv3, 2025.
 
 Inference only, so there are no modules: the network is the published state dict and the functions below, and every weight
 is looked up by its published name.
@@ -9,20 +10,20 @@ is looked up by its published name.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
 from ..weights.models import PretrainedModel
 from .buffer_pool import BufferPool
+from .expected_shapes import check_state_dict, register_name
 from .packed_slices import PackedSlices, PatchTokens
+from .position_table import PositionTable
+from .rotary_positions import RotaryPositions, rotate
 
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
 
-LAYER_NORM_EPSILON = 1e-6
 ROWS_AT_ONCE = 2048
 """Rows that go through a layer at once on a processor: what lies between two layers then stays in its cache."""
 
@@ -51,13 +52,15 @@ class VisionTransformer:
     ) -> None:
         import torch
 
-        _check_state_dict(model, state_dict)
+        check_state_dict(model, state_dict)
         self.model = model
         self.weights_digest = weights_digest
         self.device = torch.device(device)
         self.dtype = dtype or torch.float32
-        self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in state_dict.items()}
-        self._position_tables: dict[tuple[int, int], Tensor] = {}
+        self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in _masked(state_dict).items()}
+        self._table = None if model.rotary_positions else PositionTable(self._weights["pos_embed"], self.dtype)
+        periods = state_dict.get("rope_embed.periods")
+        self._rotary = None if periods is None else RotaryPositions(periods.to(self.device))
 
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
         """The same network on another device or in another precision; this one where both are its own."""
@@ -86,8 +89,9 @@ class VisionTransformer:
             work = buffers or BufferPool()
             tokens = self._embed(slices, packed, work)
             biases = [self._attention_bias(group, span) for group, span in zip(slices, packed.spans, strict=True)]
+            rotations = () if self._rotary is None else self._rotary.rotations(slices, packed, work)
             for block in range(self.model.depth - 1):
-                self._add_attention(tokens, packed.spans, biases, f"blocks.{block}", work)
+                self._add_attention(tokens, packed.spans, biases, rotations, f"blocks.{block}", work)
                 self._add_mlp(tokens, f"blocks.{block}", work)
             keys = self._keys(tokens, f"blocks.{self.model.depth - 1}")
             return torch.cat([keys[patches] for patches in packed.patches])
@@ -99,13 +103,15 @@ class VisionTransformer:
         pixels = self._rows(work, "pixels", packed.rows, weight.shape[1]).zero_()
         tokens = self._rows(work, "tokens", packed.rows, weight.shape[0]).zero_()
         for group, span, patches in zip(slices, packed.spans, packed.patches, strict=True):
-            positions = self._position_table(group.rows, group.columns)
-            tokens[span.start] = w["cls_token"][0, 0] + positions[0]
+            tokens[span.start] = w["cls_token"][0, 0]
             if self.model.num_register_tokens:
                 # Registers carry no position (Darcet et al. 2023).
-                tokens[span.start + 1 : patches.start] = w["register_tokens"][0]
-            at_patches = positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
-            tokens[patches] = at_patches + w["patch_embed.proj.bias"]
+                tokens[span.start + 1 : patches.start] = w[register_name(self.model)][0]
+            tokens[patches] = w["patch_embed.proj.bias"]
+            if self._table is not None:
+                positions = self._table.resized(group.rows, group.columns)
+                tokens[span.start] += positions[0]
+                tokens[patches] += positions[1:] if group.places is None else positions[1:][group.places.to(self.device)]
             pixels[patches] = group.patches.to(self.device)
         return tokens.addmm_(pixels, weight.T)
 
@@ -125,23 +131,27 @@ class VisionTransformer:
         multiplicity[prefix : prefix + len(group.multiplicity)] = group.multiplicity
         return multiplicity.log()[None].to(self.device, self.dtype)
 
-    def _position_table(self, rows: int, columns: int) -> Tensor:
-        """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
-        if (rows, columns) not in self._position_tables:
-            table = interpolate_position_table(self._weights["pos_embed"].float(), rows, columns)[0]
-            self._position_tables[rows, columns] = table.to(self.dtype)
-        return self._position_tables[rows, columns]
-
     def _add_attention(
-        self, tokens: Tensor, spans: Sequence[slice], biases: Sequence[Tensor | None], block: str, work: BufferPool
+        self,
+        tokens: Tensor,
+        spans: Sequence[slice],
+        biases: Sequence[Tensor | None],
+        rotations: tuple[Tensor, ...],
+        block: str,
+        work: BufferPool,
     ) -> None:
-        """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`."""
+        """Add self-attention within each slice, whose rows of the tokens (R, C) are `spans`.
+
+        `rotations` are the cosines and sines by which queries and keys are turned; none without rotary positions.
+        """
         import torch.nn.functional as F
 
         heads, (rows, channels) = self.model.num_heads, tokens.shape
         qkv = self._rows(work, "qkv", rows, 3 * channels)
-        for part, out in self._parts(tokens, qkv):
+        for part, out, *rotation in self._parts(tokens, qkv, *rotations):
             self._linear(self._layer_norm(part, f"{block}.norm1"), f"{block}.attn.qkv", out)
+            if rotation:
+                rotate(out[:, : 2 * channels], *rotation)
         attended = self._rows(work, "attended", rows, channels)
         attended[spans[-1].stop :] = 0.0
         for span, bias in zip(spans, biases, strict=True):
@@ -153,13 +163,24 @@ class VisionTransformer:
             self._add_scaled(part, self._linear(values, f"{block}.attn.proj"), f"{block}.ls1")
 
     def _add_mlp(self, tokens: Tensor, block: str, work: BufferPool) -> None:
+        branch = self._gated_mlp if self.model.gated_mlp else self._mlp
+        for (part,) in self._parts(tokens):
+            self._add_scaled(part, branch(self._layer_norm(part, f"{block}.norm2"), f"{block}.mlp", work), f"{block}.ls2")
+
+    def _mlp(self, tokens: Tensor, name: str, work: BufferPool) -> Tensor:
         import torch
 
-        for (part,) in self._parts(tokens):
-            hidden = self._rows(work, "hidden", len(part), 4 * tokens.shape[1])
-            self._linear(self._layer_norm(part, f"{block}.norm2"), f"{block}.mlp.fc1", hidden)
-            torch.ops.aten.gelu_(hidden)
-            self._add_scaled(part, self._linear(hidden, f"{block}.mlp.fc2"), f"{block}.ls2")
+        hidden = self._rows(work, "hidden", len(tokens), 4 * tokens.shape[1])
+        torch.ops.aten.gelu_(self._linear(tokens, f"{name}.fc1", hidden))
+        return self._linear(hidden, f"{name}.fc2")
+
+    def _gated_mlp(self, tokens: Tensor, name: str, work: BufferPool) -> Tensor:
+        """SwiGLU: W3 (silu(W1 x) ∘ W2 x) (Shazeer, GLU Variants Improve Transformer, 2020)."""
+        import torch.nn.functional as F
+
+        gate, hidden = (self._rows(work, buffer, len(tokens), 4 * tokens.shape[1]) for buffer in ("gate", "hidden"))
+        F.silu(self._linear(tokens, f"{name}.w1", gate), inplace=True)
+        return self._linear(self._linear(tokens, f"{name}.w2", hidden).mul_(gate), f"{name}.w3")
 
     def _parts(self, *arrays: Tensor) -> Iterator[tuple[Tensor, ...]]:
         """The rows of arrays that go through a layer at once; all of them on a GPU, where each call costs time."""
@@ -167,7 +188,11 @@ class VisionTransformer:
         return zip(*(array.split(rows) for array in arrays), strict=True)
 
     def _keys(self, tokens: Tensor, block: str) -> Tensor:
-        """Only the key third of the block's qkv projection: nothing after it is ever read."""
+        """Only the key third of the block's qkv projection: nothing after it is ever read.
+
+        Keys before rotary positions turn them: features are compared across places and averaged over slicing directions, in
+        which one place has different angles. Turned, equal content at two places would be dissimilar.
+        """
         import torch.nn.functional as F
 
         channels = self.model.embed_dim
@@ -179,7 +204,7 @@ class VisionTransformer:
         import torch.nn.functional as F
 
         w = self._weights
-        return F.layer_norm(tokens, tokens.shape[-1:], w[f"{name}.weight"], w[f"{name}.bias"], LAYER_NORM_EPSILON)
+        return F.layer_norm(tokens, tokens.shape[-1:], w[f"{name}.weight"], w[f"{name}.bias"], self.model.layer_norm_epsilon)
 
     def _linear(self, tokens: Tensor, name: str, out: Tensor | None = None) -> Tensor:
         import torch
@@ -196,60 +221,9 @@ class VisionTransformer:
         return work.rows(name, rows, columns, self.dtype, self.device)
 
 
-def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor:
-    """Resize a learned position table to another patch grid, bicubic with anti-aliasing; the class entry is kept.
-
-    Args:
-        table: (1, 1 + n², C), the class token's entry first.
-        rows: of the patch grid to resize to.
-        columns: of it.
-
-    Returns:
-        (1, 1 + rows·columns, C); `table` itself where the grid is n × n already.
-    """
-    import torch
-    import torch.nn.functional as F
-
-    side = math.isqrt(table.shape[1] - 1)
-    if (rows, columns) == (side, side):
-        return table
-    grid = table[:, 1:].reshape(1, side, side, -1).permute(0, 3, 1, 2)
-    grid = F.interpolate(grid, size=(rows, columns), mode="bicubic", antialias=True, align_corners=False)
-    return torch.cat([table[:, :1], grid.flatten(2).transpose(1, 2)], dim=1)
-
-
-def expected_shapes(model: PretrainedModel) -> dict[str, tuple[int, ...]]:
-    """Name and shape of every entry of the architecture's published state dict."""
-    c, p = model.embed_dim, model.patch_size
-    shapes: dict[str, tuple[int, ...]] = {
-        "cls_token": (1, 1, c),
-        "pos_embed": (1, 1 + model.position_grid**2, c),
-        "patch_embed.proj.weight": (c, 3, p, p),
-        "patch_embed.proj.bias": (c,),
-        "norm.weight": (c,),
-        "norm.bias": (c,),
+def _masked(state_dict: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Biases times their masks, where there are such: DINOv3 masks the keys' biases out, which are not zero by themselves."""
+    return {
+        name: tensor * state_dict[f"{name}_mask"] if f"{name}_mask" in state_dict else tensor
+        for name, tensor in state_dict.items()
     }
-    if model.num_register_tokens:
-        shapes["register_tokens"] = (1, model.num_register_tokens, c)
-    for block in (f"blocks.{index}" for index in range(model.depth)):
-        for name, rows, columns in (("attn.qkv", 3 * c, c), ("attn.proj", c, c), ("mlp.fc1", 4 * c, c), ("mlp.fc2", c, 4 * c)):
-            shapes[f"{block}.{name}.weight"] = (rows, columns)
-            shapes[f"{block}.{name}.bias"] = (rows,)
-        for norm in ("norm1", "norm2"):
-            shapes[f"{block}.{norm}.weight"] = shapes[f"{block}.{norm}.bias"] = (c,)
-        if model.layer_scale:
-            shapes[f"{block}.ls1.gamma"] = shapes[f"{block}.ls2.gamma"] = (c,)
-    return shapes
-
-
-def _check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> None:
-    expected = expected_shapes(model)
-    got = {name: tuple(tensor.shape) for name, tensor in state_dict.items()}
-    differing = sorted(name for name in expected.keys() | got.keys() if expected.get(name) != got.get(name))
-    if differing:
-        first = differing[0]
-        raise InputError(
-            f"The weights are not those of '{model.name}': {len(differing)} entries differ, first '{first}': expected "
-            f"{expected.get(first, 'no such entry')}, got {got.get(first, 'no such entry')}. "
-            "Choose the model that the file belongs to (Model in the panel, or --model), or choose another file."
-        )

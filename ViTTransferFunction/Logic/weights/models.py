@@ -19,13 +19,17 @@ class PretrainedModel:
         embed_dim: channels of a token, and so of the features.
         depth: number of blocks.
         num_heads: attention heads of a block.
-        position_grid: side length of the position table, patches; the class token's entry is not counted.
+        position_grid: side length of the position table, patches; the class token's entry is not counted. None where there is
+            no table, and positions are rotary.
         num_register_tokens: extra tokens beside the class token.
         layer_scale: whether every block scales its two branches by learned factors.
+        gated_mlp: whether a block's MLP is gated (SwiGLU).
+        layer_norm_epsilon: what is added to the variance in layer normalisation.
         file_name: the weights' official file name.
-        url: where the weights are published; None where nobody publishes the file: it is made from something else, and comes
-            from the user.
+        url: where the weights are published; None where the file cannot simply be downloaded, and comes from the user.
+        request_page: where a person agrees to the licence, and then gets the file; None where nobody is asked.
         sha256: of the published file; None where nobody publishes one: then the first download's hash counts.
+        sha256_start: the first digits of it, where no more is published; a file with other digits may be as good.
         tensors_sha256: of the tensors (`state_dict.tensors_sha256`), where each computer makes the file anew and its bytes
             vary with the version of PyTorch; None elsewhere.
         size_mb: megabytes (10⁶ bytes) of the file, for people who decide whether to get it.
@@ -39,7 +43,7 @@ class PretrainedModel:
     embed_dim: int
     depth: int
     num_heads: int
-    position_grid: int
+    position_grid: int | None
     num_register_tokens: int
     layer_scale: bool
     file_name: str
@@ -50,6 +54,19 @@ class PretrainedModel:
     homepage: str
     citation: str
     tensors_sha256: str | None = None
+    request_page: str | None = None
+    sha256_start: str | None = None
+    gated_mlp: bool = False
+    layer_norm_epsilon: float = 1e-6
+
+    def is_published(self, sha256: str) -> bool:
+        """Whether a file of this hash is the published one, as far as its hash is known."""
+        return sha256 == self.sha256 or (self.sha256_start is not None and sha256.startswith(self.sha256_start))
+
+    @property
+    def rotary_positions(self) -> bool:
+        """Whether attention sees where patches lie by rotary positions; otherwise a learned table adds that to the tokens."""
+        return self.position_grid is None
 
 
 def pretrained_model(name: str) -> PretrainedModel:
@@ -114,6 +131,34 @@ def _dinov2(
     )
 
 
+def _dinov3(
+    name: str, published_as: str, *, embed_dim: int, num_heads: int, size_mb: int, gated_mlp: bool = False
+) -> PretrainedModel:
+    return PretrainedModel(
+        name=name,
+        patch_size=16,
+        embed_dim=embed_dim,
+        depth=12,
+        num_heads=num_heads,
+        position_grid=None,
+        num_register_tokens=4,
+        layer_scale=True,
+        gated_mlp=gated_mlp,
+        layer_norm_epsilon=1e-5,
+        file_name=f"{published_as}.pth",
+        # To those who agreed, Meta mails addresses that expire.
+        url=None,
+        request_page="https://ai.meta.com/resources/models-and-libraries/dinov3-downloads/",
+        sha256=None,
+        # The convention of torch.hub, by which Meta's program checks the file.
+        sha256_start=published_as.rpartition("-")[2],
+        size_mb=size_mb,
+        licence="Meta's DINOv3 License",
+        homepage="https://github.com/facebookresearch/dinov3",
+        citation="Siméoni et al., DINOv3, arXiv:2508.10104, 2025",
+    )
+
+
 _MODELS = (
     # The model of Engel, Sick and Ropinski 2024.
     _dino("dino_vits8", "dino_deitsmall8_pretrain", patch_size=8, embed_dim=384, num_heads=6, size_mb=87),
@@ -165,6 +210,16 @@ _MODELS = (
         citation="Oquab et al., DINOv2: Learning Robust Visual Features without Supervision, TMLR 2024 (the base model)",
         tensors_sha256="5698995befc524834eb04015e0012c794edf61e80ba6f5ac3baa039ef9be97cf",
     ),
+    _dinov3("dinov3_vits16", "dinov3_vits16_pretrain_lvd1689m-08c60483", embed_dim=384, num_heads=6, size_mb=86),
+    _dinov3(
+        "dinov3_vits16plus",
+        "dinov3_vits16plus_pretrain_lvd1689m-4057cbaa",
+        embed_dim=384,
+        num_heads=6,
+        size_mb=115,
+        gated_mlp=True,
+    ),
+    _dinov3("dinov3_vitb16", "dinov3_vitb16_pretrain_lvd1689m-73cec8be", embed_dim=768, num_heads=12, size_mb=343),
 )
 
 PRETRAINED_MODELS: dict[str, PretrainedModel] = {model.name: model for model in _MODELS}

@@ -51,7 +51,7 @@ def find_weights(
     """The weights of a model, from the first source that has them.
 
     The sources are, in this order: `path`; the file or folder that `VITTF_WEIGHTS` names; the cache; the official address,
-    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt` or `<model name>.pth`.
+    where there is one. In a folder, the file is called as its publisher calls it, `<model name>.pt`, `.pth` or `.safetensors`.
 
     Args:
         model_name: a key of `PRETRAINED_MODELS`.
@@ -85,6 +85,8 @@ def fetch_weights(
     target = folder / model.file_name
     if not allow_download:
         raise _unavailable(model, target, "downloading is switched off")
+    if model.request_page is not None:
+        raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:
         raise _unavailable(model, target, "nobody publishes them as a file")
     try:
@@ -113,9 +115,9 @@ def identify_model(path: str | Path | None = None) -> str | None:
 
 
 def offered_models() -> list[str]:
-    """Names of the models that a user can choose without further ado: those that can be downloaded, or are here already.
+    """Names of the models that a user can choose: those that can be downloaded or asked for, or are here already.
 
-    A model without an address is here where `VITTF_WEIGHTS` or the cache has its file.
+    Another model is here where `VITTF_WEIGHTS` or the cache has its file.
     """
     folders = [weights_folder()]
     if named := os.environ.get(WEIGHTS_VARIABLE):
@@ -124,7 +126,7 @@ def offered_models() -> list[str]:
     return [
         model.name
         for model in PRETRAINED_MODELS.values()
-        if model.url is not None or any(file_in(folder, model) for folder in folders)
+        if model.url is not None or model.request_page is not None or any(file_in(folder, model) for folder in folders)
     ]
 
 
@@ -162,14 +164,14 @@ def _check_may_be(model: PretrainedModel, path: Path, sha256: str, origin: str) 
             f"{path} ({origin}) holds the weights of '{owner}', expected those of '{model.name}'. "
             f"Choose the model '{owner}', or name another file."
         )
-    if sha256 not in trusted_hashes(model, path):
+    if owner is None and sha256 not in trusted_hashes(model, path):
         _logger.warning(
             "%s has SHA-256 %s, which is not known as that of '%s'. It is used all the same.", path, sha256, model.name
         )
 
 
 def _model_of_hash(sha256: str) -> str | None:
-    return next((model.name for model in PRETRAINED_MODELS.values() if model.sha256 == sha256), None)
+    return next((model.name for model in PRETRAINED_MODELS.values() if model.is_published(sha256)), None)
 
 
 def _download(model: PretrainedModel, url: str, target: Path, progress: Progress) -> WeightsFile:
@@ -182,7 +184,9 @@ def _download(model: PretrainedModel, url: str, target: Path, progress: Progress
 
 
 def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUnavailable:
-    if model.url is None:
+    if model.request_page is not None:
+        how = f"Ask for {model.file_name} at {model.request_page} ({model.licence}, {model.size_mb} MB), and copy it"
+    elif model.url is None:
         how = f"On a computer with a network, run 'vittf weights get {model.name}', and copy the file"
     else:
         how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"

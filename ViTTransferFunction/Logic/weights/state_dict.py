@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import InputError
+from .safetensors_file import is_safetensors, read_safetensors
+from .transformers_names import has_transformers_names, with_published_names
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -19,7 +21,8 @@ if TYPE_CHECKING:
 def load_state_dict(path: Path) -> dict[str, Tensor]:
     """The tensors of a weights file under their published names, on the CPU. Code in the file is never run.
 
-    `mask_token`, which DINOv2's files carry for training and no forward pass uses, is left out. Nothing else is.
+    The file is one saved by PyTorch, or a safetensors file, as Hugging Face's site has them of DINOv3.
+    `mask_token`, which files of DINOv2 and DINOv3 carry for training and no forward pass uses, is left out. Nothing else is.
 
     Raises:
         InputError: the file cannot be read, or holds anything but a dictionary of tensors.
@@ -27,7 +30,7 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     import torch
 
     try:
-        content = torch.load(path, map_location="cpu", weights_only=True)
+        content = read_safetensors(path) if is_safetensors(path) else torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise InputError(
             f"Cannot read the weights file {path} ({error.strerror or error}). Check its permissions, or choose another file."
@@ -35,9 +38,12 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     except _DAMAGED as error:
         raise InputError(
             f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "
-            "PyTorch: the file is damaged, is something else under this name, or carries code, which was not run. Get it again."
+            "PyTorch, or a safetensors file: the file is damaged, is something else under this name, or carries code, which "
+            "was not run. Get it again."
         ) from error
     _check_is_state_dict(content, path)
+    if has_transformers_names(content):
+        content = with_published_names(content)
     return {name: tensor for name, tensor in content.items() if name != "mask_token"}
 
 
@@ -65,7 +71,8 @@ _DAMAGED = (
     AssertionError,
     struct.error,
 )
-"""What `torch.load` raises on damaged files. It documents none; these were found by feeding it thousands of them."""
+"""What `torch.load` raises on damaged files. It documents none; these were found by feeding it thousands of them. What
+`read_safetensors` raises is among them."""
 
 
 def _check_is_state_dict(content: object, path: Path) -> None:

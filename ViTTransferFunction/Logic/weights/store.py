@@ -111,7 +111,7 @@ def remember(model: PretrainedModel, path: Path, sha256: str) -> None:
 def file_names(model: PretrainedModel) -> list[str]:
     """What a file with the model's weights may be called: as its publisher calls it, or after the model."""
     # Without repetition: dinov2_vits14_focus is published under its own name.
-    return list(dict.fromkeys((model.file_name, f"{model.name}.pt", f"{model.name}.pth")))
+    return list(dict.fromkeys((model.file_name, *(f"{model.name}.{suffix}" for suffix in ("pt", "pth", "safetensors")))))
 
 
 def file_in(folder: Path, model: PretrainedModel) -> Path | None:

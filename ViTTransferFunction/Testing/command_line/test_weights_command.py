@@ -44,6 +44,8 @@ def test_the_list_says_terms_size_hash_and_place_of_every_model(cached: Path, ca
     for part in ("Apache-2.0", "87 MB", SHA256[:12], str(cached)):
         assert part in lines[NAME]
     assert lines["dinov2_vitb14"].endswith("not downloaded")
+    assert "DINOv3 License" in lines["dinov3_vits16"]
+    assert lines["dinov3_vits16"].endswith("ask for it at https://ai.meta.com/resources/models-and-libraries/dinov3-downloads/")
 
 
 def test_the_list_points_out_a_damaged_file(cached: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,8 +13,8 @@ from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, fea
 from ViTTransferFunction.Logic.features.extraction import features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
-from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
+from ViTTransferFunction.Logic.features.vision_transformer import ROWS_AT_ONCE, VisionTransformer
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
 
 SPEED = NetworkSpeed(np.array([1e-3, 1e-3, 1e-7]))
 SETTINGS = FeatureSettings(grid=24, merge_background=False)
@@ -53,6 +53,15 @@ def test_the_features_themselves_are_part_of_the_memory(
 ) -> None:
     cost = feature_cost(spheres[0], SETTINGS, tiny_network, SPEED)
     assert cost.peak_bytes > features_size_bytes(spheres[0].geometry, SETTINGS, TINY_MODEL)
+
+
+def test_what_rotary_positions_and_a_gated_mlp_need_is_part_of_the_memory(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    rotary = VisionTransformer(TINY_ROTARY_MODEL, random_state_dict(TINY_ROTARY_MODEL), "tiny")
+    plain, needs_more = (feature_cost(spheres[0], SETTINGS, network, SPEED) for network in (tiny_network, rotary))
+    buffers = 4 * 4 * TINY_MODEL.embed_dim * ROWS_AT_ONCE
+    assert needs_more.peak_bytes > plain.peak_bytes + buffers
 
 
 @pytest.mark.parametrize("merge_background", [True, False])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ import torch.nn.functional as F
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
-from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer, interpolate_position_table
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
 from ViTTransferFunction.Testing.support.images import last_block_keys
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
 
 TIMM_NAMES = {
     "dino_vits8": "vit_small_patch8_224.dino",
@@ -25,7 +26,16 @@ TIMM_NAMES = {
     "dinov2_vits14": "vit_small_patch14_dinov2.lvd142m",
     "dinov2_vits14_reg": "vit_small_patch14_reg4_dinov2.lvd142m",
     "dinov2_vitb14": "vit_base_patch14_dinov2.lvd142m",
+    "dinov3_vits16": "vit_small_patch16_dinov3_qkvb.lvd1689m",
+    "dinov3_vits16plus": "vit_small_plus_patch16_dinov3_qkvb.lvd1689m",
+    "dinov3_vitb16": "vit_base_patch16_dinov3_qkvb.lvd1689m",
 }
+
+
+@pytest.fixture(params=[TINY_MODEL, TINY_ROTARY_MODEL], ids=["position table", "rotary positions"])
+def tiny_network(request: pytest.FixtureRequest) -> VisionTransformer:
+    """A two-block network with fixed random weights, of either kind."""
+    return VisionTransformer(request.param, random_state_dict(request.param), "tiny")
 
 
 @pytest.mark.slow
@@ -33,12 +43,32 @@ TIMM_NAMES = {
 def test_keys_equal_those_of_timm_with_the_same_random_weights(name: str) -> None:
     model = pretrained_model(name)
     state = random_state_dict(model)
+    # Faint tokens, which show what layer normalisation adds to the variance.
+    for part in ("weight", "bias"):
+        state[f"patch_embed.proj.{part}"] *= 0.01
     images = torch.randn(1, 3, 4 * model.patch_size, 6 * model.patch_size, generator=torch.Generator().manual_seed(1))
 
     ours = last_block_keys(VisionTransformer(model, state, "random"), images)
 
     assert ours.shape == (1, 4, 6, model.embed_dim)
     torch.testing.assert_close(ours, timm_keys(TIMM_NAMES[name], state, images), atol=1e-4, rtol=0)
+
+
+@pytest.mark.slow
+def test_some_of_a_large_grids_patches_have_the_keys_that_timm_gives_where_only_they_are_seen() -> None:
+    """Of 20 × 50 patches every third, some counted several times; timm has all, and a mask on the attention to the others."""
+    model = pretrained_model("dinov3_vits16plus")
+    state = random_state_dict(model)
+    images = torch.randn(1, 3, 20 * 16, 50 * 16, generator=torch.Generator().manual_seed(1))
+    places = torch.arange(0, 1000, 3)
+    multiplicity = 1.0 + torch.arange(len(places)) % 4
+    counts = torch.cat([torch.ones(5), torch.zeros(1000).index_copy(0, places, multiplicity)])
+
+    patches = F.unfold(images, 16, stride=16)[0].T[places]
+    ours = VisionTransformer(model, state, "random").keys_of_tokens([PatchTokens(patches, 20, 50, places, multiplicity)])
+
+    theirs = timm_keys(TIMM_NAMES[model.name], state, images, counts.log().expand(1, 1, 1005, 1005))
+    torch.testing.assert_close(ours, theirs.flatten(0, 2)[places], atol=1e-4, rtol=0)
 
 
 def test_keys_equal_those_of_timm_with_real_weights(real_weights: Path) -> None:
@@ -51,24 +81,32 @@ def test_keys_equal_those_of_timm_with_real_weights(real_weights: Path) -> None:
     torch.testing.assert_close(ours, timm_keys(TIMM_NAMES["dinov2_vits14"], state, images), atol=1e-4, rtol=0)
 
 
-def timm_keys(name: str, state: dict[str, torch.Tensor], images: torch.Tensor) -> torch.Tensor:
-    """Last-block keys (B, rows, columns, C), tapped from timm's own forward pass."""
-    network = (
-        import_timm().create_model(name, pretrained=False, dynamic_img_size=True, num_classes=0, weight_init="skip").eval()
-    )
-    network.load_state_dict(as_timm_names(state), strict=False)
+def timm_keys(
+    name: str, state: dict[str, torch.Tensor], images: torch.Tensor, mask: torch.Tensor | None = None
+) -> torch.Tensor:
+    """Last-block keys (B, rows, columns, C), tapped from timm's own forward pass; `mask` is added to all blocks' logits."""
+    # The class that has DINOv3's models does not know how to skip it.
+    initialisation = {} if "dinov3" in name else {"weight_init": "skip"}
+    network = import_timm().create_model(name, dynamic_img_size=True, num_classes=0, **initialisation).eval()
+    network.load_state_dict(as_timm_names(state, network))
     tapped: list[torch.Tensor] = []
-    network.blocks[-1].attn.qkv.register_forward_hook(lambda _, __, output: tapped.append(output))
+    # What comes out of here are the keys as projected, before they are turned.
+    network.blocks[-1].attn.k_norm.register_forward_hook(lambda _, __, output: tapped.append(output))
     with torch.inference_mode():
-        network.forward_features(images)
-    channels = network.embed_dim
-    keys = tapped[0][:, network.num_prefix_tokens :, channels : 2 * channels]
+        network.forward_features(images, attn_mask=mask)
+    keys = tapped[0].transpose(1, 2)[:, network.num_prefix_tokens :]
     rows, columns = (size // network.patch_embed.patch_size[0] for size in images.shape[-2:])
-    return keys.reshape(len(images), rows, columns, channels)
+    return keys.reshape(len(images), rows, columns, network.embed_dim)
 
 
-def as_timm_names(state: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """timm adds the class token's position to the token where there are registers, and calls those differently."""
+def as_timm_names(state: dict[str, torch.Tensor], network: torch.nn.Module) -> dict[str, torch.Tensor]:
+    """timm adds the class token's position to the token where there are registers, and calls those differently.
+
+    For DINOv3 timm itself knows the names of Meta's files, and so vouches for ours.
+    """
+    if "storage_tokens" in state:
+        converted: dict[str, torch.Tensor] = sys.modules["timm.models.eva"].checkpoint_filter_fn(state, network)
+        return converted
     if "register_tokens" not in state:
         return state
     converted = {name: tensor for name, tensor in state.items() if name != "register_tokens"}
@@ -102,7 +140,7 @@ def test_keys_equal_their_definition() -> None:
     state = random_state_dict(TINY_MODEL)
     # The first block's MLP adds nothing, so that keys are those of its attention alone.
     state["blocks.0.ls2.gamma"].zero_()
-    side, size = TINY_MODEL.position_grid, TINY_MODEL.patch_size
+    side, size = 5, TINY_MODEL.patch_size
     images = torch.randn(2, 3, side * size, side * size, generator=torch.Generator().manual_seed(1))
 
     keys = last_block_keys(VisionTransformer(TINY_MODEL, state, "tiny"), images)
@@ -130,30 +168,6 @@ def attention_by_definition(state: dict[str, torch.Tensor], tokens: torch.Tensor
 def queries_keys_values(state: dict[str, torch.Tensor], block: str, tokens: torch.Tensor) -> torch.Tensor:
     normed = F.layer_norm(tokens, tokens.shape[-1:], state[f"{block}.norm1.weight"], state[f"{block}.norm1.bias"], 1e-6)
     return normed @ state[f"{block}.attn.qkv.weight"].T + state[f"{block}.attn.qkv.bias"]
-
-
-def test_position_table_of_the_trained_size_is_untouched() -> None:
-    table = torch.randn(1, 1 + 25, 8)
-    assert interpolate_position_table(table, 5, 5) is table
-
-
-def test_position_table_keeps_the_class_entry_and_a_constant_grid() -> None:
-    table = torch.full((1, 1 + 25, 8), 3.0)
-    table[:, 0] = 7.0
-    resized = interpolate_position_table(table, 4, 9)
-    assert resized.shape == (1, 1 + 36, 8)
-    torch.testing.assert_close(resized[:, 0], torch.full((1, 8), 7.0))
-    torch.testing.assert_close(resized[:, 1:], torch.full((1, 36, 8), 3.0))
-
-
-def test_position_table_runs_along_rows_and_columns_as_the_patches_do() -> None:
-    rows = torch.arange(5.0).repeat_interleave(5).reshape(1, 25, 1)
-    columns = torch.arange(5.0).repeat(5).reshape(1, 25, 1)
-    table = torch.cat([torch.zeros(1, 1, 2), torch.cat([rows, columns], dim=2)], dim=1)
-    resized = interpolate_position_table(table, 10, 20)[0, 1:].reshape(10, 20, 2)
-    assert (resized[1:, :, 0] >= resized[:-1, :, 0] - 1e-4).all()
-    assert (resized[:, 1:, 1] >= resized[:, :-1, 1] - 1e-4).all()
-    torch.testing.assert_close(resized[:, 0, 0], resized[:, -1, 0], atol=1e-5, rtol=0)
 
 
 def test_images_of_a_batch_do_not_see_each_other(tiny_network: VisionTransformer) -> None:

@@ -88,6 +88,16 @@ def test_the_network_is_opened_once_for_estimate_extraction_and_the_next_session
     assert (opened.count, calibrated.count) == (1, 1)
 
 
+def test_a_network_is_not_taken_for_another_model_because_the_file_is_the_same(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRETRAINED_MODELS, "other", replace(TINY_MODEL, name="other", position_grid=7))
+    networks = Networks()
+    open_session(spheres[0], tiny_weights, networks=networks).estimate()
+    with pytest.raises(InputError, match=r"not those of 'other'.*the file belongs to, by its shapes 'tiny' \("):
+        open_session(spheres[0], replace(tiny_weights, model="other"), networks=networks).estimate()
+
+
 def test_the_weights_are_hashed_once_for_estimate_and_extraction(
     spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,8 +28,9 @@ def test_heads_share_the_channels_evenly(model: PretrainedModel) -> None:
 
 @every_model
 def test_the_position_table_is_that_of_the_training_images(model: PretrainedModel) -> None:
-    trained_on_pixels = 224 if model.name.startswith("dino_") else 518
-    assert model.position_grid * model.patch_size == trained_on_pixels
+    if model.position_grid is not None:
+        trained_on_pixels = 224 if model.name.startswith("dino_") else 518
+        assert model.position_grid * model.patch_size == trained_on_pixels
 
 
 @every_model
@@ -37,6 +38,15 @@ def test_the_address_is_the_official_site_and_ends_in_the_file_name(model: Pretr
     if model.url is not None:
         assert model.url.startswith("https://dl.fbaipublicfiles.com/")
         assert model.url.endswith(f"/{model.file_name}")
+
+
+@every_model
+def test_a_model_whose_licence_has_to_be_agreed_to_is_never_downloaded(model: PretrainedModel) -> None:
+    assert (model.request_page is not None) == model.name.startswith("dinov3_")
+    if model.request_page is not None:
+        assert model.url is None
+        assert "DINOv3 License" in model.licence
+        assert model.request_page.startswith("https://ai.meta.com/")
 
 
 @every_model
@@ -50,3 +60,6 @@ def test_hashes_are_sha256_and_tell_the_models_apart() -> None:
     hashes = [model.sha256 for model in PRETRAINED_MODELS.values() if model.sha256 is not None]
     assert all(re.fullmatch("[0-9a-f]{64}", sha256) for sha256 in hashes)
     assert len(set(hashes)) == len(hashes)
+    starts = [model.sha256_start for model in PRETRAINED_MODELS.values() if model.sha256_start is not None]
+    assert all(re.fullmatch("[0-9a-f]{8}", start) for start in starts)
+    assert len(set(starts)) == len(starts) == 3

@@ -56,6 +56,17 @@ def test_one_of_published_hash_is_used_silently(own: Path, caplog: pytest.LogCap
     assert not caplog.records
 
 
+def test_one_whose_hash_begins_as_the_published_one_is_known_and_used_silently(
+    own: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    name = "dinov3_vits16"
+    monkeypatch.setitem(PRETRAINED_MODELS, name, dataclasses.replace(PRETRAINED_MODELS[name], sha256_start=SHA256[:8]))
+
+    assert identify_model(own) == name
+    assert find_weights(name, own).path == own
+    assert not caplog.records
+
+
 @pytest.mark.usefixtures("hashed")
 def test_one_of_another_model_is_refused_by_that_models_name(own: Path) -> None:
     with pytest.raises(InputError, match="holds the weights of 'dino_vits8', expected those of 'dinov2_vits14'"):
@@ -109,11 +120,18 @@ def test_its_model_is_known_by_its_hash(own: Path) -> None:
     assert identify_model(own) == NAME
 
 
-@pytest.mark.parametrize("file_name", ["dinov2_vits14_reg.pt", "dinov2_vits14_reg4_pretrain.pth"])
-def test_its_model_is_known_by_its_name(own: Path, file_name: str) -> None:
+@pytest.mark.parametrize(
+    ("file_name", "model"),
+    [
+        ("dinov2_vits14_reg.pt", "dinov2_vits14_reg"),
+        ("dinov2_vits14_reg4_pretrain.pth", "dinov2_vits14_reg"),
+        ("dinov3_vits16plus_pretrain_lvd1689m-4057cbaa.pth", "dinov3_vits16plus"),
+    ],
+)
+def test_its_model_is_known_by_its_name(own: Path, file_name: str, model: str) -> None:
     own = own.rename(own.with_name(file_name))
 
-    assert identify_model(own) == "dinov2_vits14_reg"
+    assert identify_model(own) == model
 
 
 def test_its_model_is_unknown_where_neither_hash_nor_name_is_known(own: Path) -> None:

@@ -171,6 +171,18 @@ class TestDownload:
         for part in (model.url, "Apache-2.0", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS"):
             assert str(part) in str(error.value)
 
+    @pytest.mark.parametrize("allow_download", [True, False])
+    def test_where_one_has_to_agree_to_a_licence_the_message_says_which_and_where(
+        self, allow_download: bool, folder: Path
+    ) -> None:
+        model = PRETRAINED_MODELS["dinov3_vits16"]
+
+        with pytest.raises(WeightsUnavailable) as error:
+            find_weights(model.name, allow_download=allow_download)
+
+        for part in (str(model.request_page), "DINOv3 License", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS"):
+            assert part in str(error.value)
+
     def test_the_network_stays_unused_when_it_is_not_allowed(self, hashed: PretrainedModel, site: Site) -> None:
         with pytest.raises(WeightsUnavailable, match=f"switched off.*{hashed.url}"):
             find_weights(NAME, allow_download=False)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import itertools
 import pickle
+import sys
 from pathlib import Path
 
 import pytest
@@ -103,6 +105,49 @@ def test_a_training_checkpoint_is_refused_with_its_entries(a_file: Path) -> None
 def test_a_missing_file_is_named(a_file: Path) -> None:
     with pytest.raises(InputError, match=r"Cannot read the weights file .*weights\.pth"):
         load_state_dict(a_file)
+
+
+class TestSafetensors:
+    """Against the format's own package."""
+
+    @pytest.fixture
+    def saved(self) -> bytes:
+        tensors = TENSORS | {
+            "half": torch.ones(2, 3).half(),
+            "bf16": torch.tensor([0.1, -2.0]).bfloat16(),
+            "scalar": torch.ones(()),
+        }
+        return pytest.importorskip("safetensors.torch").save(tensors, metadata={"format": "pt"})
+
+    def test_its_tensors_come_back_whatever_the_files_name(self, a_file: Path, saved: bytes) -> None:
+        a_file.write_bytes(saved)
+
+        state_dict = load_state_dict(a_file)
+
+        expected = sys.modules["safetensors.torch"].load(saved)
+        assert state_dict.keys() == expected.keys()
+        for name, tensor in expected.items():
+            torch.testing.assert_close(state_dict[name], tensor, atol=0, rtol=0)
+
+    def test_damage_anywhere_is_an_input_error_if_it_is_noticed(self, a_file: Path, saved: bytes) -> None:
+        noticed = 0
+        for place, value in itertools.product(range(len(saved)), (0, ord("9"), ord("-"), 255)):
+            damaged = bytearray(saved)
+            damaged[place] = value
+            a_file.write_bytes(damaged[: len(saved) - place % 3])
+            try:
+                load_state_dict(a_file)
+            except InputError:
+                noticed += 1
+        assert noticed > len(saved)
+
+    def test_whole_numbers_are_refused(self, a_file: Path, saved: bytes) -> None:
+        a_file.write_bytes(saved.replace(b'"BF16"', b'"I16" '))
+
+        with pytest.raises(
+            InputError, match=r"weights\.pth is not a weights file.*bf16 is of type I16, expected one of F32, F16, BF16"
+        ):
+            load_state_dict(a_file)
 
 
 class TestTensorsSha256:

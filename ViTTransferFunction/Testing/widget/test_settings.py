@@ -155,6 +155,19 @@ def test_a_model_is_removed_from_the_cache_on_confirmation(widget: Any, a_cache_
     assert "dino_vits8" in questions[0]
 
 
+def test_a_model_that_is_not_downloaded_is_offered_as_ones_own_file_and_not_removed_lightly(
+    widget: Any, a_cache_of_its_own: Path, questions: list[str]
+) -> None:
+    weights = a_cache_of_its_own / "weights" / "dinov3_vits16.pth"
+    weights.parent.mkdir()
+    weights.write_bytes(b"weights")
+    widget.ui.advancedCollapsibleButton.click()
+    widget.ui.modelComboBox.setCurrentText("dinov3_vits16 (your own file)")
+    assert widget.panel.session.parameters.get("model") == "dinov3_vits16"
+    widget.ui.removeModelButton.click()
+    assert "cannot download them again" in questions[0]
+
+
 def test_a_scene_closed_in_another_module_leaves_an_empty_panel_on_return(widget: Any, host: Host) -> None:
     add_class(widget)
     host.representation.exit()

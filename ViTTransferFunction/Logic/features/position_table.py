@@ -1,0 +1,52 @@
+"""Learned position embeddings, for any grid of patches."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import torch
+    from torch import Tensor
+
+
+class PositionTable:
+    """A learned position table, resized to the grids that are asked for.
+
+    Args:
+        table: (1, 1 + n², C), the class token's entry first.
+        dtype: of what it gives.
+    """
+
+    def __init__(self, table: Tensor, dtype: torch.dtype) -> None:
+        self._table, self._dtype = table, dtype
+        self._resized: dict[tuple[int, int], Tensor] = {}
+
+    def resized(self, rows: int, columns: int) -> Tensor:
+        """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
+        if (rows, columns) not in self._resized:
+            table = interpolate_position_table(self._table.float(), rows, columns)[0]
+            self._resized[rows, columns] = table.to(self._dtype)
+        return self._resized[rows, columns]
+
+
+def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor:
+    """Resize a learned position table to another patch grid, bicubic with anti-aliasing; the class entry is kept.
+
+    Args:
+        table: (1, 1 + n², C), the class token's entry first.
+        rows: of the patch grid to resize to.
+        columns: of it.
+
+    Returns:
+        (1, 1 + rows·columns, C); `table` itself where the grid is n × n already.
+    """
+    import torch
+    import torch.nn.functional as F
+
+    side = math.isqrt(table.shape[1] - 1)
+    if (rows, columns) == (side, side):
+        return table
+    grid = table[:, 1:].reshape(1, side, side, -1).permute(0, 3, 1, 2)
+    grid = F.interpolate(grid, size=(rows, columns), mode="bicubic", antialias=True, align_corners=False)
+    return torch.cat([table[:, :1], grid.flatten(2).transpose(1, 2)], dim=1)

@@ -1,0 +1,31 @@
+"""Learned position embeddings on other grids than that of training."""
+
+from __future__ import annotations
+
+import torch
+
+from ViTTransferFunction.Logic.features.position_table import interpolate_position_table
+
+
+def test_position_table_of_the_trained_size_is_untouched() -> None:
+    table = torch.randn(1, 1 + 25, 8)
+    assert interpolate_position_table(table, 5, 5) is table
+
+
+def test_position_table_keeps_the_class_entry_and_a_constant_grid() -> None:
+    table = torch.full((1, 1 + 25, 8), 3.0)
+    table[:, 0] = 7.0
+    resized = interpolate_position_table(table, 4, 9)
+    assert resized.shape == (1, 1 + 36, 8)
+    torch.testing.assert_close(resized[:, 0], torch.full((1, 8), 7.0))
+    torch.testing.assert_close(resized[:, 1:], torch.full((1, 36, 8), 3.0))
+
+
+def test_position_table_runs_along_rows_and_columns_as_the_patches_do() -> None:
+    rows = torch.arange(5.0).repeat_interleave(5).reshape(1, 25, 1)
+    columns = torch.arange(5.0).repeat(5).reshape(1, 25, 1)
+    table = torch.cat([torch.zeros(1, 1, 2), torch.cat([rows, columns], dim=2)], dim=1)
+    resized = interpolate_position_table(table, 10, 20)[0, 1:].reshape(10, 20, 2)
+    assert (resized[1:, :, 0] >= resized[:-1, :, 0] - 1e-4).all()
+    assert (resized[:, 1:, 1] >= resized[:, :-1, 1] - 1e-4).all()
+    torch.testing.assert_close(resized[:, 0, 0], resized[:, -1, 0], atol=1e-5, rtol=0)
