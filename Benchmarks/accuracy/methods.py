@@ -39,7 +39,7 @@ class Method(Protocol):
         name: in reports.
         negatives: whether it makes use of negative clicks.
         own_clicks: whether it is also given a clicker that reacts to its own errors, which takes an update for every click.
-        one_by_one: whether it is also given the structures one by one, which takes an update for each of them.
+        every_path: whether it is fast enough to be given all paths of clicks; else it gets the first.
     """
 
     @property
@@ -55,7 +55,7 @@ class Method(Protocol):
         """See above."""
 
     @property
-    def one_by_one(self) -> bool:
+    def every_path(self) -> bool:
         """See above."""
 
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
@@ -72,7 +72,7 @@ class SessionMethod:
     refinement: RefinementMethod = "bilateral"
     negatives: bool = True
     own_clicks: bool = True
-    one_by_one: bool = True
+    every_path: bool = False
 
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
         """See `Method`."""
@@ -94,7 +94,7 @@ class Baseline:
         prepare: makes of a volume and its features what turns seeds into labels.
         true_background: where its background voxels come from (`seeds`).
         brush_mm: radius of what a click paints; 0: a voxel.
-        negatives, own_clicks, one_by_one: see `Method`.
+        negatives, own_clicks, every_path: see `Method`.
     """
 
     name: str
@@ -103,7 +103,7 @@ class Baseline:
     brush_mm: float = 0.0
     negatives: bool = True
     own_clicks: bool = True
-    one_by_one: bool = True
+    every_path: bool = True
 
     def segmenter(self, volume: Volume, features: FeatureVolume) -> Segment:
         """See `Method`."""
@@ -121,7 +121,7 @@ class Baseline:
 
 def _on_local_features(kind: ClassifierKind) -> Baseline:
     return Baseline(
-        f"{kind} on 11 local features", lambda volume, _: LocalClassifier(volume, kind), own_clicks=False, one_by_one=False
+        f"{kind} on 11 local features", lambda volume, _: LocalClassifier(volume, kind), own_clicks=False, every_path=False
     )
 
 
@@ -136,18 +136,18 @@ def _grow_from_seeds(volume: Volume, _: FeatureVolume) -> GrowFromSeeds:
     return GrowFromSeeds(volume)
 
 
-DEFAULT = SessionMethod("default")
+DEFAULT = SessionMethod("default", every_path=True)
 """Whose clicks the others are given."""
 OURS: tuple[Method, ...] = (
     DEFAULT,
     SessionMethod("default, guided filter", refinement="guided"),
     SessionMethod("default, not refined", refinement="none"),
-    SessionMethod("Eq. 1, whitened features", similarity="cosine", negatives=False),
-    SessionMethod("Eq. 1, raw features", similarity="cosine", statistics="none", negatives=False),
+    SessionMethod("Eq. 1, whitened features", similarity="cosine", negatives=False, own_clicks=False),
+    SessionMethod("Eq. 1, raw features", similarity="cosine", statistics="none", negatives=False, own_clicks=False),
 )
 BASELINES: tuple[Method, ...] = (
-    Baseline("Grow from seeds", _grow_from_seeds, true_background=False, brush_mm=4.0, own_clicks=False),
-    Baseline("Grow from seeds, true background", _grow_from_seeds, brush_mm=4.0, own_clicks=False, one_by_one=False),
+    Baseline("Grow from seeds", _grow_from_seeds, true_background=False, brush_mm=4.0, own_clicks=False, every_path=False),
+    Baseline("Grow from seeds, true background", _grow_from_seeds, brush_mm=4.0, own_clicks=False, every_path=False),
     _on_network_features("SVM"),
     _on_network_features("RF"),
     _on_local_features("SVM"),

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from Benchmarks.accuracy import published_figures as published
+from Benchmarks.accuracy.comparison import methods_on
+from Benchmarks.accuracy.figures import Figures, figures_of, names_of
 from Benchmarks.shared.report_files import save_figure
 
 LINE_STYLES: dict[str, dict[str, Any]] = {
@@ -36,15 +36,15 @@ TICKS = (1, 3, 5, 10, 1024, 8192)
 
 
 def plot_iou(runs: Sequence[dict[str, Any]], path: Path) -> None:
-    """One panel for each volume and one for the published figures.
+    """One panel for each volume that several methods were given, and one for the published figures.
 
     Args:
-        runs: of structures annotated together, those to compare by.
+        runs: all that was measured.
         path: of the PNG file to write.
     """
     import matplotlib.pyplot as plt
 
-    cases = list(dict.fromkeys(run["case"] for run in runs))
+    cases = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
     columns = min(len(cases) + 1, 3)
     rows = -(-(len(cases) + 1) // columns)
     figure, grid = plt.subplots(
@@ -52,24 +52,25 @@ def plot_iou(runs: Sequence[dict[str, Any]], path: Path) -> None:
     )
     panels = list(grid.flat)
     for axes, case in zip(panels, cases, strict=False):
-        for run in runs:
-            if run["case"] == case:
-                _draw_run(axes, run)
+        for method, figures in methods_on(runs, case).items():
+            _draw_method(axes, method, figures)
+        for method in names_of(runs, "method"):
+            # Trained on true samples, the same methods go on farther right.
+            _draw_method(axes, method, figures_of(runs, case, method, "true samples"))
         _finish(axes, case)
     _draw_published(panels[len(cases)])
     for axes in panels[len(cases) + 1 :]:
         axes.axis("off")
-    handles, labels = panels[0].get_legend_handles_labels()
+    handles, labels = panels[0].get_legend_handles_labels() if cases else ([], [])
     figure.legend(handles, labels, loc="outside lower center", ncols=columns + 1, fontsize=8.5, frameon=False)
     save_figure(figure, path)
 
 
-def _draw_run(axes: Any, run: dict[str, Any]) -> None:
-    annotations = [int(clicks) for clicks in run["rounds"]]
-    iou = [np.mean([metrics["iou"] for metrics in structures.values()]) for structures in run["rounds"].values()]
-    name = run["method"].removesuffix(", true samples")
-    # Trained on true samples, the same methods go on farther right.
-    label = name if name == run["method"] else None
+def _draw_method(axes: Any, method: str, figures: Figures) -> None:
+    name = method.removesuffix(", true samples")
+    iou = [found.mean for found in (figures.mean(clicks, "iou") for clicks in figures.clicks) if found]
+    annotations = [int(clicks) for clicks in figures.clicks]
+    label = name if name == method and iou else None
     axes.plot(annotations, iou, marker="o", markersize=3.5, label=label, **LINE_STYLES.get(name, {}))
 
 

@@ -1,16 +1,21 @@
-"""What was measured: as JSON with every figure, and as tables and a plot for people."""
+"""What was measured: as JSON with every figure, and as tables and pictures for people."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from Benchmarks.accuracy import published_figures as published
-from Benchmarks.accuracy.methods import DEFAULT, OURS
+from Benchmarks.accuracy.cases import GROUPS
+from Benchmarks.accuracy.click_changes import ChangeSummary, in_rounds, of_the_clicked, of_the_others, summarised
+from Benchmarks.accuracy.comparison import lead_of, methods_on
+from Benchmarks.accuracy.failures import Failure, plot_failures
+from Benchmarks.accuracy.figures import COLUMNS, Figures, column_of, figures_of, names_of
+from Benchmarks.accuracy.goals import goals_reached
+from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.plot import plot_iou
+from Benchmarks.accuracy.summary import single_runs, summary
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
@@ -19,133 +24,184 @@ REPORTED_CLICKS = ("1", "3", "5", "10")
 TYPICAL_CLICKS = "5"
 """At which tables stand that show one number of clicks: about the paper's 5.2."""
 METRICS = ("precision", "recall", "dice", "iou", "surface_dice")
+DETAILS = ("precision", "recall", "surface_dice")
+"""Of each structure, beside its Dice."""
+ALONE, STEPPED = COLUMNS
 
-_CAPTION = """Mean Dice over the structures. All methods are on the same clicks, which correct the default method's errors; in
-the last two columns, on clicks that correct their own. The baselines know more than ours. All: what is there at a negative
-click. Classifiers: 100 voxels of the true background. Grow from seeds: 4 mm around a click, as far as it belongs to the same,
-and 100 voxels from anywhere, as ours; or of the true background."""
+_CAPTION = """Mean Dice over the structures, mean ± standard deviation between the paths of clicks where there are several: the
+first click anywhere in the inner half of a structure, later ones on the largest error, about (σ 3 mm) where it is deepest.
+*With one size step*: after the same clicks, each structure may be made smaller or larger once, where that is better."""
+_COMPARISON = """All methods are on the same clicks, which correct the default's errors; in the last column on clicks that
+correct their own, on one path. The baselines know more than ours. All: what is there at a negative click. Classifiers: 100
+voxels of the true background. Grow from seeds: 4 mm around a click, as far as it belongs to the same, and 100 voxels from
+anywhere, as ours; or of the true background. Slow methods were given the first path only."""
+_CLICKS = """What one more click changes, of the Dice of a structure. In a round, every structure gets a click. Clicked alone:
+one structure after the other on one path, the others as they are; of these, the one that loses most counts."""
 
 Run = dict[str, Any]
 
 
-def write_report(report: dict[str, Any], folder: Path) -> None:
-    """Write accuracy.json, accuracy.md and accuracy_iou.png."""
-    report = {**report, "summary": summary(report["runs"])}
-    write_results(folder, "accuracy", report, text(report))
-    plot_iou(main_runs(report["runs"], "together"), folder / "accuracy_iou.png")
-
-
-def summary(runs: Sequence[Run]) -> dict[str, Any]:
-    """Mean Dice over the structures, by case, method and number of annotations of a structure."""
-    return {
-        "mean_dice": _means(main_runs(runs, "together")),
-        "mean_dice_one_by_one": _means(main_runs(runs, "one by one")),
-        "mean_dice_own_clicks": _means(run for run in runs if run["mode"] == "together" and run["clicks"] == "own"),
-    }
-
-
-def main_runs(runs: Sequence[Run], mode: str) -> list[Run]:
-    """Those to compare by: of the default, of the others on its clicks, and of those trained on true samples."""
-    return [run for run in runs if run["mode"] == mode and (run["clicks"] != "own" or run["method"] == DEFAULT.name)]
+def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path) -> None:
+    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png."""
+    runs = report["runs"]
+    # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
+    figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
+    write_results(folder, "accuracy", figures, text(report))
+    plot_iou(runs, folder / "accuracy_iou.png")
+    plot_failures(failures, folder / "accuracy_failures.png")
 
 
 def text(report: dict[str, Any]) -> str:
     """The report for people."""
     runs = report["runs"]
-    together = main_runs(runs, "together")
+    compared = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
     return paragraphs(
         "# Accuracy by clicks",
-        f"Features of {report['model']}, default preset. {in_words(report['machine'])}. "
-        "Command: `python dev.py bench accuracy`. Every figure by structure and click is in `accuracy.json`.",
+        f"Features of {report['model']}, default preset, {report['paths']} paths of clicks. {in_words(report['machine'])}. "
+        "Command: `python dev.py bench accuracy`. Dice by structure, path and click is in `accuracy.json`.",
         _CAPTION,
-        "![Intersection over union by annotations](accuracy_iou.png)",
-        _main_table(report["summary"]),
-        *(part for run in together if run["method"] == DEFAULT.name for part in _by_structure(run, together)),
-        f"## Metrics by number of annotations\n\nMeans over the structures of {_volumes(runs)}, annotated together.",
-        _by_annotations(together),
-        f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained "
-        "on true samples by how many of each structure.",
-        _seconds(together),
+        *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
+        "## Goals",
+        _goals(runs),
+        "## A click never hurts",
+        _CLICKS,
+        _click_changes(runs),
+        "![Worst structures of each volume](accuracy_failures.png)",
+        *(part for case in names_of(runs, "case") for part in _by_structure(runs, case)),
+        *(_beside_other_methods(runs, compared) if compared else ()),
         f"## As published ({published.DATA_SET})",
         _published(),
     )
 
 
-def mean(structures: dict[str, dict[str, float]], metric: str) -> float:
-    """Mean of a metric over the structures."""
-    return float(np.mean([metrics[metric] for metrics in structures.values()]))
-
-
-def _means(runs: Iterable[Run]) -> dict[str, Any]:
-    means: dict[str, Any] = {}
-    for run in runs:
-        by_clicks = {clicks: round(mean(structures, "dice"), 4) for clicks, structures in run["rounds"].items()}
-        means.setdefault(run["case"], {})[run["method"]] = by_clicks
-    return means
-
-
-def _main_table(means: dict[str, Any]) -> str:
+def _group(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:
+    """The main table of some cases."""
+    measured = [case for case in names_of(runs, "case") if case in cases]
+    if not measured:
+        return
+    clicks = _reported(column_of(runs, measured[0], ALONE))
+    columns = [name for name in COLUMNS if column_of(runs, measured[0], name).paths]
     rows = []
-    for case, methods in means["mean_dice"].items():
-        for method, by_clicks in methods.items():
-            if "true samples" in method:
-                continue
-            alone = means["mean_dice_one_by_one"].get(case, {}).get(method, {})
-            own = means["mean_dice_own_clicks"].get(case, {}).get(method, {})
-            figures = [by_clicks.get(clicks) for clicks in REPORTED_CLICKS]
-            figures += [alone.get(TYPICAL_CLICKS), own.get(TYPICAL_CLICKS), own.get(REPORTED_CLICKS[-1])]
-            rows.append([case, method, *(number(figure) for figure in figures)])
-    header = ["volume", "method", *REPORTED_CLICKS, f"one by one, {TYPICAL_CLICKS}"]
-    return table([*header, f"own clicks, {TYPICAL_CLICKS}", f"own clicks, {REPORTED_CLICKS[-1]}"], rows)
+    for case in measured:
+        alone, figures = column_of(runs, case, ALONE), [column_of(runs, case, name) for name in columns]
+        means = [column.mean(n) for column in figures for n in clicks]
+        means += [column.mean(TYPICAL_CLICKS, "surface_dice") for column in figures]
+        rows.append([case, len(alone.structures), len(alone.paths), *map(_figure, means)])
+    header = ["volume", "structures", "paths", *_headers("", columns, clicks)]
+    yield f"## {title}"
+    yield table([*header, *_headers("surface Dice", columns, [TYPICAL_CLICKS])], rows)
 
 
-def _by_structure(run: Run, together: Sequence[Run]) -> Iterator[str]:
-    yield f"## {run['case']}, {run['method']}"
-    others = [other for other in together if other["case"] == run["case"] and TYPICAL_CLICKS in other["rounds"]]
-    ours = {method.name for method in OURS}
-    baselines = [other for other in others if other["method"] not in ours]
-    header = ["structure", *(f"Dice @{clicks}" for clicks in REPORTED_CLICKS)]
-    header += [f"{metric.replace('_', ' ')} @{TYPICAL_CLICKS}" for metric in METRICS if metric != "dice"]
-    header.append(f"best baseline, Dice @{TYPICAL_CLICKS}")
+def _headers(what: str, columns: Sequence[str], clicks: Sequence[str]) -> list[str]:
+    """Clicks alone need not be said."""
+    return [" ".join(filter(None, (what, "" if name == ALONE else name, f"@{n}"))) for name in columns for n in clicks]
+
+
+def _goals(runs: Sequence[Run]) -> str:
+    rows = [
+        [goal.goal, number(goal.figure), number(goal.stepped), "yes" if goal.is_reached else "no", goal.note]
+        for goal in goals_reached(runs)
+    ]
+    return table(["goal", "figure", STEPPED, "reached", ""], rows)
+
+
+def _click_changes(runs: Sequence[Run]) -> str:
+    cases = names_of(runs, "case")
+    of_cases = [(case, summarised(in_rounds(run for run in runs if run["case"] == case))) for case in cases]
+    rows = [
+        *(_change_row(f"{case}, in rounds", found) for case, found in of_cases),
+        _change_row("all, in rounds", summarised(in_rounds(runs))),
+        _change_row("the clicked, clicked alone", summarised(of_the_clicked(runs))),
+        _change_row("the others, one clicked alone", summarised(of_the_others(runs))),
+    ]
+    return table(["structures", "clicks", "lose at most .02", "worst change", "there"], [row for row in rows if row])
+
+
+def _change_row(what: str, found: ChangeSummary | None) -> list[str]:
+    if found is None:
+        return []
+    return [what, str(found.count), f"{found.unhurt:.1%}", f"{found.worst.change:+.3f}", found.worst.where]
+
+
+def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str]) -> Iterator[str]:
+    yield f"## Beside other methods\n\n{_COMPARISON}"
+    yield "![Intersection over union by annotations](accuracy_iou.png)"
+    yield _comparison(runs, cases)
+    yield f"## Metrics by number of annotations\n\nMeans over the structures and paths of {', '.join(cases)}."
+    yield _by_annotations(runs, cases)
+    yield (
+        f"## Seconds for an update of all structures\n\nAt {TYPICAL_CLICKS} clicks, features at hand; those trained on true "
+        "samples by how many of each structure."
+    )
+    yield _seconds(runs, cases)
+
+
+def _comparison(runs: Sequence[Run], cases: Sequence[str]) -> str:
     rows = []
-    for name in next(iter(run["rounds"].values())):
-        at = {clicks: structures[name] for clicks, structures in run["rounds"].items()}
-        typical = at.get(TYPICAL_CLICKS, {})
-        dice = [number(at[clicks]["dice"] if clicks in at else None) for clicks in REPORTED_CLICKS]
-        figures = [number(typical.get(metric)) for metric in METRICS if metric != "dice"]
-        rows.append([name, *dice, *figures, _best(baselines, name)])
+    clicks: list[str] = []
+    for case in cases:
+        methods = methods_on(runs, case)
+        default = methods[DEFAULT.name]
+        clicks = _reported(default)
+        first = default.on(default.paths[:1])
+        listed = {**methods}
+        if len(default.paths) > 1 and any(len(figures.paths) == 1 for figures in methods.values()):
+            listed = {DEFAULT.name: default, f"{DEFAULT.name}, on the first path": first, **methods}
+        for name, figures in listed.items():
+            own = figures_of(runs, case, name) if name != DEFAULT.name else first
+            means = [figures.mean(n) for n in clicks] + [own.mean(TYPICAL_CLICKS)]
+            rows.append([case, name, len(figures.paths), *map(_figure, means)])
+        alone = figures_of(runs, case, kind="one by one")
+        if alone.paths:
+            means = [alone.mean(n) for n in clicks] + [None]
+            rows.append([case, f"{DEFAULT.name}, structures one by one", len(alone.paths), *map(_figure, means)])
+    return table(["volume", "method", "paths", *(f"@{n}" for n in clicks), f"own clicks, @{TYPICAL_CLICKS}"], rows)
+
+
+def _by_structure(runs: Sequence[Run], case: str) -> Iterator[str]:
+    columns = [name for name in COLUMNS if column_of(runs, case, name).paths]
+    alone, figures = column_of(runs, case, ALONE), [column_of(runs, case, name) for name in columns]
+    clicks, compared = _reported(alone), len(methods_on(runs, case)) > 1
+    header = ["structure", *_headers("", columns, clicks)]
+    header += [f"{metric.replace('_', ' ')} @{TYPICAL_CLICKS}" for metric in DETAILS]
+    header += [f"best baseline @{TYPICAL_CLICKS}"] * compared
+    rows = []
+    for name in alone.structures:
+        of_structure = [column.structure(name, n) for column in figures for n in clicks]
+        of_structure += [alone.structure(name, TYPICAL_CLICKS, metric) for metric in DETAILS]
+        rows.append([name, *map(_figure, of_structure)] + [_best(runs, case, name)] * compared)
+    yield f"## {case}"
     yield table(header, rows)
 
 
-def _best(baselines: Sequence[Run], structure: str) -> str:
-    if not baselines:
-        return "–"
-    dice, method = max((run["rounds"][TYPICAL_CLICKS][structure]["dice"], run["method"]) for run in baselines)
-    return f"{dice:.3f} ({method})"
+def _best(runs: Sequence[Run], case: str, structure: str) -> str:
+    lead = lead_of(runs, case, structure, TYPICAL_CLICKS)
+    return "–" if lead is None else f"{lead.dice:.3f} ({lead.baseline})"
 
 
-def _by_annotations(together: Sequence[Run]) -> str:
-    found: dict[tuple[int, str], list[dict[str, dict[str, float]]]] = {}
-    for run in together:
-        for clicks, structures in run["rounds"].items():
-            if clicks == TYPICAL_CLICKS or run["clicks"] == "true samples":
-                found.setdefault((int(clicks), run["method"].removesuffix(", true samples")), []).append(structures)
-    rows = [
-        [str(annotations), method, *(number(float(np.mean([mean(s, metric) for s in by_case]))) for metric in METRICS)]
-        for (annotations, method), by_case in sorted(found.items(), key=lambda item: item[0][0])
-    ]
+def _by_annotations(runs: Sequence[Run], cases: Sequence[str]) -> str:
+    rows = []
+    for method in names_of(runs, "method"):
+        kind = "own" if method == DEFAULT.name else "true samples" if "true samples" in method else "same"
+        measured = [figures_of(runs, case, method, kind) for case in cases]
+        for clicks in dict.fromkeys(n for figures in measured for n in figures.clicks):
+            if clicks == TYPICAL_CLICKS or kind == "true samples":
+                at = [[figures.mean(clicks, metric) for figures in measured] for metric in METRICS]
+                means = [[found.mean for found in of_metric if found] for of_metric in at]
+                rows.append([clicks, method, *(number(sum(values) / len(values)) for values in means)])
     return table(["annotations a structure", "method", *(metric.replace("_", " ") for metric in METRICS)], rows)
 
 
-def _seconds(together: Sequence[Run]) -> str:
-    cases = list(dict.fromkeys(run["case"] for run in together))
-    found: dict[str, dict[str, float]] = {}
-    for run in together:
-        for clicks, structures in run["rounds"].items():
-            if clicks == TYPICAL_CLICKS or run["clicks"] == "true samples":
-                name = run["method"] if clicks == TYPICAL_CLICKS else f"{run['method']}, {clicks}"
-                found.setdefault(name, {})[run["case"]] = mean(structures, "seconds")
-    rows = [[name, *(number(by_case.get(case), 2) for case in cases)] for name, by_case in found.items()]
+def _seconds(runs: Sequence[Run], cases: Sequence[str]) -> str:
+    rows = []
+    for method in names_of(runs, "method"):
+        kind = "own" if method == DEFAULT.name else "true samples" if "true samples" in method else "same"
+        measured = [figures_of(runs, case, method, kind) for case in cases]
+        for clicks in dict.fromkeys(n for figures in measured for n in figures.clicks):
+            if clicks == TYPICAL_CLICKS or kind == "true samples":
+                seconds = [figures.mean(clicks, "seconds") for figures in measured]
+                name = method if clicks == TYPICAL_CLICKS else f"{method}, {clicks}"
+                rows.append([name, *(number(found.mean if found else None, 2) for found in seconds)])
     return table(["method", *cases], rows)
 
 
@@ -162,5 +218,9 @@ def _published() -> str:
     return "\n\n".join(tables)
 
 
-def _volumes(runs: Sequence[Run]) -> str:
-    return ", ".join(dict.fromkeys(run["case"] for run in runs))
+def _reported(figures: Figures) -> list[str]:
+    return [clicks for clicks in REPORTED_CLICKS if clicks in figures.clicks]
+
+
+def _figure(found: Any) -> str:
+    return "–" if found is None else str(found)

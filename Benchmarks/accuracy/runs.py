@@ -3,56 +3,57 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from Benchmarks.accuracy.baseline_classifiers import ClassifierKind, LocalClassifier
 from Benchmarks.accuracy.methods import Segment
 from Benchmarks.accuracy.seeds import random_seeds
+from Benchmarks.shared.aim import Aim, PersonsAim
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import segmentation_metrics
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
 
-Mode = Literal["together", "one by one"]
-"""All structures annotated at once, competing for voxels; or each alone, all else being background."""
-
-Rounds = dict[str, dict[str, dict[str, float]]]
-"""Number of clicks → structure → metrics, and `seconds` that the method took for the update: in mode "together" that of all."""
+Metrics = dict[str, float]
+Rounds = dict[str, dict[str, Metrics]]
+"""Number of clicks → structure → metrics, and `seconds` that the method took for the update, of all structures together."""
 
 DIGITS = 4
 
 
 def run_with_own_clicks(
-    labelled: LabelledVolume, segment: Segment, mode: Mode, rounds: int, with_negatives: bool
+    labelled: LabelledVolume, segment: Segment, rounds: int, with_negatives: bool, aims: Sequence[Aim]
 ) -> tuple[Rounds, ClickSequence]:
-    """Let the clicker react to the method's own errors."""
+    """Let the clicker react to the method's own errors, in all structures together; its clicks are aimed by class."""
     measured: Rounds = {}
-    sequences = []
-    for part, _ in _parts(labelled, mode):
-        timed = _Timed(segment, part)
-        states = []
-        for state in click_in_rounds(part.truth, part.spacing_mm, timed, rounds, with_negatives):
-            measured.setdefault(str(state.number), {}).update(_metrics(part, state.labels, timed.seconds))
-            states.append(ClickedRound(state.number, state.clicks, np.empty(0)))
-        sequences.append(ClickSequence.of_rounds(states))
-    return measured, sequences[0] if mode == "together" else ClickSequence.side_by_side(sequences)
+    timed, states = _Timed(segment, labelled), []
+    for state in click_in_rounds(labelled.truth, labelled.spacing_mm, timed, rounds, with_negatives, aims):
+        measured[str(state.number)] = metrics_of(labelled, state.labels, timed.seconds)
+        states.append(ClickedRound(state.number, state.clicks, np.empty(0)))
+    return measured, ClickSequence.of_rounds(states)
 
 
-def run_on_clicks(
-    labelled: LabelledVolume, segment: Segment, mode: Mode, sequence: ClickSequence, rounds: Sequence[int]
-) -> Rounds:
+def run_one_by_one(labelled: LabelledVolume, segment: Segment, rounds: int, aims: Sequence[Aim]) -> Rounds:
+    """The same for each structure alone, all else being background."""
+    measured: Rounds = {}
+    for index, aim in enumerate(aims):
+        alone, _ = run_with_own_clicks(labelled.alone(index), segment, rounds, True, [aim])
+        for number, structures in alone.items():
+            measured.setdefault(number, {}).update(structures)
+    return measured
+
+
+def run_on_clicks(labelled: LabelledVolume, segment: Segment, clicks: ClickSequence, rounds: Sequence[int]) -> Rounds:
     """Give the method the clicks that another one led to, at some of the rounds."""
     measured: Rounds = {}
-    for part, index in _parts(labelled, mode):
-        clicks = sequence if index is None else sequence.of_class(index)
-        for number in rounds:
-            timed = _Timed(segment, part)
-            labels = timed(clicks.at(number))
-            measured.setdefault(str(number), {}).update(_metrics(part, labels, timed.seconds))
+    timed = _Timed(segment, labelled)
+    for number in rounds:
+        labels = timed(clicks.at(number))
+        measured[str(number)] = metrics_of(labelled, labels, timed.seconds)
     return measured
 
 
@@ -63,8 +64,13 @@ def run_on_true_samples(labelled: LabelledVolume, kind: ClassifierKind, samples:
     for count in samples:
         start = time.perf_counter()
         labels = classifier(random_seeds(labelled.truth, count))
-        measured[str(count)] = _metrics(labelled, labels, time.perf_counter() - start)
+        measured[str(count)] = metrics_of(labelled, labels, time.perf_counter() - start)
     return measured
+
+
+def aims_on(path: int, labelled: LabelledVolume) -> list[Aim]:
+    """How a person aims at each structure on one path of clicks; the same path is always the same person."""
+    return [PersonsAim(path, label) for label in range(1, len(labelled.names) + 1)]
 
 
 class _Timed:
@@ -81,18 +87,15 @@ class _Timed:
         return labels
 
 
-def _parts(labelled: LabelledVolume, mode: Mode) -> Iterator[tuple[LabelledVolume, int | None]]:
-    """What is annotated at once, and which structure alone that is."""
-    if mode == "together":
-        yield labelled, None
-    else:
-        for index in range(len(labelled.names)):
-            yield labelled.alone(index), index
+def metrics_of(labelled: LabelledVolume, labels: np.ndarray, seconds: float) -> dict[str, Metrics]:
+    """Metrics of every structure of a label map (K, J, I)."""
+    return {
+        name: rounded_metrics(labels == label, labelled.truth == label, labelled, seconds=seconds)
+        for label, name in enumerate(labelled.names, start=1)
+    }
 
 
-def _metrics(labelled: LabelledVolume, labels: np.ndarray, seconds: float) -> dict[str, dict[str, Any]]:
-    entries = {}
-    for label, name in enumerate(labelled.names, start=1):
-        metrics = asdict(segmentation_metrics(labels == label, labelled.truth == label, labelled.spacing_mm))
-        entries[name] = {key: round(value, DIGITS) for key, value in {**metrics, "seconds": seconds}.items()}
-    return entries
+def rounded_metrics(mask: np.ndarray, truth: np.ndarray, labelled: LabelledVolume, **others: float) -> dict[str, Any]:
+    """Metrics of one structure, and what else is to be kept with them, rounded for a file."""
+    metrics = {**asdict(segmentation_metrics(mask, truth, labelled.spacing_mm)), **others}
+    return {key: round(value, DIGITS) for key, value in metrics.items()}

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from Benchmarks.shared.labelled_cases import CASES, SCANS, Case, PhantomCase
+from Benchmarks.shared.labelled_cases import SCANS, Case, LabelledCase
 from ViTTransferFunction.Logic.weights.sources import WeightsFile, find_weights, identify_model
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -41,23 +41,18 @@ def scan_parser(
     description: str | None,
     default: Sequence[str],
     keep: Path | None = None,
-    cases: Sequence[Case | PhantomCase] = SCANS,
+    cases: Sequence[LabelledCase] = SCANS,
 ) -> argparse.ArgumentParser:
     """As `network_parser`, and asks which of the labelled cases (`default` if not given)."""
     parser = network_parser(description, keep)
     names = [case.name for case in cases]
-    parser.add_argument("--cases", nargs="*", choices=names, default=list(default), help=f"default: {' '.join(default)}")
+    parser.add_argument("--cases", nargs="*", choices=names, default=list(default), help=f"default: {', '.join(default)}")
     return parser
 
 
 def scans_of(options: argparse.Namespace) -> list[Case]:
     """The scans that the command line asks for."""
     return [case for case in SCANS if case.name in options.cases]
-
-
-def cases_of(options: argparse.Namespace) -> list[Case | PhantomCase]:
-    """As `scans_of`, the generated case included."""
-    return [case for case in CASES if case.name in options.cases]
 
 
 def weights_of(options: argparse.Namespace) -> WeightsFile:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
@@ -17,17 +19,35 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 
+class LabelledCase(Protocol):
+    """A volume with known structures, by name."""
+
+    @property
+    def name(self) -> str:
+        """In reports and on command lines."""
+
+    def read(self, folder: Path) -> LabelledVolume:
+        """The volume and its labels, from the folder that holds the files."""
+
+
 @dataclass(frozen=True)
 class Case:
-    """A labelled scan: its files, and which label numbers make up each structure."""
+    """A labelled scan: its files, and which label numbers make up each structure.
+
+    Attributes:
+        package: that the files come with, in its folder `data`; empty: they are in the user's folder.
+    """
 
     name: str
     volume: str
     labels: str
     structures: dict[str, tuple[int, ...]]
+    package: str = ""
 
     def read(self, folder: Path) -> LabelledVolume:
         """The scan and its labels, from the folder that holds the files."""
+        if self.package:
+            folder = Path(str(files(self.package))) / "data"
         return LabelledVolume(
             read_volume(folder / self.volume), merged_labels(folder / self.labels, self), tuple(self.structures)
         )
@@ -70,7 +90,13 @@ class LabelledVolume:
 
     def alone(self, index: int) -> LabelledVolume:
         """The same volume where the index-th structure is the only one and all else is background."""
-        return LabelledVolume(self.volume, (self.truth == index + 1).astype(np.uint8), self.names[index : index + 1])
+        return self.only([index + 1])
+
+    def only(self, labels: Sequence[int]) -> LabelledVolume:
+        """The same volume where some of the structures, in this order, are all and the others background."""
+        new = np.zeros(len(self.names) + 1, dtype=np.uint8)
+        new[list(labels)] = np.arange(1, len(labels) + 1)
+        return LabelledVolume(self.volume, new[self.truth], tuple(self.names[label - 1] for label in labels))
 
 
 SCANS = (
@@ -97,16 +123,26 @@ SCANS = (
     ),
 )  # fmt: skip
 
-CASES: tuple[Case | PhantomCase, ...] = (*SCANS, PhantomCase())
+CHEST = Case(
+    "chest", "CTChest4.nrrd", "Segmentation.seg.nrrd",
+    {"right lung": (5,), "left lung": (6,), "ribs": (1,), "vertebrae": (2, 3, 4)},
+    "slicerio",
+)  # fmt: skip
+"""A CT of 10 mm slices, full of lungs. Each is a structure: of one class, only parts that were clicked are kept."""
 
 
 def merged_labels(path: Path, case: Case) -> np.ndarray:
     """Truth (K, J, I) uint8, 1 + index for each structure."""
-    labels = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
+    labels = read_labels(path)
     truth = np.zeros(labels.shape, dtype=np.uint8)
     for index, values in enumerate(case.structures.values(), start=1):
         truth[np.isin(labels, values)] = index
     return truth
+
+
+def read_labels(path: Path) -> np.ndarray:
+    """The label numbers (K, J, I) of a file."""
+    return sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
 
 
 def classes_of(

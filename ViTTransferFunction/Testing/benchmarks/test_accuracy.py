@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from Benchmarks.accuracy.runs import run_on_clicks, run_with_own_clicks
+from Benchmarks.accuracy.runs import aims_on, run_on_clicks, run_one_by_one, run_with_own_clicks
+from Benchmarks.accuracy.single_clicks import run_single_clicks
+from Benchmarks.accuracy.size_steps import run_size_steps
+from Benchmarks.shared.aim import Aim
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume, PhantomCase, classes_of
-from Benchmarks.shared.machine import machine
+from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from Benchmarks.topology.topology import Topology, topology_of
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 
 def balls_around_clicks(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
@@ -28,6 +34,10 @@ def balls_around_clicks(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
     return labels
 
 
+def aims_of(labelled: LabelledVolume) -> list[Aim]:
+    return aims_on(1, labelled)
+
+
 def test_other_methods_are_given_the_very_same_clicks(labelled: LabelledVolume) -> None:
     seen: list[Clicks] = []
 
@@ -35,10 +45,10 @@ def test_other_methods_are_given_the_very_same_clicks(labelled: LabelledVolume) 
         seen.append(clicks)
         return balls_around_clicks(part, clicks)
 
-    rounds, sequence = run_with_own_clicks(labelled, segment, "together", 3, with_negatives=True)
+    rounds, sequence = run_with_own_clicks(labelled, segment, 3, True, aims_of(labelled))
     first = list(seen)
     seen.clear()
-    again = run_on_clicks(labelled, segment, "together", sequence, (1, 3))
+    again = run_on_clicks(labelled, segment, sequence, (1, 3))
     assert seen == [first[0], first[2]]
     for number in ("1", "3"):
         for name in labelled.names:
@@ -54,19 +64,64 @@ def test_one_by_one_a_structure_has_its_own_clicks_alone(labelled: LabelledVolum
         assert set(np.unique(part.truth)) == {0, 1}
         return balls_around_clicks(part, clicks)
 
-    rounds, sequence = run_with_own_clicks(labelled, segment, "one by one", 2, with_negatives=True)
+    rounds = run_one_by_one(labelled, segment, 2, aims_of(labelled))
     assert len(seen) == 6
     assert set(rounds["2"]) == {"left", "right", "dark"}
-    own = list(seen)
-    seen.clear()
-    run_on_clicks(labelled, segment, "one by one", sequence, (2,))
-    assert seen == own[1::2]
+
+
+def test_paths_differ_and_each_is_always_the_same(labelled: LabelledVolume) -> None:
+    def clicks(path: int) -> Clicks:
+        _, sequence = run_with_own_clicks(labelled, balls_around_clicks, 2, True, aims_on(path, labelled))
+        return sequence.at(2)
+
+    assert clicks(1) == clicks(1)
+    assert clicks(1) != clicks(2)
 
 
 def test_a_perfect_method_scores_one_and_needs_no_second_click(labelled: LabelledVolume) -> None:
-    rounds, sequence = run_with_own_clicks(labelled, lambda part, _: part.truth, "together", 3, with_negatives=True)
+    rounds, sequence = run_with_own_clicks(labelled, lambda part, _: part.truth, 3, True, aims_of(labelled))
     assert all(metrics["dice"] == metrics["surface_dice"] == 1.0 for metrics in rounds["3"].values())
     assert [len(of_class) for of_class in sequence.clicks] == [1, 1, 1]
+
+
+def test_one_size_step_is_never_worse_and_is_said(labelled: LabelledVolume, features: FeatureVolume) -> None:
+    session = session_on(labelled.volume, features)
+    _, clicks = run_with_own_clicks(labelled, partial(whole_session, session), 1, True, aims_of(labelled))
+    chosen = run_on_clicks(labelled, partial(whole_session, session), clicks, (1,))["1"]
+    stepped = run_size_steps(labelled, session, clicks, (1,))["1"]
+    for name in labelled.names:
+        assert stepped[name]["step"] in (-1.0, 0.0, 1.0)
+        assert stepped[name]["dice"] >= chosen[name]["dice"]
+        assert stepped[name]["dice"] > chosen[name]["dice"] or stepped[name]["step"] == 0.0
+
+
+def test_a_step_is_taken_where_the_truth_is_larger(labelled: LabelledVolume, features: FeatureVolume) -> None:
+    session = session_on(labelled.volume, features)
+    clicks = ClickSequence(((Click((16, 20, 12), True),),), ((1,),))
+    requests = classes_of(("left",), clicks.at(1), labelled.volume.geometry)
+    larger = session.segment([replace(request, size=1.0) for request in requests]).labels
+    wanted = replace(labelled, truth=larger.astype(np.uint8), names=("left",))
+    found = run_size_steps(wanted, session, clicks, (1,))["1"]["left"]
+    assert (found["step"], found["dice"]) == (1.0, 1.0)
+
+
+def whole_session(session: SegmentationSession, labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
+    return labels_of(session, labelled, clicks)
+
+
+def test_single_clicks_say_what_becomes_of_the_clicked_and_of_the_others(labelled: LabelledVolume) -> None:
+    def segment(part: LabelledVolume, clicks: Clicks) -> np.ndarray:
+        """All is right, until the second click on the right one empties the left one."""
+        labels = part.truth.astype(np.uint16)
+        labels[0, 0, 0] = 2
+        if len(clicks[1]) > 1:
+            labels[labels == 1] = 0
+        return labels
+
+    changes = run_single_clicks(labelled, segment, 2, aims_of(labelled))
+    assert [change["structure"] for change in changes] == ["right"]
+    assert changes[0]["others"] == {"left": -1.0, "dark": 0.0}
+    assert (changes[0]["change"], changes[0]["positive"], changes[0]["round"]) == (0.0, False, 2)
 
 
 def test_clicks_are_read_as_they_were_written() -> None:
@@ -97,43 +152,3 @@ def test_what_was_kept_is_not_measured_again(tmp_path: Path) -> None:
     kept = KeptResults(tmp_path)
     assert kept.get("one", lambda: {"dice": 0.5}) == {"dice": 0.5}
     assert kept.get("one", lambda: pytest.fail("measured again")) == {"dice": 0.5}
-
-
-def a_run(method: str, mode: str, clicks: str, dice: dict[str, float]) -> dict[str, Any]:
-    names = ("precision", "recall", "dice", "iou", "surface_dice", "seconds")
-    rounds = {number: {"liver": dict.fromkeys(names, value)} for number, value in dice.items()}
-    return {"case": "torso", "method": method, "mode": mode, "clicks": clicks, "rounds": rounds}
-
-
-RUNS = [
-    a_run("default", "together", "own", {"1": 0.5, "2": 0.6, "3": 0.7, "5": 0.8, "10": 0.9}),
-    a_run("threshold", "together", "same", {"1": 0.1, "3": 0.2, "5": 0.3, "10": 0.4}),
-    a_run("threshold", "together", "own", {"5": 0.35, "10": 0.45}),
-    a_run("default", "one by one", "own", {"1": 0.55, "5": 0.85}),
-    a_run("threshold", "one by one", "same", {"5": 0.25}),
-    a_run("RF on 11 local features, true samples", "together", "true samples", {"1024": 0.65}),
-]
-
-
-def test_methods_are_compared_on_the_same_clicks() -> None:
-    from Benchmarks.accuracy.report import summary
-
-    means = summary(RUNS)
-    assert means["mean_dice"]["torso"]["threshold"] == {"1": 0.1, "3": 0.2, "5": 0.3, "10": 0.4}
-    assert means["mean_dice"]["torso"]["default"]["2"] == 0.6
-    assert means["mean_dice"]["torso"]["RF on 11 local features, true samples"] == {"1024": 0.65}
-    assert means["mean_dice_one_by_one"]["torso"] == {"default": {"1": 0.55, "5": 0.85}, "threshold": {"5": 0.25}}
-    assert means["mean_dice_own_clicks"]["torso"]["threshold"] == {"5": 0.35, "10": 0.45}
-
-
-def test_the_report_shows_every_method_and_names_the_best_baseline(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib").use("Agg")
-    from Benchmarks.accuracy.report import write_report
-
-    write_report({"model": "m", "machine": machine("cpu"), "runs": RUNS}, tmp_path)
-    text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
-    assert "| torso | threshold | 0.100 | 0.200 | 0.300 | 0.400 | 0.250 | 0.350 | 0.450 |" in text
-    assert "0.300 (threshold)" in text
-    assert "another data set" in text
-    assert json.loads((tmp_path / "accuracy.json").read_text(encoding="utf-8"))["runs"] == RUNS
-    assert (tmp_path / "accuracy_iou.png").stat().st_size > 0

@@ -22,15 +22,6 @@ SPACING_MM = (3.0, 2.0, 2.0)
 
 
 @pytest.fixture
-def features(labelled: LabelledVolume) -> FeatureVolume:
-    """What share of each cell of 2×4×4 voxels each label has, with some noise."""
-    one_hot = np.stack([labelled.truth == label for label in range(4)], axis=-1).astype(np.float32)
-    array = one_hot.reshape(16, 2, 10, 4, 12, 4, 4).mean(axis=(1, 3, 5))
-    array += np.random.default_rng(0).normal(0.0, 0.01, array.shape)
-    return FeatureVolume(array.astype(np.float16), labelled.volume.geometry.resized(array.shape[:3]), "known")
-
-
-@pytest.fixture
 def coarse(labelled: LabelledVolume, features: FeatureVolume) -> CoarseMap:
     """The left sphere."""
     centre = labelled.volume.geometry.ijk_to_ras_points(np.argwhere(labelled.truth == 1).mean(axis=0)[None, ::-1])

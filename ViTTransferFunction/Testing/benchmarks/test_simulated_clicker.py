@@ -7,7 +7,8 @@ import functools
 import numpy as np
 import pytest
 
-from Benchmarks.shared.simulated_clicker import Click, click_in_rounds, deepest_voxel, first_click, next_click
+from Benchmarks.shared.regions import deepest_voxel
+from Benchmarks.shared.simulated_clicker import Click, click_in_rounds, first_click, next_click
 from ViTTransferFunction.Testing.support.masks import box_mask
 
 CUBE_MM = (1.0, 1.0, 1.0)

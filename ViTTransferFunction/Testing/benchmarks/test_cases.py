@@ -1,0 +1,65 @@
+"""The labelled volumes that accuracy is measured on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import SimpleITK as sitk  # noqa: N813
+
+from Benchmarks.accuracy.cases import ALL_CASES, GROUPS, group_of
+from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
+from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
+from Benchmarks.shared.labelled_cases import CHEST, Case
+
+SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
+
+
+def write_scan(folder: Path) -> np.ndarray:
+    """A volume with a large box of label 7, a small one of 8, and a speck of 9; returns the labels."""
+    labels = np.zeros((20, 20, 20), dtype=np.uint8)
+    labels[2:18, 2:18, 2:9] = 7
+    labels[2:10, 2:10, 12:16] = 8
+    labels[18, 18, 18] = 9
+    intensities = np.random.default_rng(0).normal(100.0 * labels, 5.0)
+    for name, array in (("scan", intensities), ("labels", labels)):
+        image = sitk.GetImageFromArray(array)
+        image.SetSpacing((2.0, 2.0, 2.0))
+        sitk.WriteImage(image, str(folder / f"{name}.nrrd"))
+    (folder / "names.json").write_text(json.dumps({"7": "Big_Box", "8": "small_box", "9": "speck"}), encoding="utf-8")
+    return labels
+
+
+def test_every_structure_that_is_large_enough_to_be_clicked_is_one(tmp_path: Path) -> None:
+    labels = write_scan(tmp_path)
+    labelled = EveryStructureCase("scan all", SCAN, "names.json").read(tmp_path)
+    assert labelled.names == ("big box", "small box")
+    np.testing.assert_array_equal(labelled.truth == 1, labels == 7)
+    np.testing.assert_array_equal(labelled.truth == 2, labels == 8)
+    assert np.count_nonzero(labels == 9) < LEAST_VOXELS
+
+
+def test_a_derived_case_is_its_scan_changed(tmp_path: Path) -> None:
+    labels = write_scan(tmp_path)
+    half = DerivedCase("half", SCAN, lambda labelled: labelled.only([])).read(tmp_path)
+    assert half.names == ()
+    crop = OrganFillingCrop("crop", SCAN, ("box",)).read(tmp_path)
+    assert crop.truth.sum() == (labels == 7).sum()
+    assert crop.truth.size < labels.size
+
+
+def test_a_chest_with_lungs_comes_with_a_package() -> None:
+    chest = CHEST.read(Path("nowhere"))
+    millilitres = np.count_nonzero(chest.truth == 1) * chest.volume.geometry.voxel_volume_mm3 / 1000.0
+    assert chest.names[:2] == ("right lung", "left lung")
+    # A man's, breathed in.
+    assert 2000.0 < millilitres < 4000.0
+    assert chest.volume.array[chest.truth == 1].mean() < -600.0
+
+
+def test_cases_have_names_of_their_own_and_a_group() -> None:
+    names = [case.name for case in ALL_CASES]
+    assert len(set(names)) == len(names)
+    for group in GROUPS:
+        assert all(group_of(case.name) is group for case in group.cases)
