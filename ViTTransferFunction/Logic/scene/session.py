@@ -430,12 +430,14 @@ class SceneSession:
             overlaid,
             self.parameters.get("overlayOpacity"),
         )
-        self._display.show_proposals(volume, self._other_proposals(selected) if selected and selected.visible else None)
+        self._display.show_proposals(volume, self._other_proposals(selected))
         self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering))
 
-    def _other_proposals(self, selected: ClassState) -> Proposals | None:
-        """What the selected class might be instead; None where it is not known, or the user fixed its iso value."""
+    def _other_proposals(self, selected: ClassState | None) -> Proposals | None:
+        """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
         maps = self._proxy.low_maps
+        if selected is None or not selected.visible or not self.parameters.get("proposalsVisible"):
+            return None
         points_ras = [request.positive for request in self._requests.requests if request.id == selected.id]
         if selected.id not in maps or not points_ras or maps[selected.id].proposals is None:
             return None

@@ -119,6 +119,7 @@ class User:
             ("respectOtherSegments", (True, False)),
             ("refinement", ("bilateral", "none")),
             ("overlayVisible", (True, False)),
+            ("proposalsVisible", (True, False)),
         ])  # fmt: skip
         self.session.parameters.set(name, self._random.choice(values))
 

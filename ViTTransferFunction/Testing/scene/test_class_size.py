@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ViTTransferFunction.Logic.scene.class_size import stepped, turned
 from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.proposal_outlines import STYLE
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, open_spheres
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
@@ -145,6 +147,47 @@ def test_what_is_shown_follows_a_step_before_anything_is_computed_and_stays_when
     assert refined_ml is not None
     assert larger_ml is not None
     assert larger_ml > refined_ml
+
+
+def outlines_are_seen(session: SceneSession) -> bool:
+    session.wait()
+    model = session.parameters.node.GetScene().GetFirstNodeByName(STYLE.name)
+    return bool(model and model.GetDisplayNode().GetVisibility() and model.GetPolyData().GetNumberOfPoints())
+
+
+def test_other_sizes_are_outlined_while_there_are_any_and_the_user_wants_to_see_them(
+    on_spheres: tuple[SceneSession, str],
+) -> None:
+    session, id_ = on_spheres
+    # The spheres are so unlike everything else that their three proposals are one; only what is larger still is not.
+    assert not outlines_are_seen(session)
+    session.annotations.set_class(id_, size=2.0)
+    assert outlines_are_seen(session)
+    changes: tuple[dict[str, Any], ...] = ({"visible": False}, {"iso": 0.05})
+    for change in changes:
+        session.annotations.set_class(id_, **change)
+        assert not outlines_are_seen(session)
+        session.annotations.undo()
+        assert outlines_are_seen(session)
+    session.parameters.set("proposalsVisible", False)
+    assert not outlines_are_seen(session)
+
+
+def test_a_structure_is_pointed_at_where_its_volume_was_moved_to(
+    on_spheres: tuple[SceneSession, str], spheres: Spheres
+) -> None:
+    session, id_ = on_spheres
+    centre, elsewhere = centre_ras(spheres, 1)[0], centre_ras(spheres, 3)[0]
+    assert session.is_on_selected(centre)
+    assert not session.is_on_selected(elsewhere)
+    matrix = np.eye(4)
+    matrix[:3, 3] = (0.0, 100.0, 0.0)
+    put_under(session.parameters.volume, matrix)
+    session.annotations.undo()
+    session.annotations.add_points(id_, centre[None] + matrix[:3, 3], positive=True)
+    session.wait()
+    assert session.is_on_selected(centre + matrix[:3, 3])
+    assert not session.is_on_selected(centre)
 
 
 @pytest.mark.slow
