@@ -104,6 +104,8 @@ class SegmentationProxy:
         self.usable = False
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
+        # What `low_maps` and what `maps` are the answers to.
+        self._low: tuple[ClassRequest, ...] = ()
         self._answered: tuple[ClassRequest, ...] = ()
         self.maps: dict[str, ClassMap] = {}
         self.low_maps: dict[str, ClassMap] = {}
@@ -260,7 +262,7 @@ class SegmentationProxy:
         self._maps_due = False
         if not self._classes:
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
-            self._answered = ()
+            self._low = self._answered = ()
             return
         self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
         if self._refinement is not None:
@@ -330,7 +332,7 @@ class SegmentationProxy:
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
         self._take_maps(request.classes, reply)
-        self.low_maps = self.maps
+        self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s = False, time.monotonic() + RENDER_AFTER_S
         # It may be the answer to what the user has scrolled past.
         self._resize()
@@ -349,8 +351,8 @@ class SegmentationProxy:
 
     def _resize(self) -> None:
         """Let `maps` be of the sizes that are asked for now, where nothing else has changed since they were asked for."""
-        asked, answered = self._classes, self._answered
-        if asked == answered or len(asked) != len(answered) or not all(map(ClassRequest.asks_for_map_of, asked, answered)):
+        asked, low = self._classes, self._low
+        if asked == self._answered or len(asked) != len(low) or not all(map(ClassRequest.asks_for_map_of, asked, low)):
             return
         # Refined maps end near the surface that they were made for.
         self.low_maps = {request.id: self.low_maps[request.id].resized(request) for request in asked}

@@ -47,10 +47,13 @@ class ClassMap:
 
 
 def is_near(class_map: ClassMap, point_ras: np.ndarray, reach_mm: float) -> bool:
-    """Whether a point (3,), RAS millimetres of the map's frame, lies where the map reaches its iso value, or so near to it."""
+    """Whether a map reaches its iso value at a point (3,), RAS millimetres of its frame, or up to `reach_mm` from there.
+
+    It is looked for at the point and, in 26 directions, half as far and as far as it reaches.
+    """
     directions = np.array(list(np.ndindex(3, 3, 3)), dtype=float) - 1.0
-    lengths = np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1.0)
-    around = point_ras + reach_mm * directions / lengths
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1.0)
+    around = point_ras + np.concatenate([0.5 * reach_mm * directions, reach_mm * directions])
     around = around[class_map.geometry.contains(around)]
     values = sample_at(class_map.array[..., None], class_map.geometry, around)
     return bool((values >= in_units_of(class_map.array, class_map.iso)).any())

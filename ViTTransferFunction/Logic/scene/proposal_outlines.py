@@ -1,7 +1,7 @@
 """What the selected class might be instead: faint outlines of its smaller and larger proposals over the slices.
 
-They are made of maps of the feature cells, of which alone the surroundings are known, as `SegmentationSession.segment` would
-make segments of them: without what other classes claim, and without parts that hold no point.
+They are made of S_L, since S_H is known near the surface alone that is shown; and as segments are made: without what other
+classes claim, and without parts that hold no point. What a step leads to is refined, and so differs a little.
 """
 
 from __future__ import annotations
