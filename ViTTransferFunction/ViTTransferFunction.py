@@ -110,6 +110,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         self.removeObservers()
         if self.panel is not None:
             self.panel.shortcuts.remove()
+            self.panel.size.leave_wheel()
             self.panel.close()
 
     def enter(self) -> None:
@@ -118,12 +119,14 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
             if self.panel.session is None:
                 self._open()
             self.panel.shortcuts.install()
+            self.panel.size.take_wheel()
             self.panel.refresh()
 
     def exit(self) -> None:
         """The user goes to another module; what is being computed goes on."""
         if self.panel is not None:
             self.panel.shortcuts.remove()
+            self.panel.size.leave_wheel()
             self.panel.shortcut_help.close()
             self.panel.tools.put_down()
 

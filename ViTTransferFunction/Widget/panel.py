@@ -22,6 +22,7 @@ from ViTTransferFunction.Widget.parameters import BoundParameters
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
+from ViTTransferFunction.Widget.size_controls import SizeControls
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
 POLL_MS = 10
@@ -47,6 +48,7 @@ class Panel:
     Attributes:
         session: the session that is shown; None while the scene is being closed.
         tools: what places, brushes and erases.
+        size: what makes structures smaller and larger.
         shortcuts: the keys.
         shortcut_help: the list of the keys.
     """
@@ -60,6 +62,7 @@ class Panel:
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
         self._class_actions = ClassActions(ui, report)
+        self.size = SizeControls(ui, report)
         self._sections = (
             PyTorchSection(ui, report, on_installed=self.refresh),
             VolumeSection(ui, report),
@@ -67,6 +70,7 @@ class Panel:
             self._class_actions,
             self.tools,
             ClassSettings(ui, report),
+            self.size,
             OutputSection(ui, report),
             AdvancedSection(ui, report),
         )
@@ -171,6 +175,8 @@ class Panel:
             "undo": tools.undo,
             "redo": tools.redo,
             "removeLast": tools.remove_last,
+            "smaller": self.size.make_smaller,
+            "larger": self.size.make_larger,
             "previousClass": lambda: self._table.select_neighbour(-1),
             "nextClass": lambda: self._table.select_neighbour(+1),
             "nextPoint": self._class_actions.show_next_point,

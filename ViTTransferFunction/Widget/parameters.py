@@ -41,6 +41,7 @@ class PanelParameters:
     otherSegmentsAreOutside: bool = _DEFAULTS["otherSegmentsAreOutside"]  # noqa: N815
     overlayVisible: bool = _DEFAULTS["overlayVisible"]  # noqa: N815
     overlayOpacity: Annotated[float, WithinRange(*_RANGES["overlayOpacity"])] = _DEFAULTS["overlayOpacity"]  # noqa: N815
+    proposalsVisible: bool = _DEFAULTS["proposalsVisible"]  # noqa: N815
     rendering: Annotated[str, Choice(_CHOICES["rendering"])] = _DEFAULTS["rendering"]
 
 

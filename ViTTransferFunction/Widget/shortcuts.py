@@ -1,7 +1,8 @@
 """Keys that work while the module is open.
 
-None is one that Slicer itself uses in its windows and views: f, b, g, t, r, s, v, i and the arrows in the views, and Ctrl with
-a letter or a digit in the main window. Undo, redo and the choice of the structure are on the keys of the Segment Editor.
+None but [ and ] is one that Slicer itself uses in its windows and views: f, b, g, t, r, s, v, i and the arrows in the views,
+and Ctrl with a letter or a digit in the main window. With [ and ] a slice view shows the previous and the next volume, which
+nobody wants while marking structures in one. Undo, redo and the choice of the structure are on the keys of the Segment Editor.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ SHORTCUTS: tuple[Shortcut, ...] = (
     Shortcut("Z", "undo", "undoButton"),
     Shortcut("Y", "redo", "redoButton"),
     Shortcut("X", "removeLast", "removeLastButton"),
+    Shortcut("[", "smaller", "smallerButton"),
+    Shortcut("]", "larger", "largerButton"),
     Shortcut("Q", "previousClass"),
     Shortcut("W", "nextClass"),
     Shortcut("J", "nextPoint"),
@@ -71,6 +74,8 @@ def meanings() -> dict[str, str]:
         "undo": _("undo"),
         "redo": _("redo"),
         "removeLast": _("remove the last point"),
+        "smaller": _("make the structure smaller"),
+        "larger": _("make the structure larger"),
         "previousClass": _("select the structure above"),
         "nextClass": _("select the structure below"),
         "nextPoint": _("show the next point of the structure"),
@@ -144,11 +149,16 @@ class Shortcuts:
 
 def shortcuts_table() -> str:
     """The list of keys, as rich text."""
-    rows = [_row(shortcut.key, shortcut.action) for shortcut in SHORTCUTS]
-    heading = f"<tr><td colspan='2'><br>{html.escape(_('In the table of structures:'))}</td></tr>"
-    of_table = [_row(key, action) for action, key in TABLE_KEYS.items()]
-    return f"<table>{''.join([*rows, heading, *of_table])}</table>"
+    rows = [_row(shortcut.key, meanings()[shortcut.action]) for shortcut in SHORTCUTS]
+    wheel = _row(_("Ctrl+wheel"), _("over the structure in a slice: smaller or larger; elsewhere it zooms"))
+    of_table = [_row(key, meanings()[action]) for action, key in TABLE_KEYS.items()]
+    of_mouse = [_heading(_("With the mouse:")), wheel]
+    return f"<table>{''.join([*rows, *of_mouse, _heading(_('In the table of structures:')), *of_table])}</table>"
 
 
-def _row(key: str, action: str) -> str:
-    return f"<tr><td><b>{html.escape(key)}</b>&nbsp;&nbsp;</td><td>{html.escape(meanings()[action])}</td></tr>"
+def _heading(text: str) -> str:
+    return f"<tr><td colspan='2'><br>{html.escape(text)}</td></tr>"
+
+
+def _row(key: str, meaning: str) -> str:
+    return f"<tr><td><b>{html.escape(key)}</b>&nbsp;&nbsp;</td><td>{html.escape(meaning)}</td></tr>"

@@ -22,6 +22,18 @@ def size(n_bytes: float) -> str:
     return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
 
 
+def size_in_steps(steps: float, fixed: bool) -> str:
+    """How far a structure is from the size that was chosen, such as "one step larger"; `fixed`: nothing is chosen."""
+    if fixed:
+        return _("set by hand")
+    if steps == 0.0:
+        return _("as chosen")
+    if abs(steps) == 1.0:
+        return _("one step larger") if steps > 0.0 else _("one step smaller")
+    count = f"{abs(steps):g}"
+    return _("{count} steps larger").format(count=count) if steps > 0.0 else _("{count} steps smaller").format(count=count)
+
+
 def in_menu(name: str) -> str:
     """A name that the user gave, for an entry of a menu: there, a single & marks the key of the entry."""
     return name.replace("&", "&&")

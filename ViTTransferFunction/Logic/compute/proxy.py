@@ -68,6 +68,7 @@ class SegmentationProxy:
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
         maps: by class id; S_H where `refined`, else S_L.
+        low_maps: by class id, S_L, also where `maps` are refined.
         volumes_ml: by class id, of the segment that the class gets by these maps, millilitres.
         rendering: for the 3D views; None until there is one.
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
@@ -103,7 +104,11 @@ class SegmentationProxy:
         self.usable = False
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
+        # What `low_maps` and what `maps` are the answers to.
+        self._low: tuple[ClassRequest, ...] = ()
+        self._answered: tuple[ClassRequest, ...] = ()
         self.maps: dict[str, ClassMap] = {}
+        self.low_maps: dict[str, ClassMap] = {}
         self.volumes_ml: dict[str, float] = {}
         self.refined = False
         self.rendering: ColorVolume | None = None
@@ -143,9 +148,13 @@ class SegmentationProxy:
             self._client.cancel(number for number, request in self._pending.items() if isinstance(request, Extract))
 
     def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None) -> None:
-        """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how."""
+        """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how.
+
+        Where they differ in iso values and sizes alone, `maps` follow at once.
+        """
         self._classes, self._refinement = tuple(classes), refinement
         self._maps_due, self._refine_due_s = True, None
+        self._resize()
         self._send_due()
 
     def look(self, mode: RenderingMode | None, styles: Styles) -> None:
@@ -252,7 +261,8 @@ class SegmentationProxy:
     def _send_maps(self) -> None:
         self._maps_due = False
         if not self._classes:
-            self.maps, self.volumes_ml, self.rendering = {}, {}, None
+            self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
+            self._low = self._answered = ()
             return
         self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
         if self._refinement is not None:
@@ -322,7 +332,10 @@ class SegmentationProxy:
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
         self._take_maps(request.classes, reply)
+        self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s = False, time.monotonic() + RENDER_AFTER_S
+        # It may be the answer to what the user has scrolled past.
+        self._resize()
         return {"maps"}
 
     def _on_refined_maps(self, request: RefineMaps, reply: Maps) -> set[Event]:
@@ -331,9 +344,19 @@ class SegmentationProxy:
         return {"refined"}
 
     def _take_maps(self, classes: Sequence[ClassRequest], reply: Maps) -> None:
+        self._answered = tuple(classes)
         ids = [annotated.id for annotated in classes]
         self.maps = dict(zip(ids, reply.maps, strict=True))
         self.volumes_ml = dict(zip(ids, reply.volumes_ml, strict=True))
+
+    def _resize(self) -> None:
+        """Let `maps` be of the sizes that are asked for now, where nothing else has changed since they were asked for."""
+        asked, low = self._classes, self._low
+        if asked == self._answered or len(asked) != len(low) or not all(map(ClassRequest.asks_for_map_of, asked, low)):
+            return
+        # Refined maps end near the surface that they were made for.
+        self.low_maps = {request.id: self.low_maps[request.id].resized(request) for request in asked}
+        self.maps, self.refined, self._answered = self.low_maps, False, asked
 
     def _on_rendering(self, request: Render, reply: ColorVolume) -> set[Event]:
         self.rendering = reply

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .bounding_box import bounding_box
+from .class_request import ClassRequest
 from .geometry import Box, Geometry
 from .iso_proposals import IsoProposals
+from .resampling import sample_at
 
 FULL_SCALE = 255
 """The byte that stands for a similarity of 1."""
@@ -36,6 +38,25 @@ class ClassMap:
     def __post_init__(self) -> None:
         if self.array.shape != self.geometry.shape:
             raise ValueError(f"map of shape {self.array.shape} and geometry of shape {self.geometry.shape} differ")
+
+    def resized(self, request: ClassRequest) -> ClassMap:
+        """The same map with the iso value that `request` fixes, or with that of its size as far as that is known."""
+        if request.iso is not None:
+            return replace(self, iso=request.iso, proposals=None)
+        return self if self.proposals is None else replace(self, iso=self.proposals.at(request.size))
+
+
+def is_near(class_map: ClassMap, point_ras: np.ndarray, reach_mm: float) -> bool:
+    """Whether a map reaches its iso value at a point (3,), RAS millimetres of its frame, or up to `reach_mm` from there.
+
+    It is looked for at the point and, in 26 directions, half as far and as far as it reaches.
+    """
+    directions = np.array(list(np.ndindex(3, 3, 3)), dtype=float) - 1.0
+    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1.0)
+    around = point_ras + np.concatenate([0.5 * reach_mm * directions, reach_mm * directions])
+    around = around[class_map.geometry.contains(around)]
+    values = sample_at(class_map.array[..., None], class_map.geometry, around)
+    return bool((values >= in_units_of(class_map.array, class_map.iso)).any())
 
 
 def in_units_of(array: np.ndarray, similarity: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,10 @@ class ClassRequest:
         """(N,) bool: which of the points (N, 3) are among the class's positive ones, to the last digit."""
         claimed: np.ndarray = (points_ras[:, None] == self.positive[None]).all(axis=2).any(axis=1)
         return claimed
+
+    def asks_for_map_of(self, other: ClassRequest) -> bool:
+        """Whether the answer to `other` holds the same map: they differ in the iso value or the size at most."""
+        return self == replace(other, iso=self.iso, size=self.size)
 
     @property
     def _values(self) -> tuple[Any, ...]:

@@ -12,6 +12,8 @@ import numpy as np
 
 SMALLEST_SIZE, LARGEST_SIZE = -3.0, 3.0
 SMALLEST_ISO, LARGEST_ISO = 0.01, 0.98
+STEP_OF_FIXED_ISO = 2.0
+"""Factor of one size step where the user fixed the iso value, so that nothing is proposed: about that between proposals."""
 
 
 @dataclass(frozen=True)
@@ -38,3 +40,9 @@ class IsoProposals:
         """
         step = np.log(self.larger / self.chosen) if size > 0.0 else np.log(self.chosen / self.smaller)
         return float(np.clip(self.chosen * np.exp(size * step), min(SMALLEST_ISO, self.chosen), max(LARGEST_ISO, self.chosen)))
+
+
+def resized_iso(iso: float, steps: float) -> float:
+    """A fixed iso value in [0, 1], so many size steps larger, or smaller where negative: the sizes of proposals around it."""
+    middle = float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
+    return IsoProposals(STEP_OF_FIXED_ISO * middle, middle, middle / STEP_OF_FIXED_ISO).at(steps)

@@ -13,8 +13,12 @@ from ..core.class_request import ClassRequest, as_points, check_share, is_number
 from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
+from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
-CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "proximity", "refine"})
+CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine"})
+
+NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}
+"""Sizes of `ClassRequest` that have a name."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,9 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
     for polarity in ("positive", "negative"):
         points = as_points(fields.get(polarity, []), f"{polarity} points of class '{name}'")
         fields[polarity] = transform_points(to_ras, points)
+    fields["size"] = _as_size(fields.get("size", 0.0), name)
+    if fields["size"] and "iso" in fields:
+        raise InputError(f"Class '{name}' has an 'iso' and a 'size'; give one of them: a size changes the iso that is chosen.")
     return AnnotatedClass(ClassRequest(name, **fields), color, opacity)
 
 
@@ -139,6 +146,18 @@ def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
     if str(system) not in matrices:
         raise InputError(f"{path}: unknown coordinate system {system!r}; expected LPS or RAS.")
     return matrices[str(system)]
+
+
+def _as_size(size: Any, name: str) -> Any:
+    """Accepts a name; numbers are checked by `ClassRequest`."""
+    if not isinstance(size, str):
+        return size
+    if size not in NAMED_SIZES:
+        raise InputError(
+            f"The size of class '{name}' is {size!r}; expected {' or '.join(map(repr, NAMED_SIZES))}, or a number from "
+            f"{SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
+        )
+    return NAMED_SIZES[size]
 
 
 def _as_color(color: Any, name: str) -> Color:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import slicer
@@ -17,6 +17,7 @@ import vtk
 
 from ..core.colors import Color
 from ..core.errors import InputError
+from .class_size import stepped, turned
 from .classes import (
     ClassState,
     Point,
@@ -115,14 +116,28 @@ class SceneAnnotations:
     def set_class(self, id_: str, **fields: Any) -> None:
         """Change fields of a class (see `ClassState`). The steps of a slider being dragged count as one for undo.
 
+        A fixed iso value takes the place of the size.
+
         Raises:
             InputError: the name is empty.
         """
         state = replace(self._class(id_), **fields)
         if not state.name.strip():
             raise InputError("A structure needs a name; it keeps the one that it had.")
+        if state.iso is not None:
+            state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
             write_class(self._scene, self._positive(id_), state)
+
+    def step_size(self, id_: str, direction: Literal[-1, 1]) -> None:
+        """Make a class one step smaller (−1) or larger (1)."""
+        with self._edit():
+            write_class(self._scene, self._positive(id_), stepped(self._class(id_), direction))
+
+    def turn_size(self, id_: str, notches: int) -> None:
+        """Make a class larger, or smaller, by notches of the wheel; those in a row count as one for undo."""
+        with self._edit(kind=f"{id_} wheel"):
+            write_class(self._scene, self._positive(id_), turned(self._class(id_), notches))
 
     def points_node(self, id_: str, positive: bool) -> slicer.vtkMRMLMarkupsFiducialNode:
         """The list that the user places a class's points in."""

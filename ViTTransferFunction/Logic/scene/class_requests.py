@@ -57,6 +57,7 @@ def class_requests(
                     inside,
                     np.concatenate([beside, more[geometry.contains(more)]]),
                     iso=state.iso,
+                    size=state.size,
                     proximity=state.proximity,
                     refine=state.refine,
                     name=state.name.strip(),

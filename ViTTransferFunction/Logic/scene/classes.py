@@ -16,6 +16,7 @@ import slicer
 import vtk
 
 from ..core.colors import Color, default_color
+from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from .folder import put_into_folder
 
 CLASS_ROLE = "class"
@@ -38,6 +39,7 @@ class ClassState:
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
         iso: threshold in [0, 1]; None: chosen from the annotations.
+        size: offset from what is chosen, see `ClassRequest`; 0 where there is an `iso`.
         proximity: in [0, 1]; see `ClassRequest`.
         refine: whether its map is sharpened.
         visible: whether it is shown.
@@ -51,6 +53,7 @@ class ClassState:
     color: Color
     opacity: float = 1.0
     iso: float | None = None
+    size: float = 0.0
     proximity: float = 0.0
     refine: bool = True
     visible: bool = True
@@ -59,8 +62,10 @@ class ClassState:
     continues: str = ""
 
 
-SETTINGS: tuple[str, ...] = ("opacity", "iso", "proximity", "refine", "visible")
+SETTINGS: tuple[str, ...] = ("opacity", "iso", "size", "proximity", "refine", "visible")
 """The fields of `ClassState` that are attributes of the list of positive points."""
+_RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE)}
+"""Of numbers among them that are no shares in [0, 1]."""
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
@@ -204,17 +209,17 @@ def _read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any
         if text in ("True", "False"):
             settings[name] = text == "True"
         elif text is not None:
-            settings[name] = _share(text, default)
+            settings[name] = _number(text, _RANGES.get(name, (0.0, 1.0)), default)
     return settings
 
 
-def _share(text: str, default: float | None) -> float | None:
-    """A number in [0, 1]; the default where the text is no such number: a scene may come from anywhere."""
+def _number(text: str, between: tuple[float, float], default: float | None) -> float | None:
+    """A number in a range; the default where the text is no such number: a scene may come from anywhere."""
     try:
         number = float(text)
     except ValueError:
         return default
-    return number if 0.0 <= number <= 1.0 else default
+    return number if between[0] <= number <= between[1] else default
 
 
 def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:

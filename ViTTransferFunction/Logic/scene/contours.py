@@ -25,11 +25,6 @@ from .derived_nodes import DerivedNodes
 if TYPE_CHECKING:
     import slicer
 
-MODEL_NAME = "Similarity contours"
-COLORS_NAME = "Similarity contour colors"
-
-LINE_PIXELS = 2
-
 CLASS_INDEX = "class"
 """Name of the array that says which class a point of the model is of."""
 
@@ -40,6 +35,29 @@ PART_VOXELS = 1 << 20
 
 EDGE_VOXELS = 1e-3
 """How far beyond the map's border a surface that the border cuts is closed."""
+
+
+@dataclass(frozen=True)
+class OutlineStyle:
+    """How outlines are drawn.
+
+    Attributes:
+        name: of the model, as users see it.
+        line_pixels: width of the lines.
+        opacity: of the lines, in [0, 1].
+    """
+
+    name: str
+    line_pixels: int
+    opacity: float = 1.0
+
+    @property
+    def colors_name(self) -> str:
+        """Of the model's table of colours."""
+        return f"{self.name}, colors"
+
+
+STRUCTURES = OutlineStyle("Similarity contours", line_pixels=2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +88,12 @@ class Contours:
 
     Args:
         scene: where the volumes are.
+        style: how the lines look.
     """
 
-    def __init__(self, scene: slicer.vtkMRMLScene) -> None:
+    def __init__(self, scene: slicer.vtkMRMLScene, style: OutlineStyle = STRUCTURES) -> None:
         self._nodes = DerivedNodes(scene)
+        self._style = style
 
     def show(self, volume_node: slicer.vtkMRMLScalarVolumeNode, outlines: Sequence[tuple[Color, Surface]]) -> None:
         """Show the outlines of these classes and no others.
@@ -89,11 +109,11 @@ class Contours:
         if append.GetNumberOfInputConnections(0):
             append.Update()
 
-        colors = self._nodes.find(COLORS_NAME) or self._add_colors()
+        colors = self._nodes.find(self._style.colors_name) or self._add_colors()
         _set_colors(colors, [color for color, _ in outlines])
-        model = self._nodes.find(MODEL_NAME) or self._add_model()
+        model = self._nodes.find(self._style.name) or self._add_model()
         if model.GetDisplayNode() is None:
-            _add_display(model, colors)
+            _add_display(model, colors, self._style)
         model.GetDisplayNode().SetAndObserveColorNodeID(colors.GetID())
         was_modifying = model.StartModify()
         model.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
@@ -103,7 +123,7 @@ class Contours:
 
     def hide(self) -> None:
         """Take the outlines out of the views."""
-        model = self._nodes.find(MODEL_NAME)
+        model = self._nodes.find(self._style.name)
         if model is not None and model.GetDisplayNode():
             model.GetDisplayNode().SetVisibility(False)
 
@@ -112,13 +132,13 @@ class Contours:
         self._nodes.remove()
 
     def _add_colors(self) -> Any:
-        colors = self._nodes.add("vtkMRMLColorTableNode", COLORS_NAME)
+        colors = self._nodes.add("vtkMRMLColorTableNode", self._style.colors_name)
         colors.SetTypeToUser()
         colors.SetNumberOfColors(COLORS)
         return colors
 
     def _add_model(self) -> Any:
-        model = self._nodes.add("vtkMRMLModelNode", MODEL_NAME)
+        model = self._nodes.add("vtkMRMLModelNode", self._style.name)
         # Clicks are for the points.
         model.SetSelectable(False)
         return model
@@ -131,7 +151,7 @@ def _set_colors(colors: Any, classes: Sequence[Color]) -> None:
     colors.EndModify(was_modifying)
 
 
-def _add_display(model: Any, colors: Any) -> None:
+def _add_display(model: Any, colors: Any, style: OutlineStyle) -> None:
     """Lines in the slice views, nothing in 3D, coloured by class.
 
     Colours as point data would do without a table, but slice views then log an error on each update.
@@ -142,7 +162,8 @@ def _add_display(model: Any, colors: Any) -> None:
     display.SetAndObserveColorNodeID(colors.GetID())
     display.SetVisibility2D(True)
     display.SetVisibility3D(False)
-    display.SetSliceIntersectionThickness(LINE_PIXELS)
+    display.SetSliceIntersectionThickness(style.line_pixels)
+    display.SetSliceIntersectionOpacity(style.opacity)
     display.SetActiveScalar(CLASS_INDEX, vtkDataObject.POINT)
     display.SetScalarRangeFlag(display.UseColorNodeScalarRange)
     display.SetScalarVisibility(True)

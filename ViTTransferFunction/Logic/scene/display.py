@@ -11,6 +11,7 @@ from ..compute.requests import ColorVolume
 from ..core.stepped_work import SteppedWork
 from .contours import Contours, ShownMap, Surface, iso_surface
 from .overlay import SimilarityOverlay
+from .proposal_outlines import ProposalOutlines, Proposals
 from .rendering import ClassRendering
 from .volume import bytes_image
 
@@ -26,6 +27,7 @@ class SceneDisplay:
     def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> None:
         self._overlay = SimilarityOverlay(scene, app_logic)
         self._contours = Contours(scene)
+        self._proposals = ProposalOutlines(scene)
         self._rendering = ClassRendering(scene, app_logic)
         self._volume: slicer.vtkMRMLScalarVolumeNode | None = None
         self._transform = ""
@@ -57,6 +59,10 @@ class SceneDisplay:
             self._outlined = {id_: outlined for id_, outlined in self._outlined.items() if id_ in self._shown}
             self._show_contours()
 
+    def show_proposals(self, volume: slicer.vtkMRMLScalarVolumeNode, proposals: Proposals | None) -> None:
+        """Show the outlines of a class's other proposals, when everything else is shown; None: of no class."""
+        self._proposals.show(volume, proposals)
+
     def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
         """Show a volume of colours in the 3D views, at once if it is small, else by `advance`; None: nothing."""
         if rendering is None:
@@ -71,7 +77,8 @@ class SceneDisplay:
     @property
     def pending(self) -> bool:
         """Whether there is something still to be shown."""
-        return self._filling is not None or any(self._lacks_outline(of_class) for of_class in self._shown.values())
+        lacking = any(self._lacks_outline(of_class) for of_class in self._shown.values())
+        return self._filling is not None or lacking or self._proposals.pending
 
     def advance(self) -> None:
         """Go on with what is still to be shown: some hundredths of a second of work."""
@@ -82,6 +89,8 @@ class SceneDisplay:
         begun = [of_class for of_class in lacking if self._outlining and of_class.map is self._outlining[0].map]
         if lacking:
             self._outline((begun or lacking)[0])
+        else:
+            self._proposals.advance()
 
     def _follow(self, volume: slicer.vtkMRMLScalarVolumeNode) -> None:
         """From now on this volume is meant, under the transform that it has."""
@@ -137,6 +146,7 @@ class SceneDisplay:
         """Show nothing."""
         self._overlay.hide()
         self._contours.hide()
+        self._proposals.hide()
         self._rendering.hide()
         self._forget()
 
@@ -144,6 +154,7 @@ class SceneDisplay:
         """Take all that was made out of the scene."""
         self._overlay.remove()
         self._contours.remove()
+        self._proposals.remove()
         self._rendering.remove()
         self._forget()
 

@@ -38,6 +38,7 @@ class SceneParameters:
         respectOtherSegments: leave voxels to the segments that have them already.
         otherSegmentsAreOutside: while clicking, count the visible segments of others as what structures are not.
         overlayVisible, overlayOpacity: of the selected class's similarity in the slice views.
+        proposalsVisible: whether slice views outline faintly what else the selected class may be.
         rendering: what the 3D views show ("off", "similarity" or "transfer function").
         selectedClass: id of the class that is annotated.
     """
@@ -57,6 +58,7 @@ class SceneParameters:
         "otherSegmentsAreOutside": False,
         "overlayVisible": True,
         "overlayOpacity": 0.5,
+        "proposalsVisible": True,
         "rendering": "similarity",
         "selectedClass": "",
     }

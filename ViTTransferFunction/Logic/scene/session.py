@@ -18,7 +18,9 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
+from ..core.class_map import is_near
 from ..core.errors import InputError
+from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
@@ -33,6 +35,7 @@ from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_tour import PointTour
 from .problems import Problems
+from .proposal_outlines import Proposals
 from .regions import SceneRegions
 from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
@@ -42,6 +45,8 @@ from .volume_content import Frame
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
+REACH_OF_STRUCTURE_MM = 3.0
+"""How far beyond its border one still points at a structure: about as well as people aim."""
 
 
 class SceneSession:
@@ -216,6 +221,15 @@ class SceneSession:
     def volume_ml(self, id_: str) -> float | None:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
+
+    def is_on_selected(self, point_ras: np.ndarray) -> bool:
+        """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
+        volume, selected = self.parameters.volume, self.selected_class
+        class_map = self._proxy.maps.get(selected.id) if selected and selected.visible else None
+        if volume is None or class_map is None or self.volume_changed:
+            return False
+        local_ras = transform_points(np.linalg.inv(matrix_to_world(volume)), point_ras)[0]
+        return is_near(class_map, local_ras, REACH_OF_STRUCTURE_MM)
 
     def estimate_again(self) -> None:
         """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
@@ -416,7 +430,20 @@ class SceneSession:
             overlaid,
             self.parameters.get("overlayOpacity"),
         )
+        self._display.show_proposals(volume, self._other_proposals(selected))
         self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering))
+
+    def _other_proposals(self, selected: ClassState | None) -> Proposals | None:
+        """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
+        maps = self._proxy.low_maps
+        if selected is None or not selected.visible or not self.parameters.get("proposalsVisible"):
+            return None
+        points_ras = [request.positive for request in self._requests.requests if request.id == selected.id]
+        if selected.id not in maps or not points_ras or maps[selected.id].proposals is None:
+            return None
+        others = tuple(class_map for id_, class_map in maps.items() if id_ != selected.id)
+        only_annotated = self.parameters.refinement().only_annotated_components
+        return Proposals(selected.id, selected.color, maps[selected.id], others, points_ras[0], only_annotated)
 
     def _try_to_show(self, show: Callable[[], None]) -> None:
         try:

@@ -266,7 +266,7 @@ def _class_map(
     if request.iso is not None:
         return ClassMap(similarity, geometry, request.iso)
     proposals = propose()
-    return ClassMap(similarity, geometry, proposals.at(request.size), proposals)
+    return ClassMap(similarity, geometry, proposals.chosen, proposals).resized(request)
 
 
 def _voxel_ml(geometry: Geometry) -> float:

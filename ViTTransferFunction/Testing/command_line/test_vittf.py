@@ -101,6 +101,21 @@ def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path
     assert "0 volumes" in capsys.readouterr().out
 
 
+def test_a_larger_size_gives_a_larger_segment_and_a_smaller_one_a_smaller(
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
+) -> None:
+    content = json.loads(clicks.read_text())
+    (liver,) = (entry for entry in content["classes"] if entry["name"] == "liver")
+    millilitres = []
+    for size in ("smaller", 0, "larger"):
+        points, report = tmp_path / "sized.json", tmp_path / "report.json"
+        points.write_text(json.dumps({**content, "classes": [{**liver, "positive": liver["positive"][:1], "size": size}]}))
+        arguments = ["segment", str(torso), "--annotations", str(points), "--weights", str(real_weights), "--grid", GRID]
+        assert main([*arguments, "--report", str(report), "-o", str(tmp_path / "liver.nii.gz")]) == 0
+        millilitres.append(json.loads(report.read_text())["classes"][0]["millilitres"])
+    assert millilitres[0] < millilitres[1] < millilitres[2]
+
+
 def test_a_scan_stored_and_lying_another_way_gives_the_same_voxels_the_same_labels(
     tmp_path: Path, torso: Path, clicks: Path, real_weights: Path
 ) -> None:

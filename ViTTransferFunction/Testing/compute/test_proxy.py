@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from ViTTransferFunction.Logic.compute.requests import (
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
@@ -187,6 +189,56 @@ def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: Segment
     assert ready.refined
     assert isinstance(client.asked[-1], Render)
     assert client.asked[-1].refined
+
+
+PROPOSALS = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
+PROPOSED = ClassMap(MAP.array, GEOMETRY, 0.4, PROPOSALS)
+LARGER_LIVER = replace(LIVER, size=1.0)
+
+
+@pytest.fixture
+def refined(ready: SegmentationProxy, client: Client) -> SegmentationProxy:
+    """With the liver's map, refined."""
+    ready.update([LIVER], Refinement())
+    client.answer(ComputeMaps, Maps((PROPOSED,), (1.5,)))
+    ready.poll()
+    client.answer(RefineMaps, Maps((MAP,), (1.5,)))
+    ready.poll()
+    assert ready.refined
+    return ready
+
+
+@pytest.mark.parametrize(("changed", "iso"), [(LARGER_LIVER, 0.1), (replace(LIVER, iso=0.6), 0.6)])
+def test_another_size_or_iso_value_alone_is_shown_before_the_answer_comes(
+    refined: SegmentationProxy, client: Client, changed: ClassRequest, iso: float
+) -> None:
+    refined.update([changed], Refinement())
+    assert refined.maps["liver"].iso == pytest.approx(iso)
+    assert refined.maps["liver"].array is PROPOSED.array
+    assert not refined.refined
+    assert client.asked[-1] == ComputeMaps((changed,))
+
+
+def test_the_answer_to_a_size_that_was_scrolled_past_does_not_bring_it_back(refined: SegmentationProxy, client: Client) -> None:
+    refined.update([LARGER_LIVER], Refinement())
+    refined.update([replace(LIVER, size=-1.0)], Refinement())
+    client.answer(ComputeMaps, Maps((replace(PROPOSED, iso=0.1),), (9.0,)))
+    refined.poll()
+    assert refined.maps["liver"].iso == pytest.approx(0.8)
+    assert client.asked[-1] == ComputeMaps((replace(LIVER, size=-1.0),))
+
+
+def test_where_a_point_came_with_another_size_the_answer_is_waited_for(refined: SegmentationProxy) -> None:
+    shown = refined.maps["liver"]
+    refined.update([ClassRequest("liver", np.ones((1, 3)), size=1.0)], Refinement())
+    assert refined.maps["liver"] is shown
+    assert refined.refined
+
+
+def test_maps_of_cells_are_kept_beside_the_refined_ones_and_go_with_the_classes(refined: SegmentationProxy) -> None:
+    assert refined.low_maps["liver"].proposals == PROPOSALS
+    refined.update([], Refinement())
+    assert refined.low_maps == {}
 
 
 def test_volumes_come_with_the_maps_and_go_with_the_classes(ready: SegmentationProxy, client: Client) -> None:

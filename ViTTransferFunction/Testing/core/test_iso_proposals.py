@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE, IsoProposals
+from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE, IsoProposals, resized_iso
 
 PROPOSALS = IsoProposals(smaller=0.4, chosen=0.2, larger=0.05)
 SIZES = st.floats(SMALLEST_SIZE, LARGEST_SIZE)
@@ -23,6 +23,11 @@ def test_sizes_go_through_the_proposals_in_equal_factors(size: float, iso: float
 @given(SIZES, SIZES)
 def test_a_larger_size_never_has_a_higher_iso_value(one: float, other: float) -> None:
     assert PROPOSALS.at(max(one, other)) <= PROPOSALS.at(min(one, other))
+
+
+@given(st.floats(0.03, 0.48), st.floats(-1.0, 1.0))
+def test_a_step_of_a_fixed_iso_value_is_taken_back_by_the_step_the_other_way(iso: float, steps: float) -> None:
+    assert resized_iso(resized_iso(iso, steps), -steps) == pytest.approx(iso)
 
 
 @pytest.mark.parametrize("size", [3.5, float("nan"), True, "larger"])

@@ -44,6 +44,12 @@ def test_every_field_of_a_class_is_read(tmp_path: Path) -> None:
     np.testing.assert_array_equal(request.negative, [[0, 0, 0]])
 
 
+@pytest.mark.parametrize(("given", "size"), [("smaller", -1.0), ("larger", 1.0), (-2.5, -2.5), (2, 2.0), (None, 0.0)])
+def test_a_size_is_a_name_or_a_number(tmp_path: Path, given: Any, size: float) -> None:
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(size=given)), GEOMETRY)
+    assert annotated.request.size == size
+
+
 def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
     (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(iso=None)), GEOMETRY)
     request = annotated.request
@@ -67,6 +73,11 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(color=[0, 0, 255]), "color of class 'liver'"),
         (one_class(opacity=1.5), "'opacity' of class 'liver' is 1.5"),
         (one_class(iso=-0.1), "'iso' of class 'liver'"),
+        (one_class(size="large"), "size of class 'liver' is 'large'; expected 'smaller' or 'larger', or a number from -3 to 3"),
+        (one_class(size=4), "'size' of class 'liver' is 4; expected a number from -3 to 3"),
+        (one_class(size=True), "'size' of class 'liver' is True"),
+        (one_class(size=[1]), "'size' of class 'liver'"),
+        (one_class(size="larger", iso=0.2), "'liver' has an 'iso' and a 'size'"),
         (one_class(proximity="near"), "'proximity' of class 'liver'"),
         (one_class(refine="yes"), "'refine' of class 'liver'"),
         (one_class(colour="red"), "unknown field 'colour'"),

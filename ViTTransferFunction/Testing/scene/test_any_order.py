@@ -98,6 +98,14 @@ class User:
             self._scene.RemoveNode(self.session.annotations.points_node(id_, positive=True))
         self._scene.EndState(self._scene.BatchProcessState)
 
+    def step_a_size(self) -> None:
+        if self._ids:
+            self.session.annotations.step_size(self._random.choice(self._ids), self._random.choice((-1, 1)))
+
+    def turn_the_wheel(self) -> None:
+        if self._ids:
+            self.session.annotations.turn_size(self._random.choice(self._ids), self._random.choice((-1, 1)))
+
     def undo(self) -> None:
         self.session.annotations.undo()
 
@@ -111,6 +119,7 @@ class User:
             ("respectOtherSegments", (True, False)),
             ("refinement", ("bilateral", "none")),
             ("overlayVisible", (True, False)),
+            ("proposalsVisible", (True, False)),
         ])  # fmt: skip
         self.session.parameters.set(name, self._random.choice(values))
 

@@ -85,6 +85,14 @@ def test_garbled_settings_count_as_absent(scene: Any, parameter_node: Any, garba
     assert (state.iso, state.opacity, state.proximity) == (None, 1.0, 0.0)
 
 
+@pytest.mark.parametrize(("text", "size"), [("-2.5", -2.5), ("3.0", 3.0), ("3.1", 0.0), ("nan", 0.0), ("larger", 0.0)])
+def test_a_size_is_read_within_its_own_range(scene: Any, parameter_node: Any, text: str, size: float) -> None:
+    node = create_class(scene, parameter_node, replace(LIVER, iso=None, size=1.0))
+    assert read_class(node).size == 1.0
+    node.SetAttribute("ViTTransferFunction.size", text)
+    assert read_class(node).size == size
+
+
 def test_polarities_differ_by_shape(scene: Any, parameter_node: Any) -> None:
     node = create_class(scene, parameter_node, LIVER)
     assert node.GetDisplayNode().GetGlyphType() != display_of_negative(node).GetGlyphType()

@@ -115,7 +115,7 @@ def test_what_is_shown_of_the_frame_before_is_hidden_and_comes_back_with_it(
     sequence.show(1)
     session.wait()
     annotate(session, spheres)
-    outlines = slicer_app.scene.GetFirstNodeByName(contours.MODEL_NAME).GetDisplayNode()
+    outlines = slicer_app.scene.GetFirstNodeByName(contours.STRUCTURES.name).GetDisplayNode()
     assert outlines.GetVisibility()
     sequence.show(2)
     assert not outlines.GetVisibility()

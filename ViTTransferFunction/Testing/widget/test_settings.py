@@ -28,12 +28,13 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
     ui.renderingComboBox.setCurrentText("Transfer function")
     ui.gridSpinBox.setValue(48)
     ui.overlayOpacitySlider.value = 0.25
-    for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"):
+    boxes = ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible", "proposalsVisible")
+    for name in boxes:
         getattr(ui, f"{name}CheckBox").click()
     names = ("preset", "model", "device", "refinement", "rendering", "grid", "overlayOpacity")
     written = ("paper", "dino_vits8", "cpu", "guided", "transfer function", 48, 0.25)
     assert tuple(parameters.get(name) for name in names) == written
-    assert not any(parameters.get(name) for name in ("onlyAnnotatedParts", "respectOtherSegments", "overlayVisible"))
+    assert not any(parameters.get(name) for name in boxes)
     for name in names:
         parameters.set(name, parameters.DEFAULTS[name])
     shown = (ui.presetComboBox, ui.modelComboBox, ui.deviceComboBox, ui.refinementComboBox, ui.renderingComboBox)

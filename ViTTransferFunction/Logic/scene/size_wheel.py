@@ -1,0 +1,77 @@
+"""Ctrl and the wheel in a slice view: over the selected structure they change its size; elsewhere they zoom, as in Slicer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import slicer
+import vtk
+
+from .view_mouse import ViewMouse
+
+STILL_MM = 3.0
+"""Nearer than this, the mouse is where it was at the last notch: a hand on a wheel trembles."""
+
+
+class SizeWheel:
+    """Listens to the wheel in one slice view while active.
+
+    What begins over the structure goes on until the mouse is moved, also when the border of the structure passes it: otherwise
+    the view would zoom in the midst of it.
+
+    Args:
+        interactor: of the view's render window.
+        slice_node: says where the view lies in the patient.
+        selected: id of the class whose size can change now; None where there is none.
+        is_over: whether a point (3,), RAS millimetres, lies on that class's structure.
+        on_notch: gets 1 for a notch away from the user, which is for larger, and −1 for one towards them.
+    """
+
+    def __init__(
+        self,
+        interactor: vtk.vtkRenderWindowInteractor,
+        slice_node: slicer.vtkMRMLSliceNode,
+        selected: Callable[[], str | None],
+        is_over: Callable[[np.ndarray], bool],
+        on_notch: Callable[[int], None],
+    ) -> None:
+        self._interactor = interactor
+        self._mouse = ViewMouse(interactor, slice_node)
+        self._selected = selected
+        self._is_over = is_over
+        self._on_notch = on_notch
+        self._last: tuple[str, np.ndarray] | None = None
+
+    def activate(self) -> None:
+        """Begin to listen to the wheel."""
+        if not self._mouse.listens:
+            self._mouse.listen({
+                vtk.vtkCommand.MouseWheelForwardEvent: lambda: self._turn(1),
+                vtk.vtkCommand.MouseWheelBackwardEvent: lambda: self._turn(-1),
+            })  # fmt: skip
+
+    def deactivate(self) -> None:
+        """Leave the wheel to the view."""
+        self._mouse.stop()
+        self._last = None
+
+    def _turn(self, notches: int) -> bool:
+        selected, point_ras = self._selected(), self._mouse.in_patient(self._mouse.position)
+        if selected is None or not self._ctrl_alone or not (self._goes_on(selected, point_ras) or self._is_over(point_ras)):
+            self._last = None
+            return False
+        self._last = selected, point_ras
+        self._on_notch(notches)
+        return True
+
+    @property
+    def _ctrl_alone(self) -> bool:
+        view = self._interactor
+        return bool(view.GetControlKey()) and not view.GetShiftKey() and not view.GetAltKey()
+
+    def _goes_on(self, selected: str, point_ras: np.ndarray) -> bool:
+        if self._last is None:
+            return False
+        last_selected, last_ras = self._last
+        return selected == last_selected and float(np.linalg.norm(point_ras - last_ras)) <= STILL_MM
