@@ -9,7 +9,7 @@ from scipy import ndimage
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
-from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, refine
+from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, class_window, refine
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
@@ -100,3 +100,32 @@ def test_an_unknown_method_is_refused_by_name() -> None:
     intensities, _, similarity = ball_and_its_map()
     with pytest.raises(InputError, match=r"'sharp'.*bilateral, guided, none"):
         refined(intensities, similarity, "sharp")  # type: ignore[arg-type]
+
+
+def test_the_window_lies_about_most_of_the_clicked_intensities_not_between_two_kinds() -> None:
+    array = np.full((8, 8, 8), 40.0)
+    array[:4] = -1000.0
+    gas, food = [[3.0, 3.0, 1.0], [4.0, 4.0, 1.0]], [[3.0, 3.0, 6.0], [4.0, 4.0, 6.0], [5.0, 2.0, 6.0]]
+    window = class_window(volume_of(array), WINDOW, np.array(gas + food))
+    assert (window.low, window.high) == (-60.0, 140.0)
+
+
+def test_where_two_kinds_are_clicked_equally_often_the_window_shows_one_of_them() -> None:
+    array = np.full((8, 8, 8), 40.0)
+    array[:4] = -1000.0
+    window = class_window(volume_of(array), WINDOW, np.array([[3.0, 3.0, 1.0], [3.0, 3.0, 6.0]]))
+    assert window.low < -1000.0 < window.high or window.low < 40.0 < window.high
+
+
+def test_a_lower_threshold_widens_what_is_refined_and_leaves_the_rest_nearly_as_it_was() -> None:
+    intensities, _, similarity = ball_and_its_map()
+    centre = np.full((1, 3), (intensities.shape[0] - 1) / 2)
+    usual, wide = (
+        refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "bilateral", lowest_iso=lowest)
+        for lowest in (None, 0.1)
+    )
+    unrefined = refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "none")
+    between = (unrefined > 0.06) & (unrefined < 0.15)
+    assert (wide != unrefined)[between].mean() > 0.99
+    assert (usual != unrefined)[between].mean() < 0.8
+    assert dice(wide > 0.35, usual > 0.35) > 0.95

@@ -54,6 +54,12 @@ def test_an_iso_value_that_the_user_set_is_used_as_it_is(session: SegmentationSe
     assert loose.voxels > strict.voxels
 
 
+def test_the_larger_the_size_the_larger_the_structure(session: SegmentationSession, spheres: Spheres) -> None:
+    voxels = [session.segment(requests_of(spheres, size=size)).classes[0].voxels for size in (-1.0, -0.5, 0.0, 0.5, 1.0, 2.0)]
+    assert voxels == sorted(voxels)
+    assert voxels[0] < 0.9 * voxels[-1]
+
+
 def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
     """Make them equal to the network, so that a click on one finds both."""
     source = session.features.source

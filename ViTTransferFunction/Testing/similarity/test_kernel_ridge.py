@@ -72,6 +72,18 @@ def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(simil
     assert found[LEFT].mean() > 1.2 * found[RIGHT].mean()
 
 
+def test_what_intensities_join_to_the_click_is_more_similar_than_its_twin_as_near(
+    blocks: tuple[NormalisedFeatures, Volume],
+) -> None:
+    features, volume = blocks
+    bridged = volume.array.copy()
+    # Right: a bridge of the blocks' own intensity, which the network, knowing two kinds alone, does not see.
+    bridged[4:12, 6:18, 10:16] = 100.0
+    apart, joined = (KernelRidge(features, Volume(array, volume.geometry)) for array in (volume.array, bridged))
+    to_twin = [rule.maps([a_class("a", IN_LEFT)])[0][RIGHT].mean() for rule in (apart, joined)]
+    assert to_twin[1] > 1.2 * to_twin[0]
+
+
 def test_a_negative_click_takes_the_twin_away(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT, negative=IN_RIGHT)
     (found,) = similarity.maps([annotated])

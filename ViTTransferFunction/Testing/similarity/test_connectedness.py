@@ -1,0 +1,156 @@
+"""Which cells are joined to a point by intensities like its own, and what that is worth in the kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.similarity.connected_points import (
+    LARGEST_SHARE,
+    ConnectedPoints,
+    between_points,
+    point_factors,
+    shares,
+)
+from ViTTransferFunction.Logic.similarity.connectedness import SIMILARITIES, TOLERANCES, Connectedness, block_means
+from ViTTransferFunction.Testing.support.volumes import volume_of
+
+EDGE, CELLS = 48, (12, 12, 12)
+WIDTH = 400.0
+TUBE_KJ, TWIN_KJ = (slice(8, 16), slice(8, 16)), (slice(32, 40), slice(32, 40))
+IN_TUBE, END_OF_TUBE, IN_TWIN, OUTSIDE = (2, 2, 1), (2, 2, 11), (9, 9, 6), (6, 6, 6)
+"""Cells, (K', J', I')."""
+
+
+def tubes() -> Volume:
+    """Two tubes of 200 along I in 0, which touch nowhere."""
+    array = np.zeros((EDGE,) * 3, dtype=np.float32)
+    array[TUBE_KJ] = array[TWIN_KJ] = 200.0
+    return volume_of(array)
+
+
+def position(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
+    middle: np.ndarray = volume.geometry.resized(CELLS).ijk_to_ras_points(np.array([cell[::-1]], dtype=float))[0]
+    return middle
+
+
+def joined_to(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
+    """C of all cells, (K', J', I'), with the middle of a cell."""
+    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WIDTH)
+    joined: np.ndarray = SIMILARITIES[connectedness.from_point(position(volume, cell))].reshape(CELLS)
+    return joined
+
+
+def test_a_tube_is_joined_all_along_and_an_equal_one_beside_it_is_not() -> None:
+    joined = joined_to(tubes(), IN_TUBE)
+    assert joined[END_OF_TUBE] == SIMILARITIES[0]
+    assert joined[IN_TWIN] == joined[OUTSIDE] == 0.0
+
+
+def test_a_wall_thinner_than_a_cell_parts_what_lies_on_either_side() -> None:
+    volume = tubes()
+    volume.array[:, :, 24:26] = 0.0
+    joined = joined_to(volume, IN_TUBE)
+    assert joined[2, 2, 4] == SIMILARITIES[0]
+    assert joined[END_OF_TUBE] == 0.0
+
+
+def test_the_weakest_place_on_the_best_way_decides() -> None:
+    volume = tubes()
+    step = 0.5 * float(TOLERANCES[1] + TOLERANCES[2])
+    volume.array[:, :, 20:28][TUBE_KJ] -= step * WIDTH
+    joined = joined_to(volume, IN_TUBE)
+    assert joined[2, 2, 3] == SIMILARITIES[0]
+    assert joined[2, 2, 6] == joined[END_OF_TUBE] == SIMILARITIES[2]
+
+
+def test_the_same_volume_stored_in_another_order_has_the_same_cells_joined() -> None:
+    volume = tubes()
+    volume.array[:] += np.random.default_rng(0).normal(0.0, 8.0, volume.shape)
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    mirror[0, 3] = EDGE - 1
+    mirrored = Volume(
+        np.ascontiguousarray(volume.array[:, :, ::-1]), Geometry(volume.shape, volume.geometry.ijk_to_ras @ mirror)
+    )
+    i_of_mirror = CELLS[2] - 1 - IN_TUBE[2]
+    np.testing.assert_array_equal(joined_to(mirrored, (*IN_TUBE[:2], i_of_mirror))[:, :, ::-1], joined_to(volume, IN_TUBE))
+
+
+def test_a_point_on_nothing_finite_is_joined_to_its_own_place_alone() -> None:
+    volume = tubes()
+    volume.array[4:20, 4:20, :10] = np.nan
+    joined = joined_to(volume, IN_TUBE)
+    assert joined[IN_TUBE] == SIMILARITIES[0]
+    assert np.count_nonzero(joined) < 10
+
+
+@pytest.mark.parametrize("shape", [(1, 20, 20), (5, 7, 3), (40, 9, 33)])
+def test_blocks_hold_the_mean_of_their_voxels_whatever_their_number(shape: tuple[int, int, int]) -> None:
+    array = np.full(shape, 7, dtype=np.int16)
+    means = block_means(array, (8, 8, 8))
+    np.testing.assert_array_equal(means, np.full((8, 8, 8), 7.0, dtype=np.float32))
+
+
+def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
+    array = np.arange(64.0).reshape(4, 4, 4)
+    array[0, 0, 0], array[2:, 2:, 2:] = np.inf, np.nan
+    means = block_means(array, (2, 2, 2))
+    assert means[0, 0, 0] == pytest.approx(np.mean([1, 4, 5, 16, 17, 20, 21]))
+    assert np.isnan(means[1, 1, 1])
+    assert np.isfinite(means.ravel()[:-1]).all()
+
+
+def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = tubes()
+    connected = ConnectedPoints(Connectedness(volume, volume.geometry.resized(CELLS), WIDTH))
+    asked = []
+    original = Connectedness.from_point
+
+    def counted(self: Connectedness, point_ras: np.ndarray) -> np.ndarray:
+        asked.append(point_ras)
+        return original(self, point_ras)
+
+    monkeypatch.setattr(Connectedness, "from_point", counted)
+    one, other = (position(volume, cell) for cell in (IN_TUBE, IN_TWIN))
+    for points in ([one], [one, other], [other], [one, other]):
+        connected.update(np.array(points))
+    assert len(asked) == 3
+
+
+def of_three(first_two: float, to_third: float) -> np.ndarray:
+    """C between three points."""
+    return np.array([[1.0, first_two, to_third], [first_two, 1.0, to_third], [to_third, to_third, 1.0]])
+
+
+def test_a_class_whose_points_are_joined_counts_on_it_and_one_of_two_parts_does_not() -> None:
+    own = np.zeros(3, dtype=int)
+    together, apart = (shares(of_three(joined, joined), own, np.ones(3, dtype=bool)) for joined in (1.0, 0.0))
+    np.testing.assert_allclose(together, LARGEST_SHARE * 3.5 / 4.0)
+    np.testing.assert_allclose(apart, LARGEST_SHARE * 0.5 / 4.0)
+
+
+def test_negative_points_and_other_classes_have_no_say_but_share_their_own_class_s() -> None:
+    classes, positive = np.array([0, 0, 0, 1]), np.array([True, True, False, True])
+    between = np.eye(4)
+    between[0, 1] = between[1, 0] = 1.0
+    found = shares(between, classes, positive)
+    np.testing.assert_allclose(found, LARGEST_SHARE * np.array([0.75, 0.75, 0.75, 0.5]))
+
+
+def test_either_points_intensity_may_join_a_pair() -> None:
+    np.testing.assert_array_equal(between_points(np.array([[0.2, 0.9], [0.1, 0.3]])), [[1.0, 0.9], [0.9, 1.0]])
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, LARGEST_SHARE), st.floats(0.0, LARGEST_SHARE))
+def test_factors_between_points_keep_their_own_weight_and_never_exceed_it(
+    first_two: float, to_third: float, share: float, other: float
+) -> None:
+    factors = point_factors(of_three(first_two, to_third), np.array([share, other, other]))
+    np.testing.assert_allclose(np.diag(factors), 1.0)
+    np.testing.assert_array_equal(factors, factors.T)
+    assert factors.min() >= 0.0
+    assert factors.max() <= 1.0 + 1e-12
