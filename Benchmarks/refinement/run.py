@@ -124,7 +124,7 @@ class CandidateSession(SegmentationSession):
         if iso == "coarse":
             iso = low.iso
         elif iso == "refined":
-            iso = self.rule.refined_iso(similarity, requests, index).chosen
+            iso = self.rule.refined_iso(similarity, low.array, requests, index).chosen
         return ClassMap(similarity, self.volume.geometry, float(iso))
 
 

@@ -44,5 +44,7 @@ class IsoProposals:
 
 def resized_iso(iso: float, steps: float) -> float:
     """A fixed iso value in [0, 1], so many size steps larger, or smaller where negative: the sizes of proposals around it."""
-    middle = float(np.clip(iso, SMALLEST_ISO, LARGEST_ISO))
-    return IsoProposals(STEP_OF_FIXED_ISO * middle, middle, middle / STEP_OF_FIXED_ISO).at(steps)
+    resized = iso * STEP_OF_FIXED_ISO**-steps
+    # At its limits it stays where it is: larger must never make the structure smaller.
+    limit = max(LARGEST_ISO, iso) if steps < 0.0 else min(SMALLEST_ISO, iso)
+    return float(min(resized, limit) if steps < 0.0 else max(resized, limit))

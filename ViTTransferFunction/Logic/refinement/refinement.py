@@ -124,7 +124,10 @@ def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndar
     if not annotated.size:
         return display
     together = np.abs(annotated[:, None] - annotated) <= 0.5 * display.width
-    centre = float(np.median(annotated[together[together.sum(axis=1).argmax()]]))
+    display_centre = 0.5 * (display.low + display.high)
+    # Of equally many, those nearest to what the user looks at, in whatever order they were clicked.
+    best = np.lexsort((np.abs(annotated - display_centre), -together.sum(axis=1)))[0]
+    centre = float(np.median(annotated[together[best]]))
     return IntensityWindow(centre - 0.5 * display.width, centre + 0.5 * display.width)
 
 

@@ -179,7 +179,7 @@ class SegmentationSession:
             between()
             if wanted == "none":
                 return ClassMap(similarity, self.volume.geometry, low.iso, low.proposals)
-            propose = partial(self.rule.refined_iso, similarity, requests, index)
+            propose = partial(self.rule.refined_iso, similarity, low.array, requests, index)
             return _class_map(similarity, self.volume.geometry, request, propose)
 
     def segment(

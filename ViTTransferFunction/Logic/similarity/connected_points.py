@@ -12,31 +12,42 @@ over the pairs of the class's positive points; its negative points share its b.
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from .connectedness import SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8
-"""B: of a class none of whose points is joined to another by more than noise."""
+"""B: of a class whose many points are all joined."""
+FINELY_JOINED_POINTS = 60
+"""With more points than these, of all classes, one block a cell has to do: eight times as fast."""
 
 
 class ConnectedPoints:
     """Connectedness of the annotated points with all cells, kept from click to click.
 
     Args:
-        connectedness: of the volume.
+        fine: of the volume.
+        coarse: of the same, with fewer blocks.
     """
 
-    def __init__(self, connectedness: Connectedness) -> None:
-        self._connectedness = connectedness
+    def __init__(self, fine: Connectedness, coarse: Connectedness) -> None:
+        self._fine, self._coarse = fine, coarse
+        self._current = fine
         self._levels_of_key: dict[bytes, np.ndarray] = {}
 
-    def update(self, points_ras: np.ndarray) -> None:
-        """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone."""
+    def update(self, points_ras: np.ndarray) -> bool:
+        """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
+
+        Returns:
+            Whether what was known of the others still holds.
+        """
         points = {point.tobytes(): point for point in points_ras}
-        known = self._levels_of_key
+        before, self._current = self._current, self._fine if len(points) <= FINELY_JOINED_POINTS else self._coarse
+        known = self._levels_of_key if self._current is before else {}
         self._levels_of_key = {
-            key: known[key] if key in known else self._connectedness.from_point(point) for key, point in points.items()
+            key: known[key] if key in known else self._current.from_point(point) for key, point in points.items()
         }
+        return self._current is before
 
     def at(self, points_ras: np.ndarray, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """C of points (P, 3), which `update` was told of, at cells given by their indices (n,), (P, n) float32."""
@@ -56,18 +67,20 @@ def between_points(at_points: np.ndarray) -> np.ndarray:
     return between
 
 
-def shares(between: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> np.ndarray:
+def shares(points_ras: np.ndarray, between: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> np.ndarray:
     """B of each point, (P,) in [0, `LARGEST_SHARE`].
 
     Args:
+        points_ras: (P, 3) RAS millimetres; the same place counts once.
         between: (P, P) C of pairs of points, symmetric.
         classes: (P,) the class that each point belongs to.
         positive: (P,) bool, whether it is a positive point of that class.
     """
     found = np.empty(len(classes))
     for index in np.unique(classes):
-        own = (classes == index) & positive
-        count = np.count_nonzero(own)
+        own = np.flatnonzero((classes == index) & positive)
+        own = own[np.unique(points_ras[own], axis=0, return_index=True)[1]]
+        count = len(own)
         joined = np.triu(between[np.ix_(own, own)], 1).sum()
         found[classes == index] = LARGEST_SHARE * (joined + 0.5) / (count * (count - 1) / 2 + 1)
     return found
@@ -76,5 +89,24 @@ def shares(between: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> np
 def point_factors(between: np.ndarray, share: np.ndarray) -> np.ndarray:
     """What the kernel between points is multiplied by, (P, P): 1 on the diagonal; for two points of equal b, (1 − b) + b C."""
     unjoined = 1.0 - share
-    factors: np.ndarray = np.sqrt(np.outer(unjoined, unjoined)) + np.sqrt(np.outer(share, share)) * between
+    chained = np.sqrt(np.outer(share, share)) * joined_by_chains(between)
+    factors: np.ndarray = np.sqrt(np.outer(unjoined, unjoined)) + chained
     return factors
+
+
+def joined_by_chains(between: np.ndarray) -> np.ndarray:
+    """C of pairs of points where they may be joined by way of other points: the largest weakest link of any chain, (P, P).
+
+    C itself is no kernel: a point may be joined to two that are not joined to each other, and the regression's system of
+    equations then is indefinite, so that many points spoil the map. Chained, it is an ultrametric, which is positive
+    semidefinite always.
+
+    Args:
+        between: (P, P) C of pairs of points, symmetric with a diagonal of 1.
+    """
+    chained = np.zeros_like(between)
+    for similarity in SIMILARITIES[-2::-1]:  # From the weakest link up.
+        _, groups = connected_components(between >= similarity, directed=False)
+        chained[groups[:, None] == groups] = similarity
+    np.fill_diagonal(chained, 1.0)
+    return chained

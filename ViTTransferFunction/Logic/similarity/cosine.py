@@ -44,7 +44,9 @@ class CosineSimilarity:
         """See `SimilarityRule`."""
         return _iso(similarity, self._features.geometry, requests, index)
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+    def refined_iso(
+        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+    ) -> IsoProposals:
         """See `SimilarityRule`."""
         return _iso(similarity, self._volume_geometry, requests, index)
 
@@ -85,5 +87,5 @@ def _iso(similarity: np.ndarray, geometry: Geometry, requests: Sequence[ClassReq
     request = requests[index]
     others = [other.positive[~request.claims(other.positive)] for other in requests]
     positive, negative = request.positive, np.concatenate([request.negative, *others])
-    at_points = (sample_at(similarity[..., None], geometry, points) for points in (positive, negative))
-    return proposals_around(iso_between_points(*at_points))
+    at_positives, at_negatives = (sample_at(similarity[..., None], geometry, points) for points in (positive, negative))
+    return proposals_around(iso_between_points(at_positives, at_negatives), at_positives)

@@ -17,6 +17,8 @@ from ..core.iso_proposals import LARGEST_ISO, SMALLEST_ISO, IsoProposals
 
 POINTS_TO_HALF = 1.5
 """κ."""
+MOST_POINTS = 6
+"""More points than these do not raise the prior: they are a brush's, or many parts', and maps do not rise as far."""
 PRIOR_WEIGHT = 0.5
 """What a factor of e between iso value and prior costs, in units of the volume's mean edge strength."""
 SOFTNESS = 0.3
@@ -33,8 +35,13 @@ STABILITY_FLOOR = 0.02
 STABILITY_SAMPLES = 2_000_000
 """At most this many voxels of a refined map are looked at, spread evenly."""
 LOWEST_LEVEL = 0.01
+LARGEST_LOWERING = 0.3
+"""Of a map at its points by refinement, as far as the prior follows it."""
 SMALLER, LARGER = 1.7, 0.3
 """Iso values of the smaller and the larger proposal over the chosen one."""
+SMALLER_SHARE_OF_POSITIVES = 0.95
+LEAST_STEP = 1.05
+"""Of the smaller proposal over the chosen one, whatever else: a step must do something."""
 ISO_WITHOUT_NEGATIVES = 0.5
 """Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
 LARGEST_SHARE_OF_POSITIVES = 0.8
@@ -45,7 +52,23 @@ _LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
 
 def prior_iso(positive_count: int) -> float:
     """The iso value of a class with this many different positive points, before the image is looked at."""
-    return 0.5 * positive_count / (positive_count + POINTS_TO_HALF)
+    count = min(positive_count, MOST_POINTS)
+    return 0.5 * count / (count + POINTS_TO_HALF)
+
+
+def refined_prior(prior: float, coarse_at_positives: np.ndarray, at_positives: np.ndarray) -> float:
+    """The prior of a refined map: half as far below that of S_L, on a logarithmic scale, as the map is at the points.
+
+    Refinement averages along with voxels alike, and so lowers the map of a structure most of which was far below its points:
+    what the image says of the structure's whole, which the number of points does not.
+
+    Args:
+        prior: from `prior_iso`.
+        coarse_at_positives: (P, …) values of S_L at the class's positive points, P ≥ 1.
+        at_positives: (P,) values of S_H there.
+    """
+    lowered = float(np.median(at_positives)) / max(float(np.median(coarse_at_positives)), SMALLEST_ISO)
+    return prior * float(np.sqrt(np.clip(lowered, LARGEST_LOWERING, 1.0)))
 
 
 def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float) -> float:
@@ -86,9 +109,15 @@ def choose_refined_iso(
     return _near_prior(gain, REFINED_SOFTNESS, at_positives)
 
 
-def proposals_around(iso: float) -> IsoProposals:
-    """A chosen iso value with those of a smaller and of a larger structure."""
-    return IsoProposals(min(SMALLER * iso, max(LARGEST_ISO, iso)), iso, LARGER * iso)
+def proposals_around(iso: float, at_positives: np.ndarray) -> IsoProposals:
+    """A chosen iso value with those of a larger structure, and of a smaller one that still holds most of the clicked points.
+
+    Args:
+        iso: the chosen one.
+        at_positives: (P, …) values of the map at the class's positive points, P ≥ 1.
+    """
+    highest = min(SMALLER_SHARE_OF_POSITIVES * float(np.median(at_positives)), LARGEST_ISO)
+    return IsoProposals(max(min(SMALLER * iso, highest), LEAST_STEP * iso), iso, LARGER * iso)
 
 
 def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) -> np.ndarray:

@@ -14,7 +14,8 @@ Two places are alike when their features, their intensities and their positions 
 
     k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
 
-For an annotated point, it is also multiplied by how nearly the place is joined to it (`connected_points`).
+Where p is an annotated point it is multiplied by (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and
+between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`).
 """
 
 from __future__ import annotations
@@ -33,8 +34,8 @@ from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
 from .connected_points import ConnectedPoints, between_points, point_factors, shares
-from .connectedness import Connectedness
-from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around
+from .connectedness import BLOCKS_PER_CELL, Connectedness
+from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around, refined_prior
 from .kernel_rows import KernelRows
 
 FEATURE_SHARPNESS = 2.5
@@ -83,8 +84,9 @@ class KernelRidge:
         rows = self._kernel(self._background, self._cells)
         self._background_kernel = rows[:, background].astype(np.float64)
         self._rows = KernelRows(rows)
-        connectedness = Connectedness(volume, features.geometry, display_window(volume).width)
-        self._connected = ConnectedPoints(connectedness)
+        width = display_window(volume).width
+        fine, coarse = (Connectedness(volume, features.geometry, width, per_cell) for per_cell in (BLOCKS_PER_CELL, 1))
+        self._connected = ConnectedPoints(fine, coarse)
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
@@ -95,9 +97,10 @@ class KernelRidge:
         """See `SimilarityRule`."""
         annotated = _annotated(requests)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
-        self._connected.update(annotated.points_ras)
+        if not self._connected.update(annotated.points_ras):
+            self._rows.forget_points()
         between = between_points(self._connected.at(annotated.points_ras, self._cells_at(annotated.points_ras)))
-        share = shares(between, annotated.classes, annotated.positive)
+        share = shares(annotated.points_ras, between, annotated.classes, annotated.positive)
         point_weights, background_weights = self._weights(annotated, points, between, share)
         rows = self._rows.indices(
             [position.tobytes() for position in annotated.points_ras], lambda fresh: self._rows_of(annotated, points, fresh)
@@ -119,7 +122,8 @@ class KernelRidge:
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
         """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
         geometry = self._features.geometry
-        kji = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
+        # Not rounded to even: on the border between two cells, the one that `Connectedness` begins in.
+        kji = np.floor(geometry.ras_to_ijk(points_ras)[:, ::-1] + 0.5).astype(int)
         cells: np.ndarray = np.ravel_multi_index(tuple(kji.T), geometry.shape, mode="clip")
         return cells
 
@@ -133,17 +137,22 @@ class KernelRidge:
         request = requests[index]
         at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
         similarity = similarity.ravel()[self._iso_cells]
-        return proposals_around(choose_iso_by_edges(similarity, self._edge_strength, at_positives, _prior(request)))
+        iso = choose_iso_by_edges(similarity, self._edge_strength, at_positives, _prior(request))
+        return proposals_around(iso, at_positives)
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+    def refined_iso(
+        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+    ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives, at_cells = (
             sample_at(similarity[..., None], self._volume_geometry, points)[:, 0]
             for points in (request.positive, self._iso_cells_ras)
         )
-        iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, _prior(request))
-        return proposals_around(iso)
+        coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
+        prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
+        iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, prior)
+        return proposals_around(iso, at_positives)
 
     def _weights(
         self, annotated: _Annotated, points: _Places, between: np.ndarray, share: np.ndarray

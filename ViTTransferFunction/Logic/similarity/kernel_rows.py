@@ -14,12 +14,13 @@ ROWS_AT_ONCE = 32
 
 
 ROWS_OF_POINT = 2
+"""A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
 
 
 class KernelRows:
     """Kernels with all cells: first one row for each background cell, then two for each point, which come and go.
 
-    Rows are kept from click to click, so that a click costs one new row and one product with all of them. That product waits
+    Rows are kept from click to click, so that a click costs two new rows and one product with all of them. That product waits
     for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
     """
 
@@ -57,6 +58,10 @@ class KernelRows:
         self.count = _whole_blocks(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
+
+    def forget_points(self) -> None:
+        """Whatever point comes next, its rows are made anew."""
+        self._row_of_key = {}
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):

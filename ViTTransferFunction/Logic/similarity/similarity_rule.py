@@ -27,8 +27,10 @@ class SimilarityRule(Protocol):
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """The thresholds that the index-th class's S_L (K', J', I') may have."""
 
-    def refined_iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
-        """The thresholds that the index-th class's S_H (K, J, I) on the volume's voxels may have."""
+    def refined_iso(
+        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+    ) -> IsoProposals:
+        """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L."""
 
 
 def similarity_rule(method: SimilarityMethod, features: NormalisedFeatures, volume: Volume) -> SimilarityRule:

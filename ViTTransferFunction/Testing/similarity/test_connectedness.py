@@ -106,7 +106,8 @@ def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
 
 def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
-    connected = ConnectedPoints(Connectedness(volume, volume.geometry.resized(CELLS), WIDTH))
+    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WIDTH)
+    connected = ConnectedPoints(connectedness, connectedness)
     asked = []
     original = Connectedness.from_point
 
@@ -121,6 +122,9 @@ def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: py
     assert len(asked) == 3
 
 
+THREE_PLACES = np.arange(9.0).reshape(3, 3)
+
+
 def of_three(first_two: float, to_third: float) -> np.ndarray:
     """C between three points."""
     return np.array([[1.0, first_two, to_third], [first_two, 1.0, to_third], [to_third, to_third, 1.0]])
@@ -128,16 +132,24 @@ def of_three(first_two: float, to_third: float) -> np.ndarray:
 
 def test_a_class_whose_points_are_joined_counts_on_it_and_one_of_two_parts_does_not() -> None:
     own = np.zeros(3, dtype=int)
-    together, apart = (shares(of_three(joined, joined), own, np.ones(3, dtype=bool)) for joined in (1.0, 0.0))
+    together, apart = (shares(THREE_PLACES, of_three(joined, joined), own, np.ones(3, dtype=bool)) for joined in (1.0, 0.0))
     np.testing.assert_allclose(together, LARGEST_SHARE * 3.5 / 4.0)
     np.testing.assert_allclose(apart, LARGEST_SHARE * 0.5 / 4.0)
+
+
+def test_the_same_place_clicked_again_counts_once() -> None:
+    places = THREE_PLACES[[0, 1, 1]]
+    between = np.array([[1.0, 0.2, 0.2], [0.2, 1.0, 1.0], [0.2, 1.0, 1.0]])
+    once = shares(places[:2], between[:2, :2], np.zeros(2, dtype=int), np.ones(2, dtype=bool))
+    again = shares(places, between, np.zeros(3, dtype=int), np.ones(3, dtype=bool))
+    assert again[0] == once[0]
 
 
 def test_negative_points_and_other_classes_have_no_say_but_share_their_own_class_s() -> None:
     classes, positive = np.array([0, 0, 0, 1]), np.array([True, True, False, True])
     between = np.eye(4)
     between[0, 1] = between[1, 0] = 1.0
-    found = shares(between, classes, positive)
+    found = shares(np.arange(12.0).reshape(4, 3), between, classes, positive)
     np.testing.assert_allclose(found, LARGEST_SHARE * np.array([0.75, 0.75, 0.75, 0.5]))
 
 
@@ -154,3 +166,25 @@ def test_factors_between_points_keep_their_own_weight_and_never_exceed_it(
     np.testing.assert_array_equal(factors, factors.T)
     assert factors.min() >= 0.0
     assert factors.max() <= 1.0 + 1e-12
+
+
+def test_points_that_are_joined_by_way_of_a_third_leave_the_kernel_positive_semidefinite() -> None:
+    joined = SIMILARITIES[0]
+    # A star: one point is joined to all others, of which no two are joined.
+    between = np.eye(12)
+    between[0, 1:] = between[1:, 0] = joined
+    factors = point_factors(between, np.full(12, 0.6))
+    assert np.linalg.eigvalsh(factors).min() > -1e-6
+
+
+def test_the_kernel_of_many_points_in_a_textured_structure_is_positive_semidefinite() -> None:
+    generator = np.random.default_rng(0)
+    voxels = 20.0 * generator.normal(size=(16, 16, 16)).cumsum(axis=0) / 3.0
+    volume = Volume(voxels, Geometry(voxels.shape, np.eye(4)))
+    cells = volume.geometry.resized((8, 8, 8))
+    connectedness = Connectedness(volume, cells, window_width=400.0)
+    places = generator.choice(512, 120, replace=False)
+    points = cells.voxel_centres_ras()[places]
+    at_points = np.stack([SIMILARITIES[connectedness.from_point(point)[places]] for point in points])
+    factors = point_factors(between_points(at_points), np.full(120, 0.6))
+    assert np.linalg.eigvalsh(factors).min() > -1e-6

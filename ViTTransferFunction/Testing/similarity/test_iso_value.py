@@ -12,17 +12,31 @@ from ViTTransferFunction.Logic.similarity.iso_value import (
     edge_strength_at,
     iso_between_points,
     prior_iso,
+    proposals_around,
+    refined_prior,
 )
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
 SPACING_MM = (2.0, 2.0, 2.0)
 
 
-def test_the_prior_rises_from_a_fifth_towards_a_half() -> None:
-    isos = [prior_iso(count) for count in (1, 2, 5, 100)]
-    assert isos == sorted(isos)
+def test_the_prior_rises_from_a_fifth_with_the_first_points_and_then_stays() -> None:
+    isos = [prior_iso(count) for count in (1, 2, 5, 6)]
+    assert isos == sorted(set(isos))
     assert isos[0] == pytest.approx(0.2)
-    assert 0.49 < isos[-1] < 0.5
+    assert prior_iso(100) == isos[-1] < 0.5
+
+
+@pytest.mark.parametrize(("at_refined", "share"), [(0.8, 1.0), (0.2, 0.5), (0.01, 0.3**0.5), (1.0, 1.0)])
+def test_the_refined_prior_follows_the_map_half_way_down(at_refined: float, share: float) -> None:
+    assert refined_prior(0.2, np.full((3, 1), 0.8), np.full(3, at_refined)) == pytest.approx(0.2 * share)
+
+
+def test_the_smaller_proposal_keeps_the_points_and_no_step_is_empty() -> None:
+    proposals = proposals_around(0.4, np.array([0.5, 0.5, 0.9]))
+    assert proposals.smaller == pytest.approx(0.475)
+    tight = proposals_around(0.5, np.array([0.5]))
+    assert tight.larger < tight.chosen < tight.smaller
 
 
 @pytest.mark.parametrize("level", [0.2, 0.3, 0.45])

@@ -136,3 +136,15 @@ def test_voxels_that_are_not_finite_do_not_spread(similarity: KernelRidge, block
     maps = KernelRidge(features, Volume(damaged, volume.geometry)).maps([a_class("a", IN_LEFT)])
     assert np.isfinite(maps).all()
     assert np.abs(maps[0][LEFT] - clean[0][LEFT]).max() < 0.05
+
+
+def test_a_point_on_the_border_between_cells_is_joined_to_its_own_cell() -> None:
+    generator = np.random.default_rng(0)
+    # Five voxels for two cells: every fifth voxel centre lies on a border.
+    volume = Volume(generator.normal(0.0, 100.0, (20, 20, 20)), Geometry((20, 20, 20), np.eye(4)))
+    features = FeatureVolume(generator.normal(size=(8, 8, 8, 6)), volume.geometry.resized((8, 8, 8)), "key")
+    rule = KernelRidge(normalised_features(features, "whitened"), volume)
+    points = np.array([[float(i), float(j), float(k)] for i in (2, 7, 12) for j in (2, 7, 12) for k in (2, 7, 12)])
+    rule._connected.update(points)
+    own = np.diag(rule._connected.at(points, rule._cells_at(points)))
+    assert own.min() > 0.9
