@@ -27,7 +27,7 @@ def test_the_prior_rises_from_a_fifth_with_the_first_points_and_then_stays() -> 
     assert prior_iso(100) == isos[-1] < 0.5
 
 
-@pytest.mark.parametrize(("at_refined", "share"), [(0.8, 1.0), (0.2, 0.5), (0.01, 0.3**0.5), (1.0, 1.0)])
+@pytest.mark.parametrize(("at_refined", "share"), [(0.8, 1.0), (0.4, 0.5**0.5), (0.01, 0.3**0.5), (1.0, 1.0)])
 def test_the_refined_prior_follows_the_map_half_way_down(at_refined: float, share: float) -> None:
     assert refined_prior(0.2, np.full((3, 1), 0.8), np.full(3, at_refined)) == pytest.approx(0.2 * share)
 
