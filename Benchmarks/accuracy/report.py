@@ -10,6 +10,7 @@ from Benchmarks.accuracy import published_figures as published
 from Benchmarks.accuracy.cases import GROUPS
 from Benchmarks.accuracy.click_changes import ChangeSummary, in_rounds, of_the_clicked, of_the_others, summarised
 from Benchmarks.accuracy.comparison import lead_of, methods_on
+from Benchmarks.accuracy.earlier import Cases, before_and_now
 from Benchmarks.accuracy.failures import Failure, plot_failures
 from Benchmarks.accuracy.figures import COLUMNS, Figures, column_of, figures_of, names_of
 from Benchmarks.accuracy.goals import goals_reached
@@ -41,17 +42,17 @@ one structure after the other on one path, the others as they are; of these, the
 Run = dict[str, Any]
 
 
-def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path) -> None:
-    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png."""
+def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path, earlier: Cases) -> None:
+    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside."""
     runs = report["runs"]
     # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
     figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
-    write_results(folder, "accuracy", figures, text(report))
+    write_results(folder, "accuracy", figures, text(report, earlier))
     plot_iou(runs, folder / "accuracy_iou.png")
     plot_failures(failures, folder / "accuracy_failures.png")
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: dict[str, Any], earlier: Cases) -> str:
     """The report for people."""
     runs = report["runs"]
     compared = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
@@ -61,6 +62,7 @@ def text(report: dict[str, Any]) -> str:
         "Command: `python dev.py bench accuracy`. Dice by structure, path and click is in `accuracy.json`.",
         _CAPTION,
         *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
+        *(("## Before and now", before_and_now(earlier, summary(runs)["cases"])) if earlier else ()),
         "## Goals",
         _goals(runs),
         "## A click never hurts",

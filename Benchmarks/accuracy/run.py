@@ -19,10 +19,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 from Benchmarks.accuracy.baseline_classifiers import ClassifierKind
 from Benchmarks.accuracy.cases import ALL_CASES, CaseGroup, group_of
+from Benchmarks.accuracy.earlier import read_earlier
 from Benchmarks.accuracy.failures import Failure, worst_structures
 from Benchmarks.accuracy.methods import DEFAULT, METHODS, TRUE_SAMPLES, Method, Segment
 from Benchmarks.accuracy.report import write_report
@@ -63,7 +65,7 @@ def main() -> None:
             runs += of_case
             failures += bench.failures(of_case)
     report = {"model": weights.model.name, "machine": machine(), "paths": options.paths, "runs": runs}
-    write_report(report, failures, options.results)
+    write_report(report, failures, options.results, read_earlier(options.earlier) if options.earlier else {})
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -72,6 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"clicks for each structure (default {ROUNDS})")
     parser.add_argument("--methods", nargs="*", choices=[method.name for method in METHODS], help="only these and the default")
     parser.add_argument("--true-samples", action="store_true", help="also classifiers trained on thousands of voxels")
+    parser.add_argument("--earlier", type=Path, help="accuracy.json of an earlier version, to be put beside this one's figures")
     return parser
 
 

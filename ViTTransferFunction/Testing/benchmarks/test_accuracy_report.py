@@ -11,6 +11,7 @@ import pytest
 
 from Benchmarks.accuracy.click_changes import ClickChange, in_rounds, of_the_clicked, of_the_others, summarised
 from Benchmarks.accuracy.comparison import lead_of, leads
+from Benchmarks.accuracy.earlier import before_and_now
 from Benchmarks.accuracy.figures import figures_of, spread
 from Benchmarks.accuracy.goals import goals_reached
 from Benchmarks.accuracy.summary import summary
@@ -140,7 +141,7 @@ def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: Lab
 
     clicks = [[Click((16, 20, 12), True)]] * 3
     failures = worst_structures("spheres", labelled, clicks, np.roll(labelled.truth, 3, axis=2))
-    write_report({"model": "m", "machine": machine("cpu"), "paths": 2, "runs": RUNS}, failures, tmp_path)
+    write_report({"model": "m", "machine": machine("cpu"), "paths": 2, "runs": RUNS}, failures, tmp_path, {})
     text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
     assert "| torso_small | 2 | 2 | 0.550 ± 0.141 | 0.625 ± 0.141 | 0.600 ± 0.141 | 0.675 ± 0.071 |" in text
     assert "| torso_small | threshold | 2 | 0.400 ± 0.000 | 0.450 ± 0.000 | – |" in text
@@ -177,3 +178,13 @@ def test_a_failure_is_shown_in_the_slice_that_holds_most_of_it(labelled: Labelle
     # Across J: rows are slices of 3 mm, columns 2 mm.
     assert failure.pixel_mm == (3.0, 2.0)
     assert failure.truth.sum() == 24 * 32
+
+
+def test_an_earlier_run_is_put_beside_this_one_where_both_have_a_volume() -> None:
+    cases = summary(RUNS)["cases"]
+    name = next(iter(cases))
+    lines = before_and_now({name: cases[name], "another": cases[name]}, cases).splitlines()
+    assert lines[2].startswith(f"| **{name}** | mean, clicks alone |")
+    first = [cell.strip() for cell in lines[2].split("|")][3:5]
+    assert first[0] == first[1] != "–"
+    assert not any("another" in line for line in lines)
