@@ -18,8 +18,8 @@ from .connectedness import SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8
 """B: of a class whose many points are all joined."""
-FINELY_JOINED_POINTS = 60
-"""With more points than these, of all classes, one block a cell has to do: eight times as fast."""
+FINELY_JOINED_POINTS = 400
+"""With more points than these, of all classes, one block a cell has to do: eight times as fast, and less able to tell."""
 
 
 class ConnectedPoints:
