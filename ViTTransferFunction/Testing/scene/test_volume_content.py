@@ -133,7 +133,8 @@ def test_what_runs_for_a_frame_is_finished_before_the_next_one_is_taken_up(
         new_session.poll()
     sequence.show(2)
     seen = seen_until_rest(new_session)
-    assert seen[0] == ("extracting", Frame(1, 2))
+    # On a busy computer it may have ended before it is looked at.
+    assert seen[0] in (("extracting", Frame(1, 2)), ("ready", Frame(1, 2)))
     assert ("ready", Frame(1, 2)) in seen
     assert seen[-1] == ("ready", Frame(2, 2))
 
