@@ -183,28 +183,30 @@ def _best(runs: Sequence[Run], case: str, structure: str) -> str:
 
 def _by_annotations(runs: Sequence[Run], cases: Sequence[str]) -> str:
     rows = []
-    for method in names_of(runs, "method"):
-        kind = "own" if method == DEFAULT.name else "true samples" if "true samples" in method else "same"
-        measured = [figures_of(runs, case, method, kind) for case in cases]
-        for clicks in dict.fromkeys(n for figures in measured for n in figures.clicks):
-            if clicks == TYPICAL_CLICKS or kind == "true samples":
-                at = [[figures.mean(clicks, metric) for figures in measured] for metric in METRICS]
-                means = [[found.mean for found in of_metric if found] for of_metric in at]
-                rows.append([clicks, method, *(number(sum(values) / len(values)) for values in means)])
+    for method, clicks, measured in _by_method(runs, cases):
+        at = [[figures.mean(clicks, metric) for figures in measured] for metric in METRICS]
+        means = [[found.mean for found in of_metric if found] for of_metric in at]
+        rows.append([clicks, method, *(number(sum(values) / len(values)) for values in means)])
     return table(["annotations a structure", "method", *(metric.replace("_", " ") for metric in METRICS)], rows)
 
 
 def _seconds(runs: Sequence[Run], cases: Sequence[str]) -> str:
     rows = []
+    for method, clicks, measured in _by_method(runs, cases):
+        seconds = [figures.mean(clicks, "seconds") for figures in measured]
+        name = method if clicks == TYPICAL_CLICKS else f"{method}, {clicks}"
+        rows.append([name, *(number(found.mean if found else None, 2) for found in seconds)])
+    return table(["method", *cases], rows)
+
+
+def _by_method(runs: Sequence[Run], cases: Sequence[str]) -> Iterator[tuple[str, str, list[Figures]]]:
+    """Each method, at the typical number of clicks or at all its numbers of true samples, with its figures of the cases."""
     for method in names_of(runs, "method"):
         kind = "own" if method == DEFAULT.name else "true samples" if "true samples" in method else "same"
         measured = [figures_of(runs, case, method, kind) for case in cases]
         for clicks in dict.fromkeys(n for figures in measured for n in figures.clicks):
             if clicks == TYPICAL_CLICKS or kind == "true samples":
-                seconds = [figures.mean(clicks, "seconds") for figures in measured]
-                name = method if clicks == TYPICAL_CLICKS else f"{method}, {clicks}"
-                rows.append([name, *(number(found.mean if found else None, 2) for found in seconds)])
-    return table(["method", *cases], rows)
+                yield method, clicks, measured
 
 
 def _published() -> str:
