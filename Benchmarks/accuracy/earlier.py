@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from Benchmarks.accuracy.figures import COLUMNS
-from Benchmarks.shared.report_tables import number, table
+from Benchmarks.shared.report_tables import table, with_spread
 
 COMPARED_CLICKS = ("1", "3", "5")
 
@@ -40,5 +40,4 @@ def _rows(case: str, before: Cases, now: Cases) -> Iterator[list[str]]:
 
 
 def _pair(pair: list[float | None] | None) -> str:
-    mean, sd = pair or (None, None)
-    return number(mean) if sd is None else f"{number(mean)} ± {number(sd)}"
+    return with_spread(*(pair or (None, None)))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from Benchmarks.accuracy.methods import DEFAULT
-from Benchmarks.shared.report_tables import number
+from Benchmarks.shared.report_tables import with_spread
 
 Run = dict[str, Any]
 
@@ -30,7 +30,7 @@ class Spread(NamedTuple):
     paths: int
 
     def __str__(self) -> str:
-        return number(self.mean) if self.sd is None else f"{number(self.mean)} ± {number(self.sd)}"
+        return with_spread(self.mean, self.sd)
 
 
 def spread(values: Sequence[float]) -> Spread:

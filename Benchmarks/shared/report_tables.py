@@ -16,6 +16,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
+def with_spread(mean: float | None, sd: float | None) -> str:
+    """A mean and its standard deviation, where there is one."""
+    return number(mean) if sd is None else f"{number(mean)} ± {number(sd)}"
+
+
 def number(value: float | None, digits: int = 3) -> str:
     """A figure, or a dash where there is none."""
     return "–" if value is None else f"{value:.{digits}f}"

@@ -13,9 +13,8 @@ import numpy as np
 
 from ..core.class_map import ClassMap
 from ..core.colors import Color
-from ..core.iso_proposals import SMALLEST_ISO
 from ..core.stepped_work import SteppedWork, Steps
-from ..session.labels import keep_annotated_components
+from ..session.labels import keep_annotated_components, over_iso
 from .contours import Contours, OutlineStyle, Surface, iso_surface
 
 if TYPE_CHECKING:
@@ -143,14 +142,14 @@ def _claimed(others: tuple[ClassMap, ...], shape: tuple[int, ...]) -> np.ndarray
     """By which factor the other classes exceed their iso values at most, (K', J', I')."""
     most = np.zeros(shape, dtype=np.float32)
     for other in others:
-        np.maximum(most, other.array / np.float32(max(other.iso, SMALLEST_ISO)), out=most)
+        np.maximum(most, over_iso(other.array, other.iso), out=most)
     return most
 
 
 def _inside(proposals: Proposals, iso: float, claimed: np.ndarray) -> np.ndarray:
     """(K', J', I') uint16: 1 in the cells that the class gets at an iso value."""
     array = proposals.map.array
-    inside = ((array >= iso) & (array / np.float32(max(iso, SMALLEST_ISO)) > claimed)).astype(np.uint16)
+    inside = ((array >= iso) & (over_iso(array, iso) > claimed)).astype(np.uint16)
     if proposals.only_annotated_components:
         keep_annotated_components(inside, 1, proposals.map.geometry, proposals.points_ras)
     return inside

@@ -26,11 +26,17 @@ def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, in
     labels = np.zeros(shape, dtype=np.uint16)
     best = np.ones(shape, dtype=np.float32)
     for label, (similarity, iso) in enumerate(maps, start=1):
-        ratio = similarity / np.float32(max(iso, SMALLEST_ISO))
+        ratio = over_iso(similarity, iso)
         wins = (ratio > best) | ((labels == 0) & (ratio >= 1.0))
         labels[wins] = label
         best[wins] = ratio[wins]
     return labels
+
+
+def over_iso(similarity: np.ndarray, iso: float) -> np.ndarray:
+    """By which factor a map (any shape) exceeds its iso value: what classes compete by."""
+    ratio: np.ndarray = similarity / np.float32(max(iso, SMALLEST_ISO))
+    return ratio
 
 
 def count_labels(labels: np.ndarray, count: int) -> list[int]:

@@ -11,10 +11,13 @@ over the pairs of the class's positive points; its negative points share its b.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
+
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from .connectedness import SIMILARITIES, Connectedness
+from .connectedness import BLOCKS_PER_CELL, SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8
 """B: of a class whose many points are all joined."""
@@ -26,14 +29,18 @@ class ConnectedPoints:
     """Connectedness of the annotated points with all cells, kept from click to click.
 
     Args:
-        fine: of the volume.
-        coarse: of the same, with fewer blocks.
+        connectedness: makes that of the volume, with so many blocks per cell.
     """
 
-    def __init__(self, fine: Connectedness, coarse: Connectedness) -> None:
-        self._fine, self._coarse = fine, coarse
-        self._current = fine
+    def __init__(self, connectedness: Callable[[int], Connectedness]) -> None:
+        self._make = connectedness
+        self._current = self._fine = connectedness(BLOCKS_PER_CELL)
         self._levels_of_key: dict[bytes, np.ndarray] = {}
+
+    @cached_property
+    def _coarse(self) -> Connectedness:
+        # It takes a walk through the volume, and few users ever place so many points.
+        return self._make(1)
 
     def update(self, points_ras: np.ndarray) -> bool:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
@@ -68,7 +75,7 @@ def between_points(at_points: np.ndarray) -> np.ndarray:
 
 
 def shares(points_ras: np.ndarray, between: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> np.ndarray:
-    """B of each point, (P,) in [0, `LARGEST_SHARE`].
+    """The share b of each point, (P,) in [0, `LARGEST_SHARE`].
 
     Args:
         points_ras: (P, 3) RAS millimetres; the same place counts once.

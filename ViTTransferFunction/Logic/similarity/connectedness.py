@@ -58,15 +58,11 @@ class Connectedness:
         Returns:
             (cells,) uint8.
         """
-        levels = self._levels(self._block_of(point_ras))
+        (block,) = blocks_at(point_ras[None], self._cells, self._per_cell)
+        levels = self._levels(tuple(block.tolist()))
         per, (k, j, i) = self._per_cell, self._cells.shape
         of_cells: np.ndarray = levels.reshape(k, per, j, per, i, per).min(axis=(1, 3, 5)).ravel()
         return of_cells
-
-    def _block_of(self, point_ras: np.ndarray) -> tuple[int, ...]:
-        kji = self._cells.ras_to_ijk(point_ras[None])[0, ::-1]
-        block = np.floor((kji + 0.5) * self._per_cell).astype(int)
-        return tuple(np.clip(block, 0, np.array(self._blocks.shape) - 1).tolist())
 
     def _levels(self, block: tuple[int, ...]) -> np.ndarray:
         """The index of the smallest tolerance that joins each block to one of them, (blocks of K, J, I) uint8.
@@ -89,6 +85,20 @@ class Connectedness:
             within, difference, view = own[box], difference[box], view[box]
             seed = tuple(index - extent.start for index, extent in zip(seed, box, strict=True))
         return levels
+
+
+def blocks_at(points_ras: np.ndarray, cells: Geometry, blocks_per_cell: int = 1) -> np.ndarray:
+    """The block that holds each point, or the nearest one: its index along (K, J, I), (P, 3).
+
+    Args:
+        points_ras: (P, 3) RAS millimetres.
+        cells: of which the blocks are parts.
+        blocks_per_cell: along each axis; 1 for the cells themselves.
+    """
+    kji = cells.ras_to_ijk(points_ras)[:, ::-1]
+    blocks = np.floor((kji + 0.5) * blocks_per_cell).astype(int)
+    nearest: np.ndarray = np.clip(blocks, 0, blocks_per_cell * np.array(cells.shape) - 1)
+    return nearest
 
 
 def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
 from .connected_points import ConnectedPoints, between_points, point_factors, shares
-from .connectedness import BLOCKS_PER_CELL, Connectedness
+from .connectedness import Connectedness, blocks_at
 from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around, refined_prior
 from .kernel_rows import KernelRows
 
@@ -84,9 +85,7 @@ class KernelRidge:
         rows = self._kernel(self._background, self._cells)
         self._background_kernel = rows[:, background].astype(np.float64)
         self._rows = KernelRows(rows)
-        width = display_window(volume).width
-        fine, coarse = (Connectedness(volume, features.geometry, width, per_cell) for per_cell in (BLOCKS_PER_CELL, 1))
-        self._connected = ConnectedPoints(fine, coarse)
+        self._connected = ConnectedPoints(partial(Connectedness, volume, features.geometry, display_window(volume).width))
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
@@ -122,9 +121,7 @@ class KernelRidge:
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
         """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
         geometry = self._features.geometry
-        # Not rounded to even: on the border between two cells, the one that `Connectedness` begins in.
-        kji = np.floor(geometry.ras_to_ijk(points_ras)[:, ::-1] + 0.5).astype(int)
-        cells: np.ndarray = np.ravel_multi_index(tuple(kji.T), geometry.shape, mode="clip")
+        cells: np.ndarray = np.ravel_multi_index(tuple(blocks_at(points_ras, geometry).T), geometry.shape)
         return cells
 
     def _rows_of(self, annotated: _Annotated, points: _Places, index: int) -> np.ndarray:
@@ -233,9 +230,8 @@ def _annotated(requests: Sequence[ClassRequest]) -> _Annotated:
         positive[:, index], negative[:, index] = 1.0, 0.0
         points += [request.positive, request.negative]
         targets += [positive, negative]
-    classes = np.repeat(np.arange(len(points)) // 2, [len(of_polarity) for of_polarity in points])
-    polarities = np.repeat(np.arange(len(points)) % 2 == 0, [len(of_polarity) for of_polarity in points])
-    return _Annotated(np.concatenate(points), np.concatenate(targets), classes, polarities)
+    part = np.repeat(np.arange(len(points)), [len(of_polarity) for of_polarity in points])
+    return _Annotated(np.concatenate(points), np.concatenate(targets), classes=part // 2, positive=part % 2 == 0)
 
 
 def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -107,7 +107,7 @@ def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
 def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
     connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WIDTH)
-    connected = ConnectedPoints(connectedness, connectedness)
+    connected = ConnectedPoints(lambda _: connectedness)
     asked = []
     original = Connectedness.from_point
 
