@@ -100,7 +100,7 @@ def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for name, message in (
         ("scan.nrrd", "cannot be read"),
-        ("letter.txt", "cannot be read"),
+        ("letter.txt", "of no known format"),
         ("empty", "no DICOM"),
         ("none", "no file"),
     ):
