@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -23,6 +24,9 @@ logger = logging.getLogger(__name__)
 
 LARGEST_SPACING_DEVIATION = 0.01
 """Relative deviation of slice distances above which a DICOM series is not a regular grid."""
+
+RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png")
+"""Endings of files that are no slices: results may be written, and written again, beside a DICOM series."""
 
 SMALLEST_EXTENT_MM = 2.0
 """A whole body in metres is shorter; what is imaged at one micrometre is longer."""
@@ -74,7 +78,7 @@ def files_of(path: Path) -> list[Path]:
         InputError: the volume is missing, or its header cannot be used.
     """
     if is_folder(path):
-        return [entry for entry in _entries(path) if entry.is_file()]
+        return [entry for entry in _entries(path) if not entry.name.lower().endswith(RESULTS)]
     stored = locate_voxels(path)
     return [path] if stored is None else [path, stored.path]
 
@@ -229,5 +233,6 @@ def _name(path: Path) -> str:
 
 
 def last_line(error: Exception) -> str:
-    """SimpleITK's own sentence, without the C++ source lines above it."""
-    return str(error).strip().splitlines()[-1].strip()
+    """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
+    lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
+    return lines[-1] if lines else repr(error)
