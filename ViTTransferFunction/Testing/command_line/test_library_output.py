@@ -12,12 +12,13 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.library_output import silenced_libraries
+from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Testing.support.programs import MODULE
 
 COMMAND = [sys.executable, "-m", "ViTTransferFunction.CommandLine.vittf"]
 
 
-def errors_of(arguments: list[str], folder: Path) -> list[str]:
+def errors_of_a_process(arguments: list[str], folder: Path) -> list[str]:
     """The lines that `vittf` prints to the error stream, as it refuses."""
     environment = {**os.environ, "PYTHONPATH": str(MODULE.parent), "VITTF_CACHE": str(folder)}
     finished = subprocess.run([*COMMAND, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -25,17 +26,19 @@ def errors_of(arguments: list[str], folder: Path) -> list[str]:
     return finished.stderr.splitlines()
 
 
-def test_a_refusal_is_one_line_and_more_only_where_it_is_asked_for(tmp_path: Path) -> None:
+def test_a_refusal_is_one_line_and_more_only_where_it_is_asked_for(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     # ITK itself has something to say of this one.
     sitk.WriteImage(sitk.GetImageFromArray(np.ones((4, 5, 6), np.float32)), str(tmp_path / "scan.nii"))
     content = bytearray((tmp_path / "scan.nii").read_bytes())
     content[80:84] = np.float32(-2.0).tobytes()
     (tmp_path / "scan.nii").write_bytes(content)
 
-    (line,) = errors_of(["features", "scan.nii"], tmp_path)
+    (line,) = errors_of_a_process(["features", "scan.nii"], tmp_path)
     assert line.startswith("error: 'scan' is constant")
-    for arguments in (["--verbose", "features", "scan.nii"], ["features", "scan.nii", "--verbose"]):
-        lines = errors_of(arguments, tmp_path)
+    scan = str(tmp_path / "scan.nii")
+    for arguments in (["--verbose", "features", scan], ["features", scan, "--verbose"]):
+        assert main(arguments) == 2
+        lines = capfd.readouterr().err.splitlines()
         assert lines[-1] == line
         assert any("NiftiImageIO" in entry for entry in lines[:-1])
 

@@ -84,8 +84,8 @@ def test_what_does_not_read_back_as_it_was_written_does_not_take_the_files_place
     path.write_text("precious")
     write = sitk.WriteImage
 
-    def badly(image: sitk.Image, name: str, **options: bool) -> None:
-        write(image, name, **options)
+    def badly(image: sitk.Image, name: str, useCompression: bool) -> None:
+        write(image, name, useCompression=useCompression)
         content = bytearray(Path(name).read_bytes())
         if damage == "byte":
             content[-100] ^= 1
