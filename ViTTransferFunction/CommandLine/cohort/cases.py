@@ -138,6 +138,6 @@ def _check_name(name: str, source: Path) -> None:
     plain = all(character.isalnum() or character in "_-+. ()" for character in name)
     if not (fits and plain) or len(name.encode()) > LONGEST_NAME_BYTES or _RESERVED_ON_WINDOWS.fullmatch(name):
         raise InputError(
-            f"{source}: '{name}' cannot be the name of a case, since files are named after it. Begin with a letter or "
-            "digit, and use letters, digits, spaces and _ - + . ( ) only, some hundred at most; no name of a device, such as con."
+            f"{source}: '{name}' cannot be the name of a case, since files are named after it. Begin with a letter or digit, "
+            "use letters, digits, spaces and _ - + . ( ) only, a hundred at most, and no name of a device, such as con."
         )

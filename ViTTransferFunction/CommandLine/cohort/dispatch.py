@@ -54,7 +54,7 @@ def run_jobs(client: Client, jobs: Iterable[CaseJob]) -> Iterator[CaseOutcome]:
 
     # Not pure: two runs of the same case are two tasks.
     running = {client.submit(attempt_case, job, pure=False): (job, 1) for job in jobs}
-    completed = as_completed(list(running))
+    completed = as_completed(list(running), loop=client.loop)
     for future in completed:
         job, attempts = running.pop(future)
         attempt = _attempt_of(future, job)

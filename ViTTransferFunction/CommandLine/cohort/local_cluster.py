@@ -14,7 +14,8 @@ import os
 import signal
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, Literal
 
 import dask
@@ -72,7 +73,9 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
     """
     security = _security()
     place = {"host": HOST, "protocol": "tls://", "security": security}
-    with tempfile.TemporaryDirectory(prefix="vittf-cohort-") as scratch, dask.config.set(_CONFIG):
+    with ExitStack() as stack:
+        scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="vittf-cohort-"))
+        stack.enter_context(dask.config.set(_CONFIG))
         worker = {
             **place,
             "worker_class": PrivateWorker,
@@ -88,10 +91,9 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
                 scheduler={"cls": PrivateScheduler, "options": {**place, "port": 0, "dashboard": False}},
                 workers={index: {"cls": ImpatientNanny, "options": worker} for index in range(workers)},
                 security=security,
-                silence_logs=logging.CRITICAL,
             )
-        with cluster, Client(cluster, security=security) as client:
-            yield client
+            stack.enter_context(cluster)
+        yield stack.enter_context(Client(cluster, security=security, set_as_default=False))
 
 
 def _security() -> Security:
@@ -115,6 +117,8 @@ def _interrupts_held_back() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
+    # It would be started within, and let Ctrl-C through again.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

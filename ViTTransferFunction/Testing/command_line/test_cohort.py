@@ -1,0 +1,123 @@
+"""`vittf cohort` on a cluster of two processes, one of which is killed."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import SimpleITK as sitk  # noqa: N813
+import torch
+
+from ViTTransferFunction.CommandLine import cohort_command
+from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Testing.support import cohort_worker
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+
+dask = pytest.importorskip("dask")
+pytest.importorskip("cryptography")
+
+LEFT, RIGHT = {"name": "left", "positive": [[6, 8, 6]]}, {"name": "right", "positive": [[14, 8, 6]]}
+
+
+def add_case(folder: Path, name: str, classes: list[dict[str, object]]) -> None:
+    """A small scan of two structures, and points."""
+    array = np.zeros((12, 16, 20), dtype=np.float32)
+    array[3:9, 4:12, 4:9], array[3:9, 4:12, 12:17] = 100.0, 200.0
+    image = sitk.GetImageFromArray(array + np.random.default_rng(0).normal(0, 1, array.shape).astype(np.float32))
+    image.SetSpacing([2.0, 2.0, 3.0])
+    sitk.WriteImage(image, str(folder / f"{name}.nrrd"))
+    annotate(folder, name, classes)
+
+
+def annotate(folder: Path, name: str, classes: list[dict[str, object]]) -> None:
+    content = {"coordinate_system": "IJK", "classes": classes}
+    (folder / f"{name}.annotations.json").write_text(json.dumps(content))
+
+
+@pytest.fixture
+def cohort(tmp_path: Path) -> Path:
+    folder = tmp_path / "cohort"
+    folder.mkdir()
+    add_case(folder, "both", [LEFT, RIGHT])
+    add_case(folder, "left only", [LEFT])
+    add_case(folder, "outside", [{"name": "left", "positive": [[6, 8, 600]]}])
+    add_case(folder, cohort_worker.KILLS_ONCE, [RIGHT])
+    return folder
+
+
+@pytest.fixture
+def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """The tiny model, here and in workers; and no more of this computer than two workers."""
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    weights = tmp_path / "tiny.pth"
+    torch.save(random_state_dict(TINY_MODEL), weights)
+    with dask.config.set({"distributed.worker.preload": [cohort_worker.__name__]}):
+        yield ["--model", "tiny", "--weights", str(weights), "--grid", "8", "--workers", "2", "--device", "cpu"]
+
+
+def rows_of(table: Path) -> dict[str, dict[str, str]]:
+    with table.open(encoding="utf-8", newline="") as file:
+        return {row["case"]: row for row in csv.DictReader(file)}
+
+
+def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
+    cohort: Path, options: list[str], tmp_path: Path, a_cache_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["cohort", str(cohort), "-o", str(out), *options]
+
+    assert main(arguments) == 1, "one case cannot be segmented"
+
+    assert (a_cache_of_its_own / "killed").exists(), "no worker was killed"
+    assert not [child for child in psutil.Process().children(recursive=True) if "--multiprocessing-fork" in child.cmdline()]
+    rows = rows_of(out / "cohort.csv")
+    assert list(rows) == ["both", cohort_worker.KILLS_ONCE, "left only", "outside"]
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "both": "done",
+        cohort_worker.KILLS_ONCE: "done",
+        "left only": "done",
+        "outside": "refused",
+    }
+    assert "lie outside the volume" in rows["outside"]["message"]
+    assert not (out / "outside.seg.nrrd").exists()
+    assert not list(out.glob(".*")), "temporary files were left"
+    labels, geometry, segments = read_segmentation(out / "both.seg.nrrd")
+    assert [segment.name for segment in segments] == ["left", "right"]
+    for label, name in enumerate(("left", "right"), start=1):
+        millilitres = (labels == label).sum() * geometry.voxel_volume_mm3 / 1000.0
+        assert float(rows["both"][f"ml {name}"]) == pytest.approx(millilitres, abs=1e-3)
+    assert rows["left only"]["ml right"] == ""
+    assert float(rows["both"]["seconds"]) > 0.0
+
+    # Again: other points in two cases, the segmentation of one of which somebody corrected; one is withdrawn.
+    annotate(cohort, "both", [RIGHT])
+    annotate(cohort, "left only", [LEFT, RIGHT])
+    (out / "left only.seg.nrrd").write_bytes(b"corrected")
+    (cohort / "outside.annotations.json").unlink()
+    untouched = (out / f"{cohort_worker.KILLS_ONCE}.seg.nrrd").stat().st_mtime_ns
+
+    assert main(arguments) == 0
+
+    rows = rows_of(out / "cohort.csv")
+    assert {name: row["status"] for name, row in rows.items()} == {
+        "both": "done",
+        cohort_worker.KILLS_ONCE: "unchanged",
+        "left only": "done",
+    }
+    assert (out / f"{cohort_worker.KILLS_ONCE}.seg.nrrd").stat().st_mtime_ns == untouched
+    assert [segment.name for segment in read_segmentation(out / "both.seg.nrrd")[2]] == ["right"]
+    assert (out / "kept" / "left only-1.seg.nrrd").read_bytes() == b"corrected"
+    assert "kept" in rows["left only"]["message"]
+
+    # Again, with nothing to do.
+    monkeypatch.setattr(cohort_command, "_cluster", None)
+    assert main(arguments) == 0
+    assert {row["status"] for row in rows_of(out / "cohort.csv").values()} == {"unchanged"}
+    assert rows_of(out / "cohort.csv")["both"]["ml right"] == rows["both"]["ml right"]
