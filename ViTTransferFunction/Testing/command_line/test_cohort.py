@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import socket
+import ssl
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -62,11 +69,16 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[st
         yield ["--model", "tiny", "--weights", str(weights), "--grid", "8", "--workers", "2", "--device", "cpu"]
 
 
+def is_worker(process: psutil.Process) -> bool:
+    return "--multiprocessing-fork" in process.cmdline()
+
+
 def rows_of(table: Path) -> dict[str, dict[str, str]]:
     with table.open(encoding="utf-8", newline="") as file:
         return {row["case"]: row for row in csv.DictReader(file)}
 
 
+@pytest.mark.slow
 def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
     cohort: Path, options: list[str], tmp_path: Path, a_cache_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -75,8 +87,8 @@ def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
 
     assert main(arguments) == 1, "one case cannot be segmented"
 
-    assert (a_cache_of_its_own / "killed").exists(), "no worker was killed"
-    assert not [child for child in psutil.Process().children(recursive=True) if "--multiprocessing-fork" in child.cmdline()]
+    assert (a_cache_of_its_own / cohort_worker.KILLS_ONCE).exists(), "no worker was killed"
+    assert not [child for child in psutil.Process().children(recursive=True) if is_worker(child)]
     rows = rows_of(out / "cohort.csv")
     assert list(rows) == ["both", cohort_worker.KILLS_ONCE, "left only", "outside"]
     assert {name: row["status"] for name, row in rows.items()} == {
@@ -121,3 +133,59 @@ def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
     assert main(arguments) == 0
     assert {row["status"] for row in rows_of(out / "cohort.csv").values()} == {"unchanged"}
     assert rows_of(out / "cohort.csv")["both"]["ml right"] == rows["both"]["ml right"]
+
+
+PROGRAM = """
+import sys
+from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Testing.support.cohort_worker import dask_setup
+dask_setup()
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="a process cannot be sent a Ctrl-C there")
+def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: list[str], a_cache_of_its_own: Path) -> None:
+    folder, out = tmp_path / "cohort", tmp_path / "out"
+    folder.mkdir()
+    add_case(folder, cohort_worker.NEVER_ENDS, [LEFT])
+    leader = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "cohort", str(folder), "-o", str(out), *options],
+        env={**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": f"['{cohort_worker.__name__}']", "TMPDIR": str(tmp_path)},
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        while not (a_cache_of_its_own / cohort_worker.NEVER_ENDS).exists():
+            assert leader.poll() is None, leader.communicate()[0]
+            time.sleep(0.05)
+        process = psutil.Process(leader.pid)
+        workers = [child for child in process.children(recursive=True) if is_worker(child)]
+        assert len(workers) == 1, "one case needs one worker"
+        listening = [c.laddr for p in (process, *workers) for c in p.net_connections("inet") if c.status == "LISTEN"]
+        assert len(listening) == 3, "scheduler, nanny and worker"
+        assert {address.ip for address in listening} == {"127.0.0.1"}
+        assert all(asks_for_a_key(address.port) for address in listening)
+
+        os.killpg(leader.pid, signal.SIGINT)  # As a terminal does: all processes get it.
+        said, _ = leader.communicate(timeout=60.0)
+    finally:
+        leader.kill()
+    assert leader.returncode == 130, said
+    assert "Traceback" not in said
+    assert not psutil.wait_procs(workers, timeout=10.0)[1], "workers are left"
+    assert [path.name for path in out.iterdir()] == ["cohort.csv"]
+    assert not list(tmp_path.glob("vittf-cohort-*"))
+    assert rows_of(out / "cohort.csv")[cohort_worker.NEVER_ENDS]["status"] == "waiting"
+
+
+def asks_for_a_key(port: int) -> bool:
+    """Whether who listens on a port of this computer turns away those who come without a certificate."""
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout=20.0) as plain, context.wrap_socket(plain) as encrypted:
+            encrypted.recv(1)
+    except ssl.SSLError as error:
+        return "CERTIFICATE_REQUIRED" in str(error)
+    return False
