@@ -125,7 +125,8 @@ def _compute(table: CohortTable, jobs: Sequence[CaseJob], args: argparse.Namespa
 def _cluster(jobs: Sequence[CaseJob], args: argparse.Namespace) -> Iterator[Client]:
     """The scheduler that the user names, or a cluster on this computer for as long as the context lasts."""
     # Dask tells of every connection that is made or lost, at length. What matters to the user becomes an outcome or an error.
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     if args.scheduler:
         with _client_of(args.scheduler) as client:
             check_workers(client, args.scheduler, SCHEDULER_PATIENCE_S)

@@ -30,6 +30,8 @@ from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_st
 dask = pytest.importorskip("dask")
 pytest.importorskip("cryptography")
 
+LEFT: dict[str, object]
+RIGHT: dict[str, object]
 LEFT, RIGHT = {"name": "left", "positive": [[6, 8, 6]]}, {"name": "right", "positive": [[14, 8, 6]]}
 
 
