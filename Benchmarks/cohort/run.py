@@ -3,8 +3,8 @@
     python dev.py bench cohort --volumes DIR [--copies 6] [--preset preview] [--workers 1 2]
 
 Copies of one scan, each with other intensities by a constant, so that none finds another's features in the cache; the points
-are taken from the scan's labels, three in each structure. For each number of workers the command is run as users do, in an empty
-cache; all cores are shared out among the workers. A case's seconds are the median over the copies, since the first of each
+are taken from the scan's labels, three in each structure. For each number of workers the command is run as users do, in an
+empty cache; all cores are shared out among the workers. A case's seconds are the median over the copies, since the first of each
 worker also loads PyTorch and the weights. What the leader takes for a case is measured on cases without a file, which workers
 refuse at once. `efficiency.py` has the model of 64 workers.
 
@@ -162,8 +162,8 @@ def text(report: dict[str, Any], scaling: Scaling) -> str:
         table(["workers", "cases", "s in all", "s a case", "cases an hour", "cases an hour once started"], measured),
         f"## On paper: {MANY_WORKERS} workers",
         f"T = s + max(⌈N / w⌉ · t, N · d), with s = {scaling.start_s:.1f} s to start, t = {scaling.case_s:.1f} s for a case on "
-        f"a worker, d = {1000 * scaling.leader_s:.1f} ms of the leader for a case; efficiency N · t / (w · T). The leader would "
-        f"keep {scaling.most_workers:.0f} workers busy. Not measured: a disk that all of them read from.",
+        f"a worker, d = {1000 * scaling.leader_s:.1f} ms of the leader for a case; efficiency N · t / (w · T). The "
+        f"leader would keep {scaling.most_workers:.0f} workers busy. Not measured: a disk that all of them read from.",
         table(["cases", "s in all", "cases an hour", "efficiency"], imagined),
     )
 
