@@ -5,8 +5,8 @@ A cohort of N cases on w workers takes
     T = s + max(⌈N / w⌉ · t, N · d)
 
 seconds: s until all workers compute, t for a case on one of them, and d for what the leader does for a case, one after
-the other (handing it out, taking its outcome in, writing the table). The efficiency is N · t / (w · T), the share of the time in
-which workers compute. It is assumed that a shared disk gives all workers their volumes as fast as it gives one, and that
+the other (handing it out, taking its outcome in, writing the table). The efficiency is N · t / (w · T), the share of the time
+in which workers compute. It is assumed that a shared disk gives all workers their volumes as fast as it gives one, and that
 workers have a core each, as when t was measured with all cores of one computer at work.
 """
 

@@ -4,9 +4,9 @@
 
 Copies of one scan, each with other intensities by a constant, so that none finds another's features in the cache; the points
 are taken from the scan's labels, three in each structure. For each number of workers the command is run as users do, in an
-empty cache; all cores are shared out among the workers. A case's seconds are the median over the copies, since the first of each
-worker also loads PyTorch and the weights. What the leader takes for a case is measured on cases without a file, which workers
-refuse at once. `efficiency.py` has the model of 64 workers.
+empty cache; all cores are shared out among the workers. A case's seconds are the median over the copies, since the first of
+each worker also loads PyTorch and the weights. What the leader takes for a case is measured on cases without a file, which
+workers refuse at once. `efficiency.py` has the model of 64 workers.
 
 Left out: the network between computers, and a disk that many workers read from. Writes `cohort.json` and `cohort.md`.
 """

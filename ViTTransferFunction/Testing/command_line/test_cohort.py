@@ -20,7 +20,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
 
-from ViTTransferFunction.CommandLine import cohort_command
+from ViTTransferFunction.CommandLine.cohort import leader
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
@@ -131,7 +131,7 @@ def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
     assert "kept" in rows["left only"]["message"]
 
     # Again, with nothing to do.
-    monkeypatch.setattr(cohort_command, "_cluster", None)
+    monkeypatch.setattr(leader, "_cluster", None)
     assert main(arguments) == 0
     assert {row["status"] for row in rows_of(out / "cohort.csv").values()} == {"unchanged"}
     assert rows_of(out / "cohort.csv")["both"]["ml right"] == rows["both"]["ml right"]
@@ -152,16 +152,16 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
     folder, out = tmp_path / "cohort", tmp_path / "out"
     folder.mkdir()
     add_case(folder, cohort_worker.NEVER_ENDS, [LEFT])
-    leader = subprocess.Popen(
+    started = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "cohort", str(folder), "-o", str(out), *options],
         env={**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": f"['{cohort_worker.__name__}']", "TMPDIR": str(tmp_path)},
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
     try:
         while not (a_cache_of_its_own / cohort_worker.NEVER_ENDS).exists():
-            assert leader.poll() is None, leader.communicate()[0]
+            assert started.poll() is None, started.communicate()[0]
             time.sleep(0.05)
-        process = psutil.Process(leader.pid)
+        process = psutil.Process(started.pid)
         workers = [child for child in process.children(recursive=True) if is_worker(child)]
         assert len(workers) == 1, "one case needs one worker"
         listening = [c.laddr for p in (process, *workers) for c in p.net_connections("inet") if c.status == "LISTEN"]
@@ -169,11 +169,11 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
         assert {address.ip for address in listening} == {"127.0.0.1"}
         assert all(asks_for_a_key(address.port) for address in listening)
 
-        os.killpg(leader.pid, signal.SIGINT)  # As a terminal does: all processes get it.
-        said, _ = leader.communicate(timeout=60.0)
+        os.killpg(started.pid, signal.SIGINT)  # As a terminal does: all processes get it.
+        said, _ = started.communicate(timeout=60.0)
     finally:
-        leader.kill()
-    assert leader.returncode == 130, said
+        started.kill()
+    assert started.returncode == 130, said
     assert "Traceback" not in said
     assert not psutil.wait_procs(workers, timeout=10.0)[1], "workers are left"
     assert [path.name for path in out.iterdir()] == ["cohort.csv"]
