@@ -21,8 +21,8 @@ from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 PROCESS_BYTES = 800_000_000
-"""Measured: Python, PyTorch and the weights of a ViT-S take 0.5 GB; a volume of a million voxels 0.7 GB more, of which the estimate
-of its features says 0.4."""
+"""Measured: Python, PyTorch and the weights of a ViT-S take 0.5 GB, and a volume of a million voxels 0.7 GB more, of
+which the estimate of its features says 0.4."""
 VOXEL_BYTES = 24
 """Measured at 512³ (4.1 GB in all) and 512×512×1200 (7.6 GB): what reading and refinement take for each voxel."""
 USED_SHARE = 0.8

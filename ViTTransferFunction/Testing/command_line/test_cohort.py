@@ -13,9 +13,9 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
@@ -29,6 +29,7 @@ from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_st
 
 dask = pytest.importorskip("dask")
 pytest.importorskip("cryptography")
+psutil = pytest.importorskip("psutil")
 
 LEFT: dict[str, object]
 RIGHT: dict[str, object]
@@ -71,7 +72,7 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[st
         yield ["--model", "tiny", "--weights", str(weights), "--grid", "8", "--workers", "2", "--device", "cpu"]
 
 
-def is_worker(process: psutil.Process) -> bool:
+def is_worker(process: Any) -> bool:
     return "--multiprocessing-fork" in process.cmdline()
 
 
