@@ -10,6 +10,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
@@ -24,6 +25,11 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 def add_feature_options(parser: argparse.ArgumentParser) -> None:
     """Add the volume and everything that decides its features."""
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="a NIfTI, NRRD or MetaImage file, or a DICOM folder")
+    add_settings_options(parser)
+
+
+def add_settings_options(parser: argparse.ArgumentParser) -> None:
+    """Add what decides the features of any volume; see `session_settings`."""
     parser.add_argument("--model", metavar="NAME", help=f"pretrained model: {', '.join(PRETRAINED_MODELS)}")
     parser.add_argument("--weights", metavar="PATH", help="weights file (else VITTF_WEIGHTS, the cache, or a download)")
     presets = "; ".join(f"{name}: {entry.meaning}" for name, entry in PRESETS.items())
@@ -35,11 +41,19 @@ def add_feature_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def opened_session(args: argparse.Namespace) -> SegmentationSession:
-    """Read the volume and open it with the chosen settings.
+def add_segmentation_options(parser: argparse.ArgumentParser) -> None:
+    """Add what decides how maps become segments."""
+    parser.add_argument("--refine", default="bilateral", choices=REFINEMENT_METHODS, help="how maps are sharpened")
+    parser.add_argument(
+        "--keep-all-components", action="store_true", help="also keep parts of a segment that hold none of its positive points"
+    )
+
+
+def session_settings(args: argparse.Namespace) -> SessionSettings:
+    """What the options of `add_settings_options` say.
 
     Raises:
-        InputError: the volume or a setting cannot be used.
+        InputError: a setting cannot be used.
     """
     settings = SessionSettings(
         preset=args.preset,
@@ -49,7 +63,17 @@ def opened_session(args: argparse.Namespace) -> SegmentationSession:
         weights_path=args.weights,
         device=args.device,
     )
-    settings.feature_settings()  # Refuses what cannot be used before the volume is read.
+    settings.feature_settings()  # Refuses what cannot be used.
+    return settings
+
+
+def opened_session(args: argparse.Namespace) -> SegmentationSession:
+    """Read the volume and open it with the chosen settings.
+
+    Raises:
+        InputError: the volume or a setting cannot be used.
+    """
+    settings = session_settings(args)  # First: a volume takes seconds to read.
     return open_session(read_volume(args.volume), settings)
 
 
@@ -60,10 +84,16 @@ def load_features(session: SegmentationSession, progress: Progress) -> FeaturePr
         InputError: the model's weights are not to be had.
     """
     provenance = session.load_features(progress)
+    print_features(session)
+    return provenance
+
+
+def print_features(session: SegmentationSession) -> None:
+    """Print one line that says where the session's features come from."""
+    provenance = session.provenance
     shape = "×".join(str(n) for n in session.features.array.shape[2::-1])
     source = "from the cache" if provenance.cached else f"computed on {provenance.device} in {provenance.precision}"
     print(f"Features {shape} of {provenance.weights.model.name}, {source}: {session.watch.seconds['features']:.1f} s")
-    return provenance
 
 
 def parse_named_paths(values: list[str], option: str) -> dict[str, Path]:

@@ -9,9 +9,13 @@ import os
 import unicodedata
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TypeAlias
 
 from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
+
+Key: TypeAlias = "Path | tuple[int, int]"
+"""Of a file: its name, or its device and number there."""
 
 
 def check_outputs(outputs: Mapping[str, Path], inputs: Mapping[str, Iterable[Path]]) -> None:
@@ -26,37 +30,45 @@ def check_outputs(outputs: Mapping[str, Path], inputs: Mapping[str, Iterable[Pat
     """
     for path in outputs.values():
         check_writable(path)
-    names = list(outputs)
-    for index, name in enumerate(names):
-        path = outputs[name]
-        for source, files in inputs.items():
-            for file in files:
-                if _are_one(path, file):
-                    raise InputError(f"{path}: {name} would be written over {source} ({file}). Choose another name.")
-        for other in names[:index]:
-            if _are_one(path, outputs[other]) or _holds(path, outputs[other]) or _holds(outputs[other], path):
-                raise InputError(
-                    f"{path}: {name} would be written over {other} ({outputs[other]}). Give one of them another name."
-                )
+    check_apart(outputs, inputs)
 
 
-def _are_one(first: Path, second: Path) -> bool:
+def check_apart(outputs: Mapping[str, Path], inputs: Mapping[str, Iterable[Path]]) -> None:
+    """Raise InputError where an output is an input or another output; the arguments are those of `check_outputs`."""
+    given = {key: (name, file) for name, files in inputs.items() for file in files for key in _keys(file)}
+    made: dict[Key, str] = {}
+    for name, path in outputs.items():
+        for key in _keys(path):
+            if key in given:
+                source, file = given[key]
+                raise InputError(f"{path}: {name} would be written over {source} ({file}). Choose another name.")
+            if key in made:
+                raise _over_another(name, made[key], outputs)
+            made[key] = name
+    for name, path in outputs.items():
+        for folder in _name_key(path).parents:
+            if folder in made:
+                raise _over_another(name, made[folder], outputs)
+
+
+def _over_another(name: str, other: str, outputs: Mapping[str, Path]) -> InputError:
+    return InputError(
+        f"{outputs[name]}: {name} would be written over {other} ({outputs[other]}). Give one of them another name."
+    )
+
+
+def _keys(path: Path) -> list[Key]:
+    """Keys of which two paths share one if they may be one file: by name, and where there is a file, by that."""
+    keys: list[Key] = [_name_key(path)]
     try:
         # Knows hard links as well, and what the file system itself thinks of case.
-        if first.samefile(second):
-            return True
+        status = path.stat()
     except OSError:
-        pass  # One of them is not there yet.
-    return _key(first) == _key(second)
+        return keys  # It is not there yet.
+    return [*keys, (status.st_dev, status.st_ino)]
 
 
-def _holds(folder: Path, file: Path) -> bool:
-    """Whether one output's name is that of a folder in which the other lies."""
-    return _key(folder) in _key(file).parents
-
-
-def _key(path: Path) -> Path:
-    """A path that is equal for paths that may be one file."""
+def _name_key(path: Path) -> Path:
     name = unicodedata.normalize("NFC", os.path.realpath(path)).casefold()
     # Of `s.nii` and `s.nii.gz` side by side, programs that build on ITK read the one for the other.
     return Path(name.removesuffix(".gz") if name.endswith(".nii.gz") else name)

@@ -5,37 +5,32 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 from collections.abc import Callable, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from ViTTransferFunction.CommandLine.file_names import file_stem
 from ViTTransferFunction.CommandLine.options import (
     Subparsers,
     add_feature_options,
-    load_features,
+    add_segmentation_options,
     opened_session,
     parse_named_paths,
+    print_features,
 )
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, classes_from_markups, read_annotations
-from ViTTransferFunction.Logic.files.segmentation_files import Segment, check_segmentation_path, write_image, write_segmentation
+from ViTTransferFunction.Logic.files.segmentation_files import check_segmentation_path, write_image
 from ViTTransferFunction.Logic.files.volume_files import files_of
-from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import Segmentation
 from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE
-
-DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in range(1, 10))}
-"""Names that stand for devices there, in every folder and with every ending."""
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -50,10 +45,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument(
         "-o", "--output", metavar="OUT", type=Path, required=True, help=".seg.nrrd, or .nii.gz and other label maps"
     )
-    parser.add_argument("--refine", default="bilateral", choices=REFINEMENT_METHODS, help="how maps are sharpened")
-    parser.add_argument(
-        "--keep-all-components", action="store_true", help="also keep parts of a segment that hold none of its positive points"
-    )
+    add_segmentation_options(parser)
     parser.add_argument("--similarity-dir", metavar="DIR", type=Path, help="also write each class's map, as .nii.gz")
     parser.add_argument("--report", metavar="R.json", type=Path, help="also write versions, timings and volumes")
     parser.set_defaults(run=run)
@@ -71,22 +63,19 @@ def run(args: argparse.Namespace) -> int:
         session = opened_session(args)
         classes = _read_classes(args, session.volume.geometry)
         check_outputs(_outputs(args, classes), inputs)
-        requests = [annotated.request for annotated in classes]
-        check_requests(requests, session.volume.geometry)
-        provenance = load_features(session, progress)
-        segmentation = session.segment(
-            requests,
+        segmentation = segment_classes(
+            session,
+            classes,
             args.refine,
             only_annotated_components=not args.keep_all_components,
             progress=progress,
+            on_features=print_features,
             on_map=_map_writer(args.similarity_dir, session.volume.geometry),
         )
-    with session.watch.step("write"):
-        segments = [Segment(annotated.name, annotated.color) for annotated in classes]
-        write_segmentation(args.output, segmentation.labels, session.volume.geometry, segments)
+    write_classes(args.output, session, classes, segmentation)
     _print_summary(segmentation, args.output)
     if args.report:
-        _write_json(args.report, _report(args, session, provenance, segmentation))
+        _write_json(args.report, segmentation_report(session, segmentation, args.preset, args.refine))
     return 0
 
 
@@ -143,46 +132,10 @@ def _map_path(folder: Path, name: str) -> Path:
     return folder / f"{file_stem(name)}.nii.gz"
 
 
-def file_stem(name: str) -> str:
-    """A class's name as a file name that every platform takes."""
-    stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
-    return f"_{stem}" if not stem or stem.upper() in DEVICES_OF_WINDOWS else stem
-
-
 def _print_summary(segmentation: Segmentation, output: Path) -> None:
     for result in segmentation.classes:
         print(f"  {result.name}: {result.millilitres:.1f} ml, {result.voxels} voxels, iso {result.iso:.2f}")
     print(f"Segmentation: {output}")
-
-
-def _report(
-    args: argparse.Namespace, session: SegmentationSession, provenance: FeatureProvenance, segmentation: Segmentation
-) -> dict[str, Any]:
-    model = provenance.weights.model
-    packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
-    return {
-        "versions": {"python": platform.python_version(), **{name: _version(name) for name in packages}},
-        "volume": {"name": session.volume.name, "size": session.volume.shape[::-1]},
-        "model": {"name": model.name, "sha256": provenance.weights.sha256, "licence": model.licence},
-        "preset": args.preset,
-        "refinement": args.refine,
-        "grid": session.features.array.shape[2::-1],
-        "device": provenance.device,
-        "precision": provenance.precision,
-        "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
-        "peak_memory_bytes": peak_memory_bytes(),
-        "classes": [
-            {"name": c.name, "iso": round(c.iso, 4), "voxels": c.voxels, "millilitres": round(c.millilitres, 3)}
-            for c in segmentation.classes
-        ],
-    }
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

@@ -1,6 +1,7 @@
-"""`vittf`: segment, fill the feature cache, draw, and manage weights, without a screen.
+"""`vittf`: segment one volume or many, fill the feature cache, draw, and manage weights, without a screen.
 
-Exit codes: 0 success; 2 something given cannot be used, with one line that says what; 130 interrupted.
+Exit codes: 0 success; 1 some cases of a cohort have no segmentation; 2 something given cannot be used, with one line that says
+what; 130 interrupted.
 """
 
 from __future__ import annotations
@@ -10,7 +11,14 @@ import logging
 import os
 import sys
 
-from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
+from ViTTransferFunction.CommandLine import (
+    cache_command,
+    cohort_command,
+    features_command,
+    render_command,
+    segment_command,
+    weights_command,
+)
 from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
 from ViTTransferFunction.Logic.core.errors import InputError
 
@@ -37,8 +45,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="vittf", description="Annotation-guided segmentation with vision transformer features."
     )
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="segment|features|render|weights|cache")
-    for command in (segment_command, features_command, render_command, weights_command, cache_command):
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="segment|cohort|features|render|weights|cache")
+    for command in (segment_command, cohort_command, features_command, render_command, weights_command, cache_command):
         command.add_arguments(subparsers)
     _add_verbose(parser, False)
     for subparser in subparsers.choices.values():

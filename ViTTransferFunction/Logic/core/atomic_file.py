@@ -20,6 +20,9 @@ _NOT_OFFERED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 
 _LONGEST_ENDING = 16
 
+_TEMPORARY = ".writing-"
+"""How names of temporary files begin."""
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
@@ -34,7 +37,7 @@ def replacing(path: Path) -> Iterator[Path]:
     _check_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".writing-", suffix=_ending(path))
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_TEMPORARY, suffix=_ending(path))
         os.close(handle)
     except OSError as error:
         raise _cannot_write(path, error) from error
@@ -62,6 +65,12 @@ def check_writable(path: Path) -> None:
             pass
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove temporary files of processes that were killed while they wrote to `folder`; nobody may be writing there now."""
+    for path in folder.glob(f"{_TEMPORARY}*"):
+        path.unlink(missing_ok=True)
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

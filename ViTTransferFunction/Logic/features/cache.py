@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,8 +83,13 @@ class FeatureCache:
 
     def entries(self) -> list[CacheEntry]:
         """What is stored, most recently used first."""
-        paths = self.folder.glob("*.npz") if self.folder.exists() else []
-        found = [CacheEntry(path.stem, path.stat().st_size, path.stat().st_mtime) for path in paths if path.stem[:1] != "."]
+        found = []
+        for path in self.folder.glob("*.npz") if self.folder.exists() else []:
+            # Another process may have just removed it.
+            with suppress(FileNotFoundError):
+                status = path.stat()
+                if path.stem[:1] != ".":
+                    found.append(CacheEntry(path.stem, status.st_size, status.st_mtime))
         return sorted(found, key=lambda entry: entry.last_used_s, reverse=True)
 
     def size_bytes(self) -> int:

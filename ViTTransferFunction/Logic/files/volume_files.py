@@ -78,7 +78,7 @@ def files_of(path: Path) -> list[Path]:
         InputError: the volume is missing, or its header cannot be used.
     """
     if is_folder(path):
-        return [entry for entry in _entries(path) if not entry.name.lower().endswith(RESULTS)]
+        return [entry for entry in _entries(path) if entry.is_file() and not entry.name.lower().endswith(RESULTS)]
     stored = locate_voxels(path)
     return [path] if stored is None else [path, stored.path]
 

@@ -7,7 +7,7 @@ from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.device import check_device_name
 from ..features.networks import Networks
-from ..weights.models import pretrained_model
+from ..weights.models import PretrainedModel, pretrained_model
 from ..weights.sources import identify_model
 from .feature_source import FeatureSource
 from .presets import preset
@@ -33,10 +33,19 @@ def open_session(
     if settings.window is not None:
         check_shows_something(IntensityWindow(*settings.window), volume)
     chosen = preset(settings.preset)
-    model = pretrained_model(settings.model or identify_model(settings.weights_path) or chosen.model)
+    model = chosen_model(settings)
     # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
     check_device_name(settings.device)
     source = FeatureSource(
         volume, features, model, settings.weights_path, settings.device, cache or FeatureCache(), networks or Networks()
     )
     return SegmentationSession(volume, chosen, source)
+
+
+def chosen_model(settings: SessionSettings) -> PretrainedModel:
+    """The model that the settings name, else the one whose weights the user's file holds, else the preset's.
+
+    Raises:
+        InputError: a setting cannot be used.
+    """
+    return pretrained_model(settings.model or identify_model(settings.weights_path) or preset(settings.preset).model)

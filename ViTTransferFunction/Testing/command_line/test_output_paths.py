@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.CommandLine.segment_command import file_stem
+from ViTTransferFunction.CommandLine.file_names import file_stem
 from ViTTransferFunction.CommandLine.vittf import main
 
 VOXELS = np.random.default_rng(0).integers(1, 1000, (8, 9, 10)).astype(np.int16)

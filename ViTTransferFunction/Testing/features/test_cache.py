@@ -74,6 +74,13 @@ def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureC
     assert {entry.key for entry in cache.entries()} == {"another", "oldest", "newest"}
 
 
+def test_what_another_process_has_just_removed_is_not_listed(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache.put(features_named("a"))
+    listed = [cache.folder / "removed.npz", cache.folder / "a.npz"]
+    monkeypatch.setattr(Path, "glob", lambda *_: iter(listed))
+    assert [entry.key for entry in cache.entries()] == ["a"]
+
+
 def test_size_is_shown_and_clearing_frees_it(cache: FeatureCache) -> None:
     assert cache.size_bytes() == 0
     cache.put(features_named("a"))

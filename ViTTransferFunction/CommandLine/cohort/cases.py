@@ -1,0 +1,142 @@
+"""The cases of a cohort: a name, a volume and an annotations file each, from a table or from a folder."""
+
+from __future__ import annotations
+
+import csv
+import logging
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ViTTransferFunction.CommandLine.file_names import is_device
+from ViTTransferFunction.Logic.core.errors import InputError
+
+logger = logging.getLogger(__name__)
+
+COLUMNS = ("case", "volume", "annotations")
+"""Of the table; it may have others as well."""
+VOLUME_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd")
+"""What is taken for a volume in a folder; a table may name any file that SimpleITK reads."""
+ANNOTATIONS_ENDING = ".annotations.json"
+"""Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
+FOLDER_ANNOTATIONS = "annotations.json"
+"""In a folder of DICOM files."""
+
+LONGEST_NAME_BYTES = 200
+"""Files on most disks have names of up to 255 bytes, and endings follow."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One volume of a cohort.
+
+    Attributes:
+        name: unlike all others of the cohort, and fit to be the name of a file on any system.
+        volume: absolute path of an image, or of a folder with one DICOM series.
+        annotations: absolute path of an annotations file (`read_annotations`).
+    """
+
+    name: str
+    volume: Path
+    annotations: Path
+
+
+def read_cases(source: Path) -> list[Case]:
+    """The cases that a table lists, or that a folder holds.
+
+    Args:
+        source: a CSV file with the columns `COLUMNS`, in which relative paths begin at the file's own folder; or a folder, in
+            which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder with DICOM files and
+            `annotations.json`.
+
+    Raises:
+        InputError: there are no cases, the table lacks something, or a name cannot be a file's or is there twice.
+    """
+    if source.is_dir():
+        cases = list(_cases_in_folder(source.resolve()))
+        expected = f"scan.nii.gz with scan{ANNOTATIONS_ENDING}, or folders of DICOM files with {FOLDER_ANNOTATIONS}"
+    else:
+        cases = list(_cases_in_table(source))
+        expected = f"a line for each case below the heading {','.join(COLUMNS)}"
+    if not cases:
+        raise InputError(f"{source} has no cases; expected {expected}.")
+    _check_names(cases, source)
+    return cases
+
+
+def _cases_in_table(path: Path) -> Iterator[Case]:
+    try:
+        # Spreadsheets put a mark in front of UTF-8.
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
+    heading = lines[0] if lines else ""
+    # Where a comma is for decimals, spreadsheets separate by semicolons.
+    reader = csv.DictReader(lines, delimiter=";" if heading.count(";") > heading.count(",") else ",", skipinitialspace=True)
+    missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+    if missing:
+        raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")
+    folder = path.resolve().parent
+    for row in reader:
+        name, volume, annotations = ((row[column] or "").strip() for column in COLUMNS)
+        if not (name and volume and annotations):
+            raise InputError(f"{path}, line {reader.line_num}: a case needs a name, a volume and annotations; got {row}.")
+        # Joining leaves absolute paths as they are.
+        yield Case(name, folder / volume, folder / annotations)
+
+
+def _cases_in_folder(folder: Path) -> Iterator[Case]:
+    volumes: dict[str, list[Path]] = {}
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and (path / FOLDER_ANNOTATIONS).is_file():
+            yield Case(path.name, path, path / FOLDER_ANNOTATIONS)
+        elif path.is_file() and (ending := _volume_ending(path)):
+            volumes.setdefault(path.name[: -len(ending)], []).append(path)
+    for points in sorted(folder.glob(f"*{ANNOTATIONS_ENDING}")):
+        name = points.name[: -len(ANNOTATIONS_ENDING)]
+        found = volumes.pop(name, [])
+        if len(found) != 1:
+            listing = f"found {', '.join(path.name for path in found)}" if found else f"found none called {name}"
+            raise InputError(
+                f"{points} needs one volume beside it, ending in {', '.join(VOLUME_ENDINGS)}; {listing}. "
+                "Move what does not belong, or list the cases in a CSV file."
+            )
+        yield Case(name, found[0], points)
+    if volumes:
+        logger.warning("%s: left out, without an annotations file: %s", folder, ", ".join(sorted(volumes)))
+
+
+def _volume_ending(path: Path) -> str:
+    """The file's ending if it is a volume's, else "". Segmentations are not volumes."""
+    name = path.name.lower()
+    if name.startswith(".") or name.endswith(".seg.nrrd"):
+        return ""
+    return next((ending for ending in VOLUME_ENDINGS if name.endswith(ending)), "")
+
+
+def _check_names(cases: list[Case], source: Path) -> None:
+    seen: dict[str, str] = {}
+    for case in cases:
+        _check_name(case.name, source)
+        # Many disks take letters for the same that differ in case, or in how an accent is put together.
+        key = unicodedata.normalize("NFKC", case.name).casefold()
+        if key in seen:
+            raise InputError(
+                f"{source} has two cases that would be written to one file: '{seen[key]}' and '{case.name}'. "
+                "Give each a name of its own."
+            )
+        seen[key] = case.name
+
+
+def _check_name(name: str, source: Path) -> None:
+    """A name becomes a file's: it must neither lead to another folder, nor be refused by some system, nor be a formula."""
+    fits = (name[:1].isalnum() or name[:1] == "_") and name[-1] not in ". "
+    plain = all(character.isalnum() or character in "_-+. ()" for character in name)
+    if not (fits and plain) or len(name.encode()) > LONGEST_NAME_BYTES or is_device(name):
+        raise InputError(
+            f"{source}: '{name}' cannot be the name of a case, since files are named after it. Begin with a letter or digit, "
+            "use letters, digits, spaces and _ - + . ( ) only, a hundred at most, and no name of a device, such as con."
+        )

@@ -1,0 +1,111 @@
+"""How many workers this computer can have, and with how many threads each.
+
+Network and refinement divide their work among threads, but reading, preparing and writing do not. So there are as many workers
+as cores, or as cases, unless memory is for fewer; the cores are then shared out among them as threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.CommandLine.cohort.cases import Case
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.device import choose_device
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.session.opening import open_session
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+
+PROCESS_BYTES = 800_000_000
+"""Measured: Python, PyTorch and the weights of a ViT-S take 0.5 GB, and a volume of a million voxels 0.7 GB more, of
+which the estimate of its features says 0.4."""
+VOXEL_BYTES = 24
+"""Measured at 512³ (4.1 GB in all) and 512×512×1200 (7.6 GB): what reading and refinement take for each voxel."""
+USED_SHARE = 0.8
+"""Of the memory that is free: other programs need some, and estimates err."""
+
+
+@dataclass(frozen=True)
+class ClusterSize:
+    """Processes, and threads of each."""
+
+    workers: int
+    threads: int
+
+
+def fitted_size(cases: int, cores: int, case_bytes: int, free_bytes: int) -> ClusterSize:
+    """The most workers that there are cases, cores and memory for, but at least one; they share all cores."""
+    fitting = int(USED_SHARE * free_bytes // case_bytes)
+    return shared_out(max(1, min(cases, cores, fitting)), cores)
+
+
+def shared_out(workers: int, cores: int) -> ClusterSize:
+    """This number of workers, on so many cores."""
+    return ClusterSize(workers, max(1, cores // workers))
+
+
+def local_size(cases: Sequence[Case], settings: SessionSettings) -> ClusterSize:
+    """The size for this computer as it is now. Reads the largest volume, to see what its features take.
+
+    Args:
+        cases: to be computed, the largest first.
+        settings: of the features.
+
+    Raises:
+        InputError: weights or device are not to be had.
+    """
+    from dask.system import CPU_COUNT
+
+    if choose_device(settings.device).type != "cpu":
+        # One process fills a graphics processor, and several do not fit into its memory.
+        return ClusterSize(1, CPU_COUNT)
+    return fitted_size(len(cases), CPU_COUNT, _case_bytes(cases, settings), _free_bytes())
+
+
+def largest_first(cases: Iterable[Case]) -> list[Case]:
+    """Cases by the size of their volumes. A large one that comes last leaves all workers but one idle."""
+    return sorted(cases, key=lambda case: _voxels(case.volume), reverse=True)
+
+
+def _case_bytes(cases: Sequence[Case], settings: SessionSettings) -> int:
+    """Memory that a worker needs for the largest case that can be read."""
+    volume = next(filter(None, map(_readable, cases)), None)
+    if volume is None:
+        return PROCESS_BYTES
+    return PROCESS_BYTES + VOXEL_BYTES * volume.array.size + open_session(volume, settings).estimate().memory_bytes
+
+
+def _readable(case: Case) -> Volume | None:
+    try:
+        return read_volume(case.volume)
+    except InputError:
+        return None  # Its worker will say what is wrong with it.
+
+
+def _voxels(path: Path) -> int:
+    """How many voxels a volume has by its header, or about so many; 0 where it cannot be read."""
+    try:
+        if path.is_dir():
+            # DICOM files are seldom compressed, and have two bytes a voxel.
+            return sum(file.stat().st_size for file in path.iterdir()) // 2
+        reader = sitk.ImageFileReader()
+        reader.SetFileName(str(path))
+        reader.ReadImageInformation()
+    except (OSError, RuntimeError):
+        return 0
+    voxels = 1
+    for size in reader.GetSize():
+        voxels *= size
+    return voxels
+
+
+def _free_bytes() -> int:
+    import psutil
+    from distributed.system import MEMORY_LIMIT
+
+    # The limit is that of a container or a batch job, where there is one.
+    return min(int(psutil.virtual_memory().available), int(MEMORY_LIMIT))

@@ -1,0 +1,93 @@
+"""From an opened volume and its annotated classes to a segmentation file and a report on it.
+
+`vittf segment` does this once, `vittf cohort` for many volumes.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
+from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
+from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
+from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+
+
+def segment_classes(
+    session: SegmentationSession,
+    classes: Sequence[AnnotatedClass],
+    method: RefinementMethod,
+    only_annotated_components: bool,
+    progress: Progress = no_progress,
+    on_features: Callable[[SegmentationSession], None] = lambda _: None,
+    on_map: Callable[[ClassRequest, ClassMap], None] | None = None,
+) -> Segmentation:
+    """Load the features of an opened volume, and segment it.
+
+    Args:
+        session: whose features are still to be loaded.
+        classes: at least one, of different names, all points inside the volume.
+        method: how maps are refined.
+        only_annotated_components: drop the parts of a segment that hold none of its positive points.
+        progress: called with what is done of each step.
+        on_features: is called when the features are there.
+        on_map: is shown each class's full-resolution map.
+
+    Raises:
+        InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
+    """
+    requests = [annotated.request for annotated in classes]
+    # Before the features, which may take minutes.
+    check_requests(requests, session.volume.geometry)
+    session.load_features(progress)
+    on_features(session)
+    return session.segment(requests, method, only_annotated_components, progress, on_map)
+
+
+def write_classes(
+    path: Path, session: SegmentationSession, classes: Sequence[AnnotatedClass], segmentation: Segmentation
+) -> None:
+    """Write a segmentation with its classes' names and colours. Raises InputError where the file cannot be written."""
+    segments = [Segment(annotated.name, annotated.color) for annotated in classes]
+    with session.watch.step("write"):
+        write_segmentation(path, segmentation.labels, session.volume.geometry, segments)
+
+
+def segmentation_report(
+    session: SegmentationSession, segmentation: Segmentation, preset: str, method: RefinementMethod
+) -> dict[str, Any]:
+    """Versions, settings, timings and volumes, in what JSON has."""
+    weights = session.provenance.weights
+    packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
+    return {
+        "versions": {"python": platform.python_version(), **{name: package_version(name) for name in packages}},
+        "volume": {"name": session.volume.name, "size": session.volume.shape[::-1]},
+        "model": {"name": weights.model.name, "sha256": weights.sha256, "licence": weights.model.licence},
+        "preset": preset,
+        "refinement": method,
+        "grid": session.features.array.shape[2::-1],
+        "device": session.provenance.device,
+        "precision": session.provenance.precision,
+        "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
+        "peak_memory_bytes": peak_memory_bytes(),
+        "classes": [
+            {"name": c.name, "iso": round(c.iso, 4), "voxels": c.voxels, "millilitres": round(c.millilitres, 3)}
+            for c in segmentation.classes
+        ],
+    }
+
+
+def package_version(package: str) -> str | None:
+    """The installed version of a package; None where it is not installed as one."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None

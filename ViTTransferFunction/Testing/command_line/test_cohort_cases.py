@@ -1,0 +1,99 @@
+"""Which cases a table or a folder has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ViTTransferFunction.CommandLine.cohort.cases import read_cases
+from ViTTransferFunction.Logic.core.errors import InputError
+
+HEADING = "case,volume,annotations"
+
+
+def table(folder: Path, *lines: str) -> Path:
+    path = folder / "cases.csv"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def touch(folder: Path, *names: str) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+
+
+def test_paths_of_a_table_begin_at_its_folder_and_absolute_ones_stay(tmp_path: Path) -> None:
+    path = table(tmp_path, HEADING, "a,scans/a.nii.gz,points/a.json", "", f"b,{tmp_path / 'b.mha'},b.json")
+
+    first, second = read_cases(path)
+
+    assert (first.name, first.volume, first.annotations) == ("a", tmp_path / "scans/a.nii.gz", tmp_path / "points/a.json")
+    assert second.volume == tmp_path / "b.mha"
+
+
+def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spreadsheet_writes_them(tmp_path: Path) -> None:
+    path = tmp_path / "cases.csv"
+    path.write_text("annotations;age;case;volume\r\na.json;71;Möller 1;a.nrrd\r\n", encoding="utf-8-sig")
+
+    (case,) = read_cases(path)
+
+    assert (case.name, case.volume.name, case.annotations.name) == ("Möller 1", "a.nrrd", "a.json")
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["case,volume", "a,a.nrrd"], "no column 'annotations'"),
+        ([HEADING], "has no cases"),
+        ([], "no column 'case'"),
+        ([HEADING, "a,a.nrrd,"], "line 2"),
+        ([HEADING, "a,a.nrrd,a.json", "b"], "line 3"),
+    ],
+)
+def test_a_table_that_lacks_something_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_cases(table(tmp_path, *lines))
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../a", "..", ".a", "a/b", "a\\b", "/etc/a", "C:a", "a.", "con", "LPT1.old", "a\0", "a\tb", "=1+1", "-a", "a*", "x" * 201],
+)
+def test_a_name_that_would_lead_elsewhere_or_be_no_file_everywhere_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="cannot be the name of a case"):
+        read_cases(table(tmp_path, HEADING, f'"{name}",a.nrrd,a.json'))
+
+
+@pytest.mark.parametrize("other", ["case 1", "CASE 1", "Case 1"])
+def test_two_names_that_some_disk_takes_for_the_same_are_refused(tmp_path: Path, other: str) -> None:
+    with pytest.raises(InputError, match="written to one file"):
+        read_cases(table(tmp_path, HEADING, "Case 1,a.nrrd,a.json", f"{other},b.nrrd,b.json"))
+
+
+def test_the_same_letters_put_together_differently_are_one_name(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"written to one file|cannot be the name"):
+        read_cases(table(tmp_path, HEADING, "M\u00f6,a.nrrd,a.json", "Mo\u0308,b.nrrd,b.json"))
+
+
+def test_a_folder_has_volumes_with_points_beside_them_and_dicom_folders_with_points_inside(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    touch(tmp_path, "a.b.nii.gz", "a.b.annotations.json", "a.b.json", "c/1.dcm", "c/annotations.json", "out/cohort.csv")
+    touch(tmp_path, "labels.nrrd", "a.b.seg.nrrd", ".hidden.nrrd")
+
+    cases = read_cases(tmp_path)
+
+    assert [(case.name, case.volume.name, case.annotations.name) for case in cases] == [
+        ("c", "c", "annotations.json"),
+        ("a.b", "a.b.nii.gz", "a.b.annotations.json"),
+    ]
+    assert "left out, without an annotations file: labels" in caplog.text
+
+
+@pytest.mark.parametrize("volumes", [[], ["a.nii", "a.nrrd"]])
+def test_points_without_a_volume_or_with_two_are_refused(tmp_path: Path, volumes: list[str]) -> None:
+    touch(tmp_path, "a.annotations.json", *volumes)
+    with pytest.raises(InputError, match="needs one volume beside it"):
+        read_cases(tmp_path)

@@ -1,0 +1,178 @@
+"""When a case counts as done, what the table says of it, and how a computer is shared out."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ViTTransferFunction.CommandLine.cohort.cases import Case
+from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size
+from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
+from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
+from ViTTransferFunction.CommandLine.cohort.table import CohortTable
+from ViTTransferFunction.CommandLine.cohort_command import run
+from ViTTransferFunction.CommandLine.vittf import build_parser, main
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+
+HEADER = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = a.raw\n"
+REPORT = {"classes": [{"name": "liver", "millilitres": 12.5}]}
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> CaseJob:
+    """A case that was segmented: the files hold anything, but for the header, which says where the voxels are."""
+    for name in ("a.raw", "a.json"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "a.mhd").write_text(HEADER)
+    (tmp_path / "out").mkdir()
+    case = Case("a", tmp_path / "a.mhd", tmp_path / "a.json")
+    job = CaseJob(case, CohortSettings(SessionSettings(model="m", weights_path="w"), "f00d"), tmp_path / "out")
+    job.output.write_text("segmentation")
+    job.write_record(job.digest(), 3.5, REPORT)
+    return job
+
+
+def changed(job: CaseJob, **session: Any) -> CaseJob:
+    return replace(job, settings=replace(job.settings, session=replace(job.settings.session, **session)))
+
+
+def test_a_case_is_done_whose_files_and_settings_are_the_same(job: CaseJob) -> None:
+    assert job.finished() == CaseOutcome("a", "unchanged", 3.5, {"liver": 12.5})
+
+
+@pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])
+def test_a_case_is_not_done_once_its_header_voxels_or_points_change(job: CaseJob, name: str) -> None:
+    with (job.case.volume.parent / name).open("a") as file:
+        file.write("Comment = other\n")
+    assert job.finished() is None
+
+
+@pytest.mark.parametrize("change", [{"preset": "fast"}, {"grid": 32}, {"window": (0.0, 1.0)}, {"model": "n"}])
+def test_a_case_is_not_done_once_a_setting_changes(job: CaseJob, change: dict[str, Any]) -> None:
+    assert changed(job, **change).finished() is None
+
+
+def test_a_case_is_not_done_once_weights_refinement_or_components_change(job: CaseJob) -> None:
+    others = {"weights_sha256": "beef"}, {"method": "none"}, {"only_annotated_components": False}
+    assert [replace(job, settings=replace(job.settings, **other)).finished() for other in others] == [None] * 3
+
+
+def test_where_files_lie_and_what_computes_does_not_matter(job: CaseJob, tmp_path: Path) -> None:
+    (tmp_path / "moved").mkdir()
+    for name in ("a.mhd", "a.raw", "a.json"):
+        (tmp_path / name).rename(tmp_path / "moved" / name)
+    moved = replace(job, case=Case("a", tmp_path / "moved" / "a.mhd", tmp_path / "moved" / "a.json"))
+    assert changed(moved, device="cpu", weights_path="elsewhere").finished() is not None
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"digest": 3}', '{"digest": '])
+def test_a_damaged_record_counts_as_none(job: CaseJob, text: str) -> None:
+    job.record.write_text(text)
+    assert job.finished() is None
+
+
+def test_a_case_whose_segmentation_is_gone_is_not_done(job: CaseJob) -> None:
+    job.output.unlink()
+    assert job.finished() is None
+
+
+def test_what_somebody_corrected_stays_done_and_the_table_says_that_its_figures_are_older(job: CaseJob) -> None:
+    job.output.write_text("corrected")
+    finished = job.finished()
+    assert finished is not None
+    assert "changed since" in finished.message
+
+
+def test_what_somebody_corrected_is_moved_and_not_replaced_and_what_was_computed_is_replaced(job: CaseJob) -> None:
+    assert job.keep_corrected_output() is None
+    assert job.output.exists()
+    for number, text in enumerate(("corrected", "corrected again"), start=1):
+        job.output.write_text(text)
+        assert job.keep_corrected_output() == job.folder / "kept" / f"a-{number}.seg.nrrd"
+    assert [path.read_text() for path in sorted((job.folder / "kept").iterdir())] == ["corrected", "corrected again"]
+
+
+def test_the_table_has_a_line_for_each_case_and_a_column_for_each_structure(tmp_path: Path) -> None:
+    table = CohortTable(tmp_path / "t.csv", ["b", "a", "c"])
+    table.put(CaseOutcome("a", "done", 1.25, {"liver": 3.0, "=1+1": 2.0}))
+    table.put(CaseOutcome("b", "refused", message='said, "no"\nto it'))
+
+    with table.path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+
+    assert rows == [
+        ["case", "status", "seconds", "ml liver", "ml =1+1", "message"],
+        ["b", "refused", "", "", "", 'said, "no" to it'],
+        ["a", "done", "1.2", "3.000", "2.000", ""],
+        ["c", "waiting", "", "", "", ""],
+    ]
+
+
+def test_a_table_that_cannot_be_written_now_does_not_stop_the_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A spreadsheet keeps it open, say, on Windows."""
+    table = CohortTable(tmp_path / "t.csv", ["a", "b"])
+    with monkeypatch.context() as closed:
+        closed.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(PermissionError(13, "in use")))
+        table.put(CaseOutcome("a", "done"))
+        table.put(CaseOutcome("b", "done"))
+        with pytest.raises(InputError, match="in use"):
+            table.save()
+    assert caplog.text.count("in use") == 1
+    table.save()
+    assert table.path.read_text().count("done") == 2
+
+
+@pytest.mark.parametrize(
+    ("cases", "cores", "case_gb", "free_gb", "size"),
+    [
+        (100, 8, 2, 64, ClusterSize(8, 1)),
+        (100, 8, 2, 10, ClusterSize(4, 2)),
+        (3, 8, 2, 64, ClusterSize(3, 2)),
+        (100, 2, 8, 4, ClusterSize(1, 2)),
+    ],
+    ids=["a core each", "as memory allows", "a case each", "one at least"],
+)
+def test_workers_are_as_many_as_cores_cases_and_memory_allow(
+    cases: int, cores: int, case_gb: int, free_gb: int, size: ClusterSize
+) -> None:
+    assert fitted_size(cases, cores, case_gb * 10**9, free_gb * 10**9) == size
+
+
+@pytest.mark.parametrize(
+    ("folder", "message"),
+    [(".", "written over the table of cases"), ("in", "would mix with what they are made from")],
+    ids=["the table", "a volume's folder"],
+)
+def test_results_never_replace_what_they_are_made_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in").mkdir()
+    (tmp_path / "cohort.csv").write_text("case,volume,annotations\na,in,a.json\n")
+    args = build_parser().parse_args(["cohort", "cohort.csv", "-o", folder])
+    with pytest.raises(InputError, match=message):
+        run(args)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--workers", "0"], "expected 1 or more"),
+        (["--workers", "2", "--scheduler", "tls://there:8786"], "one of --workers and --scheduler"),
+        (["--preset", "best"], "Unknown preset"),
+    ],
+)
+def test_options_that_cannot_be_used_are_refused(
+    tmp_path: Path, options: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cases.csv").write_text("case,volume,annotations\na,a.nrrd,a.json\n")
+    assert main(["cohort", str(tmp_path / "cases.csv"), "-o", str(tmp_path / "out"), *options]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
