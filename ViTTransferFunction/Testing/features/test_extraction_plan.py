@@ -45,7 +45,7 @@ def test_patches_are_never_smaller_than_cells_and_a_few_remain() -> None:
 def test_slices_and_layers_that_are_run_count_and_not_cells() -> None:
     volume = volume_with_body((64, 64, 64), 1.0)
     every_layer, every_second, every_slice = (
-        ExtractionPlan(volume, FeatureSettings(most_patches=MOST, **of_slices)).shape[0]  # type: ignore[arg-type]
+        ExtractionPlan(volume, FeatureSettings(most_patches=MOST, **of_slices)).shape[0]
         for of_slices in ({}, {"layer_step": 2}, {"every_slice": True})
     )
     assert every_second > every_layer > every_slice
