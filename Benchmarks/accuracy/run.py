@@ -28,9 +28,10 @@ from Benchmarks.accuracy.earlier import read_earlier
 from Benchmarks.accuracy.failures import Failure, worst_structures
 from Benchmarks.accuracy.methods import DEFAULT, METHODS, TRUE_SAMPLES, Method, Segment
 from Benchmarks.accuracy.report import write_report
-from Benchmarks.accuracy.runs import aims_on, run_on_clicks, run_on_true_samples, run_one_by_one, run_with_own_clicks
+from Benchmarks.accuracy.runs import run_on_clicks, run_on_true_samples, run_one_by_one, run_with_own_clicks
 from Benchmarks.accuracy.single_clicks import run_single_clicks
 from Benchmarks.accuracy.size_steps import run_size_steps
+from Benchmarks.shared.aim import persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
@@ -134,7 +135,7 @@ class CaseBench:
         return {"case": self._name, "method": method, "clicks": clicks, "path": path, **self._kept.get(name, measure)}
 
     def _with_own_clicks(self, method: Method, path: int) -> dict[str, Any]:
-        segment, aims = self._segmenter(method), aims_on(path, self._labelled)
+        segment, aims = self._segmenter(method), persons_aims(path, len(self._labelled.names))
         rounds, sequence = run_with_own_clicks(self._labelled, segment, self._rounds, method.negatives, aims)
         return {"rounds": rounds, "placed": sequence.as_json()}
 
@@ -145,11 +146,11 @@ class CaseBench:
         return {"rounds": run_on_clicks(self._labelled, self._segmenter(method), clicks, self._replayed)}
 
     def _one_by_one(self) -> dict[str, Any]:
-        aims = aims_on(FIRST_PATH, self._labelled)
+        aims = persons_aims(FIRST_PATH, len(self._labelled.names))
         return {"rounds": run_one_by_one(self._labelled, self._segmenter(DEFAULT), self._rounds, aims)}
 
     def _single_clicks(self) -> dict[str, Any]:
-        aims = aims_on(FIRST_PATH, self._labelled)
+        aims = persons_aims(FIRST_PATH, len(self._labelled.names))
         return {"changes": run_single_clicks(self._labelled, self._segmenter(DEFAULT), self._rounds, aims)}
 
     def _on_true_samples(self, kind: ClassifierKind, counts: Sequence[int]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 from Benchmarks.accuracy.baseline_classifiers import ClassifierKind, LocalClassifier
 from Benchmarks.accuracy.methods import Segment
 from Benchmarks.accuracy.seeds import random_seeds
-from Benchmarks.shared.aim import Aim, PersonsAim
+from Benchmarks.shared.aim import Aim
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import segmentation_metrics
@@ -66,11 +66,6 @@ def run_on_true_samples(labelled: LabelledVolume, kind: ClassifierKind, samples:
         labels = classifier(random_seeds(labelled.truth, count))
         measured[str(count)] = metrics_of(labelled, labels, time.perf_counter() - start)
     return measured
-
-
-def aims_on(path: int, labelled: LabelledVolume) -> list[Aim]:
-    """How a person aims at each structure on one path of clicks; the same path is always the same person."""
-    return [PersonsAim(path, label) for label in range(1, len(labelled.names) + 1)]
 
 
 class _Timed:

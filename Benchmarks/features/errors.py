@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from Benchmarks.shared.aim import persons_aims
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import mean_dice
 from Benchmarks.shared.sessions import labels_of, session_on
@@ -17,6 +18,8 @@ from ViTTransferFunction.Logic.features.background_tokens import background_cell
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features, unit_vectors
+
+CLICKS = (1, 3, 5, 10)
 
 
 def cosine_errors(features: FeatureVolume, reference: FeatureVolume, volume: Volume) -> dict[str, float]:
@@ -45,8 +48,13 @@ def _background(volume: Volume, features: FeatureVolume) -> np.ndarray:
     return background
 
 
-def dice_by_clicks(features: FeatureVolume, labelled: LabelledVolume) -> dict[str, float]:
-    """Mean Dice of the structures after each number of clicks, with everything but the features as in the default."""
+def dice_by_clicks(features: FeatureVolume, labelled: LabelledVolume, path: int) -> dict[str, float]:
+    """Mean Dice of the structures after each of `CLICKS`, on one path, with everything but the features as in the default."""
     session = session_on(labelled.volume, features)
-    states = click_in_rounds(labelled.truth, labelled.spacing_mm, partial(labels_of, session, labelled))
-    return {str(state.number): mean_dice(state.labels, labelled.truth, len(labelled.names)) for state in states}
+    segment, aims = partial(labels_of, session, labelled), persons_aims(path, len(labelled.names))
+    states = click_in_rounds(labelled.truth, labelled.spacing_mm, segment, max(CLICKS), aims=aims)
+    return {
+        str(state.number): mean_dice(state.labels, labelled.truth, len(labelled.names))
+        for state in states
+        if state.number in CLICKS
+    }

@@ -69,3 +69,8 @@ class PersonsAim:
 
 
 DEEPEST = DeepestAim()
+
+
+def persons_aims(path: int, classes: int) -> list[Aim]:
+    """How a person aims at each of some classes on one path of clicks; the same path is always the same person."""
+    return [PersonsAim(path, label) for label in range(1, classes + 1)]

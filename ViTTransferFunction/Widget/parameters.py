@@ -80,9 +80,8 @@ def _word_choices(ui: Any) -> None:
     """Show choices in words; Slicer goes by their position in the list, and shows them as they are stored."""
     words = {
         "": _("as in the preset"),
-        "preview": _("Preview (seconds)"),
-        "fast": _("Fast"),
         "balanced": _("Balanced"),
+        "fine": _("Fine (ten times as slow)"),
         "paper": _("As in the paper (many times slower)"),
         "auto": _("Automatic"),
         "cpu": _("Processor (CPU)"),

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from .line_resizing import resizing_matrix
 from .slice_sampling import SliceSample, layer_centre
 
@@ -28,7 +26,6 @@ class FeatureSums:
         import torch
 
         self._sums = torch.zeros((*shape, channels), dtype=torch.float32, device=device)
-        self._weights = [np.zeros(layers, dtype=np.float32) for layers in shape]
 
     def add(self, axis: int, sample: SliceSample, keys: Tensor) -> None:
         """Add the keys (rows, columns, C) of a slice across `axis` to the layers that it contributes to."""
@@ -36,22 +33,11 @@ class FeatureSums:
         rounded = keys.to(self._sums.device).half().float()
         for layer, weight in sample.layers:
             self._sums.select(axis, layer).add_(rounded, alpha=weight)
-            self._weights[axis][layer] += weight
 
     def means(self) -> Iterator[Tensor]:
         """Layer after layer of the features, (…, …, C) float16 on the processor, once every slice was added."""
         for layer in self._sums:
             yield (layer / 3.0).half().cpu()
-
-    def means_with(self, others: Iterable[Tensor]) -> Iterator[Tensor]:
-        """As `means`, where slices not yet added are stood in for by the layers of other features of the same cells."""
-        import torch
-
-        first, second, third = (torch.from_numpy(weights).to(self._sums.device) for weights in self._weights)
-        across = (second[:, None] + third)[..., None]
-        for layer, other, weight in zip(self._sums, others, first, strict=True):
-            missing = (3.0 - weight - across).clamp(min=0.0)
-            yield ((layer + missing * other.to(layer)) / 3.0).half().cpu()
 
 
 def interpolated_layers(

@@ -1,7 +1,7 @@
-"""What an extraction will cost, before it runs: seconds and memory, from a second of calibration on the device.
+"""What an extraction will cost, before it runs: seconds and memory, from a third of a second of calibration on the device.
 
 A slice of n tokens takes a + b·n + c·n² seconds: what is done for each slice, the linear layers, and attention. The three are
-fitted to slices of different sizes, run through the network itself.
+fitted to slices of different sizes, run through one block of the network; the others take as long.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..core.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import interpolated_layers
 from .buffer_pool import BufferPool
-from .expected_shapes import expected_shapes
+from .expected_shapes import expected_shapes, linear_layers
 from .extraction import features_size_bytes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
@@ -29,10 +29,12 @@ from .vision_transformer import ROWS_AT_ONCE
 if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
 
-CALIBRATION_ROWS = (8, 20, 36)
-"""Slices of as many rows and columns of patches: 64, 400 and 1296 tokens, a second in all on two cores."""
-CALIBRATION_TOKENS = 1296
+CALIBRATION_ROWS = (8, 20, 28)
+"""Slices of as many rows and columns of patches: 64, 400 and 784 tokens, of which a slice has some hundreds."""
+CALIBRATION_TOKENS = 800
 """Short slices are run several at once, as they will be."""
+CALIBRATION_DEPTH = 2
+"""The first block, and the keys of the second."""
 
 KERNELS_BYTES = 150_000_000
 """Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
@@ -68,9 +70,10 @@ class NetworkSpeed:
 
 def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
     """Measure the network on its device, in the precision of the settings."""
-    converted = network.converted(network.device, settings.dtype_on(network.device))
+    short = network.converted(network.device, settings.dtype_on(network.device)).first_blocks(CALIBRATION_DEPTH)
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    seconds = np.array([_seconds_for_one(converted, rows, settings.merge_background) for rows in CALIBRATION_ROWS])
+    seconds = np.array([_seconds_for_one(short, rows, settings.merge_background) for rows in CALIBRATION_ROWS])
+    seconds *= [_operations(network.model, tokens) / _operations(short.model, tokens) for tokens in sizes]
     # Relative errors count: the shortest slice is as good a witness as the longest.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
     return NetworkSpeed(coefficients)
@@ -146,6 +149,13 @@ def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> fl
         network.keys_of_tokens(slices, buffers).cpu()
         least = min(least, time.perf_counter() - start)
     return least / len(slices)
+
+
+def _operations(model: PretrainedModel, tokens: int) -> int:
+    """Multiplications for one token of a slice of so many: its patch, the blocks, the last keys."""
+    channels = model.embed_dim
+    block = sum(rows * columns for rows, columns in linear_layers(model).values()) + 2 * tokens * channels
+    return 3 * model.patch_size**2 * channels + (model.depth - 1) * block + channels**2
 
 
 def _powers(tokens: list[int]) -> np.ndarray:

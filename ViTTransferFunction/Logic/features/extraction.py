@@ -10,7 +10,6 @@ cells along an edge, background that a few patches represent (`background_tokens
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,8 +25,6 @@ from .feature_volume import FeatureVolume
 from .settings import FeatureSettings, feature_key, grid_shape
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from .vision_transformer import VisionTransformer
 
 
@@ -48,12 +45,7 @@ def extract_features(
     Raises:
         InputError: not even one slice fits into memory.
     """
-    run = FeatureRun(volume, network, settings)
-    for batch in run.batches:
-        run.report(progress)
-        run.run(batch)
-    run.report(progress)
-    return run.features()
+    return FeatureRun(volume, network, settings).run_all(progress)
 
 
 def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: PretrainedModel) -> int:
@@ -62,7 +54,7 @@ def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: Pr
 
 
 class FeatureRun:
-    """An extraction under way: batches of slices are run in any order, and what there is can be had at any time.
+    """An extraction that is planned: batches of slices are run in any order, then there are features.
 
     Args:
         volume: intensities and geometry.
@@ -70,50 +62,42 @@ class FeatureRun:
         settings: grid and sampling.
 
     Attributes:
-        batches: all slices to run.
+        plan: what is to be run.
     """
 
     def __init__(self, volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> None:
+        self.plan = ExtractionPlan(volume, settings)
         self._key = feature_key(volume, network.model.name, network.weights_digest, settings, network.device)
         self._geometry = volume.geometry.resized(grid_shape(volume.geometry, settings))
-        self._plan = ExtractionPlan(volume, settings)
-        self.batches = self._plan.batches
-        self._patches = self._plan.patches(network.model.patch_size, network.device)
+        self._patches = self.plan.patches(network.model.patch_size, network.device)
         self._memory = BoundedMemory(network.converted(network.device, settings.dtype_on(network.device)))
         self._channels = network.model.embed_dim
-        self._sums = FeatureSums(self._plan.shape, self._channels, network.device)
-        self._total, self._done = sum(len(batch.samples) for batch in self.batches), 0
+        self._sums = FeatureSums(self.plan.shape, self._channels, network.device)
 
-    def report(self, progress: Progress) -> None:
-        """Tell how many slices are done, and what was given up for lack of memory."""
-        progress(self._done, self._total, f"Computing features{self._memory.trouble}")
+    def run_all(self, progress: Progress = no_progress) -> FeatureVolume:
+        """Run every batch; see `extract_features`."""
+        done, total = 0, sum(len(batch.samples) for batch in self.plan.batches)
+        for batch in self.plan.batches:
+            progress(done, total, f"Computing features{self._memory.trouble}")
+            self.run(batch)
+            done += len(batch.samples)
+        progress(done, total, f"Computing features{self._memory.trouble}")
+        return self.features()
 
     def run(self, batch: SliceBatch) -> None:
-        """Run a batch of slices; each batch once."""
+        """Run a batch of the plan; each once."""
         patches = self._patches[batch.axis]
         tokens = [patches.tokens(sample.position, chosen) for sample, chosen in zip(batch.samples, batch.chosen, strict=True)]
         keys = self._memory.keys_of_tokens(tokens).split([len(of_slice.patches) for of_slice in tokens])
         for sample, chosen, of_slice in zip(batch.samples, batch.chosen, keys, strict=True):
             self._sums.add(batch.axis, sample, patches.spread(of_slice, chosen))
-        self._done += len(batch.samples)
-
-    def distance_mm(self, batch: SliceBatch, point_ras: np.ndarray) -> float:
-        """How far a batch's slices are from a point (3,) in RAS millimetres, on average."""
-        return self._plan.distance_mm(batch, point_ras)
 
     def features(self) -> FeatureVolume:
-        """The features, once every batch was run."""
-        return self._feature_volume(self._sums.means(), self._key)
-
-    def features_so_far(self, coarse: FeatureRun) -> FeatureVolume:
-        """Features in which a coarser, finished run of the same volume stands in for the slices not yet run."""
-        others = interpolated_layers(coarse._sums.means(), coarse._plan.shape, self._plan.shape)
-        return self._feature_volume(self._sums.means_with(others), f"{self._key}-{self._done}-of-{self._total}")
-
-    def _feature_volume(self, layers: Iterator[Tensor], key: str) -> FeatureVolume:
-        """Features of canonical `layers`, each written where it belongs: there is never a second volume of them."""
+        """The features of the batches that were run."""
+        # Each layer is written where it belongs: there is never a second volume of features.
         array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
-        canonical = self._plan.orientation.to_canonical(array)
-        for place, layer in zip(canonical, interpolated_layers(layers, self._plan.shape, canonical.shape[:3]), strict=True):
+        canonical = self.plan.orientation.to_canonical(array)
+        layers = interpolated_layers(self._sums.means(), self.plan.shape, canonical.shape[:3])
+        for place, layer in zip(canonical, layers, strict=True):
             place[...] = layer.numpy()
-        return FeatureVolume(array, self._geometry, key)
+        return FeatureVolume(array, self._geometry, self._key)

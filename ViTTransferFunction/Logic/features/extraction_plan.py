@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,8 +11,8 @@ import numpy as np
 
 from ..core.orientation import AS_STORED, canonical_orientation
 from ..core.volume import Volume
-from .background_tokens import TokenSelection, background_cells, select_tokens
-from .settings import FeatureSettings, patch_grid_shape
+from .background_tokens import BACKGROUND_STRIDE, TokenSelection, background_cells, select_tokens
+from .settings import SMALLEST_GRID, FeatureSettings, shape_along
 from .slice_patches import SlicePatches
 from .slice_sampling import SliceSample, slice_samples
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 TOKENS_PER_BATCH = 8192
 """Enough to keep the arithmetic busy; beyond it memory grows and time does not shrink."""
+BODY_SHARE_GRID = 24
+"""Cells along the longest edge to tell how much of the volume is background: about as many as there will be patches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,35 +55,53 @@ class ExtractionPlan:
 
     def __init__(self, volume: Volume, settings: FeatureSettings) -> None:
         self.orientation = canonical_orientation(volume.geometry) if settings.canonical else AS_STORED
-        self.shape = self.orientation.canonical_shape(patch_grid_shape(volume.geometry, settings))
         self._array = self.orientation.to_canonical(volume.array)
         self._geometry = volume.geometry
+        self._settings = settings
         self._windows = settings.windows_for(volume)
-        background = np.zeros(self.shape, dtype=bool)
-        if settings.merge_background:
-            background = background_cells(self._array, self._windows, self.shape)
-        samples = (
-            slice_samples(slices, layers, settings.every_slice, settings.layer_step)
-            for slices, layers in zip(self._array.shape, self.shape, strict=True)
-        )
+        self.shape = self._patch_shape()
+        background, samples = self._background(self.shape), self._samples(self.shape)
         self.batches = tuple(batch for axis, of_axis in enumerate(samples) for batch in _batches(axis, of_axis, background))
 
     def patches(self, patch_size: int, device: torch.device) -> list[SlicePatches]:
         """The patches of the slices across each axis."""
         return [SlicePatches(self._array, self._windows, axis, self.shape, patch_size, device) for axis in range(3)]
 
-    def distance_mm(self, batch: SliceBatch, point_ras: np.ndarray) -> float:
-        """How far a batch's slices are from a point (3,) in RAS millimetres, on average."""
-        stored_axis = self.orientation.order[batch.axis]
-        index = float(self._geometry.ras_to_ijk(point_ras)[0, ::-1][stored_axis])
-        if self.orientation.mirrored[batch.axis]:
-            index = self._geometry.shape[stored_axis] - 1.0 - index
-        steps = np.mean([abs(sample.position - index) for sample in batch.samples])
-        return float(steps * self._geometry.spacing_mm[2 - stored_axis])
-
     def tokens_of_slices(self) -> list[int]:
         """Number of patches of every slice that is run."""
         return [len(chosen.places) for batch in self.batches for chosen in batch.chosen]
+
+    def _patch_shape(self) -> tuple[int, int, int]:
+        """As many patches along the canonical axes as there are cells, or as many as make `most_patches` in all slices."""
+        finest, most = self._shape_along(self._settings.grid), self._settings.most_patches
+        if most is None:
+            return finest
+        background = self._background(self._shape_along(BODY_SHARE_GRID))
+        run = 1.0 - background.mean() * (1.0 - 1.0 / BACKGROUND_STRIDE**2)
+        coarser = (self._shape_along(longest) for longest in range(self._settings.grid, SMALLEST_GRID, -1))
+        return next((shape for shape in coarser if run * self._patches_in(shape) <= most), self._shape_along(SMALLEST_GRID))
+
+    def _shape_along(self, longest: int) -> tuple[int, int, int]:
+        return self.orientation.canonical_shape(shape_along(self._geometry, longest, self._settings.isotropic))
+
+    def _patches_in(self, shape: tuple[int, int, int]) -> int:
+        """Number of patches in all slices, background included."""
+        return sum(
+            len(samples) * math.prod(shape) // layers for samples, layers in zip(self._samples(shape), shape, strict=True)
+        )
+
+    def _samples(self, shape: tuple[int, int, int]) -> list[list[SliceSample]]:
+        """The slices to run across each axis."""
+        return [
+            slice_samples(slices, layers, self._settings.every_slice, self._settings.layer_step)
+            for slices, layers in zip(self._array.shape, shape, strict=True)
+        ]
+
+    def _background(self, shape: tuple[int, int, int]) -> np.ndarray:
+        """Which patches show nothing but background."""
+        if self._settings.merge_background:
+            return background_cells(self._array, self._windows, shape)
+        return np.zeros(shape, dtype=bool)
 
 
 def _batches(axis: int, samples: Sequence[SliceSample], background: np.ndarray) -> Iterator[SliceBatch]:

@@ -1,31 +1,22 @@
-"""Features that can be used within seconds, and sharpen while the user works (coarse to fine).
-
-A coarse extraction comes first, on few patches, interpolated to the cells of the final features: maps of both have the same
-grid. Then slices of the final extraction take its place, and the last features are those that `extract_features` gives.
-"""
+"""Features that can be used within a second or two, while better ones are computed (coarse to fine)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
-from .extraction import FeatureRun, extract_features
-from .extraction_plan import SliceBatch
+from .extraction import FeatureRun
 from .feature_volume import FeatureVolume
-from .settings import FeatureSettings, patches_along
+from .settings import FeatureSettings
 
 if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
 
-COARSE_PATCHES = 32
-"""Along the longest edge: features in 2 to 10 seconds on two cores, that are worth 0.01 to 0.03 less Dice."""
-STAGES = 4
-"""How often the features are renewed on the way from coarse to final: each renewal costs a second and moves the map."""
+COARSE_PATCHES = 5_000
+"""Of all slices together: about a second on two cores without matrix units."""
 
 
 def progressive_features(
@@ -34,7 +25,7 @@ def progressive_features(
     settings: FeatureSettings,
     progress: Progress = no_progress,
 ) -> Iterator[FeatureVolume]:
-    """Compute features coarse to fine.
+    """Compute coarse features, then those of the settings.
 
     Whoever iterates may stop at any time, also by raising `Cancelled` out of `progress`; what was yielded stays usable.
 
@@ -45,50 +36,16 @@ def progressive_features(
         progress: called with slices done.
 
     Yields:
-        Features of ever finer detail, all on the same cells; the last are those of `extract_features`, bit for bit. Only
-        these have the key of the settings (`feature_key`), so that no cache takes the others for them.
+        Features on the same cells; the last are those of `extract_features`. Coarse ones have a key of their own, and there
+        are none where they would see as many patches.
     """
-    if patches_along(settings) <= COARSE_PATCHES:
-        yield extract_features(volume, network, settings, progress)
-        return
-    coarse = FeatureRun(volume, network, _coarse(settings))
-    for batch in coarse.batches:
-        coarse.report(progress)
-        coarse.run(batch)
-    fine = FeatureRun(volume, network, settings)
-    yield fine.features_so_far(coarse)
-    batches = _in_order(fine, settings, volume)
-    for number, batch in enumerate(batches, start=1):
-        fine.report(progress)
-        fine.run(batch)
-        if number < len(batches) and number * STAGES // len(batches) > (number - 1) * STAGES // len(batches):
-            yield fine.features_so_far(coarse)
-    fine.report(progress)
-    yield fine.features()
-
-
-def _in_order(fine: FeatureRun, settings: FeatureSettings, volume: Volume) -> Sequence[SliceBatch]:
-    """The batches, those through the middle first; as they come where every slice counts.
-
-    Pooled slices have weights such as 1/3, and then the last bit of a sum depends on its order (`FeatureSums`).
-    """
-    if settings.every_slice:
-        return fine.batches
-    centre_ras = _centre_ras(volume)
-    return sorted(fine.batches, key=lambda batch: fine.distance_mm(batch, centre_ras))
+    coarse, fine = (FeatureRun(volume, network, of) for of in (_coarse(settings), settings))
+    if coarse.plan.shape != fine.plan.shape:
+        yield coarse.run_all(progress)
+    yield fine.run_all(progress)
 
 
 def _coarse(settings: FeatureSettings) -> FeatureSettings:
     return replace(
-        settings,
-        patches_per_cell=COARSE_PATCHES / settings.grid,
-        layer_step=1,
-        every_slice=False,
-        precision="device",
-        merge_background=True,
+        settings, most_patches=COARSE_PATCHES, layer_step=1, every_slice=False, precision="device", merge_background=True
     )
-
-
-def _centre_ras(volume: Volume) -> np.ndarray:
-    centre: np.ndarray = volume.geometry.ijk_to_ras_points((np.array(volume.shape[::-1]) - 1.0) / 2.0)[0]
-    return centre

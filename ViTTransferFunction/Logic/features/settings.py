@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-FORMAT_VERSION = 4
+FORMAT_VERSION = 5
 """Part of every key: to be raised when the same settings come to give other features."""
 
 
@@ -28,8 +28,8 @@ class FeatureSettings:
 
     Attributes:
         grid: number of cells along the volume's longest edge.
-        patches_per_cell: edge of a cell in patches, 1 or less: where the network sees fewer patches than there are cells,
-            features are interpolated.
+        most_patches: of all slices together, about; where one patch a cell would be more, patches are larger than cells, and
+            features are interpolated. None: one patch a cell, whatever it takes.
         layer_step: run the slices of every n-th layer of patches and interpolate between; 1 runs all.
         isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as in the paper.
         canonical: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as
@@ -41,11 +41,11 @@ class FeatureSettings:
         precision: of the network; "device": the one that suits the device (`device_precision`).
 
     Raises:
-        InputError: `grid`, `patches_per_cell` or `layer_step` is out of range, or layers are to be skipped and pooled at once.
+        InputError: `grid`, `most_patches` or `layer_step` is out of range, or layers are to be skipped and pooled at once.
     """
 
     grid: int = 64
-    patches_per_cell: float = 1.0
+    most_patches: int | None = None
     layer_step: int = 1
     isotropic: bool = True
     canonical: bool = True
@@ -57,8 +57,8 @@ class FeatureSettings:
     def __post_init__(self) -> None:
         if not SMALLEST_GRID <= self.grid <= LARGEST_GRID:
             raise InputError(f"The grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {self.grid}.")
-        if not 0.0 < self.patches_per_cell <= 1.0:
-            raise InputError(f"A cell must be more than 0 and at most 1 patch wide; got {self.patches_per_cell}.")
+        if self.most_patches is not None and self.most_patches < 1:
+            raise InputError(f"The network must see 1 patch or more; got {self.most_patches}.")
         if self.layer_step < 1 or (self.every_slice and self.layer_step > 1):
             raise InputError(f"layer_step must be 1 or more, and 1 where every slice is run; got {self.layer_step}.")
 
@@ -84,17 +84,14 @@ class FeatureSettings:
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
     """Number of cells along (K, J, I): `settings.grid` along the longest edge, the others in proportion, at least 1."""
-    return _proportional_shape(geometry, settings.grid, settings.isotropic)
+    return shape_along(geometry, settings.grid, settings.isotropic)
 
 
-def patch_grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
-    """Number of patches along (K, J, I): `patches_along` the longest edge, the others in proportion, at least 1."""
-    return _proportional_shape(geometry, patches_along(settings), settings.isotropic)
-
-
-def patches_along(settings: FeatureSettings) -> int:
-    """Number of patches along the volume's longest edge."""
-    return max(SMALLEST_GRID, round(settings.grid * settings.patches_per_cell))
+def shape_along(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:
+    """A grid (K', J', I') of `longest` cells along the longest edge, the others in proportion, at least 1."""
+    edges = geometry.extent_mm[::-1] if isotropic else np.array(geometry.shape, dtype=float)
+    cells = np.maximum(1, np.round(edges * longest / edges.max())).astype(int)
+    return int(cells[0]), int(cells[1]), int(cells[2])
 
 
 def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings, device: torch.device) -> str:
@@ -107,9 +104,3 @@ def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: 
     digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings.on(device)).items())}".encode())
     digest.update(volume.digest)
     return digest.hexdigest()
-
-
-def _proportional_shape(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:
-    edges = geometry.extent_mm[::-1] if isotropic else np.array(geometry.shape, dtype=float)
-    cells = np.maximum(1, np.round(edges * longest / edges.max())).astype(int)
-    return int(cells[0]), int(cells[1]), int(cells[2])

@@ -11,11 +11,12 @@ is looked up by its published name.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..weights.models import PretrainedModel
 from .buffer_pool import BufferPool
-from .expected_shapes import check_state_dict, register_name
+from .expected_shapes import check_state_dict, expected_shapes, register_name
 from .packed_slices import PackedSlices, PatchTokens
 from .position_table import PositionTable
 from .rotary_positions import RotaryPositions, rotate
@@ -69,6 +70,12 @@ class VisionTransformer:
         if (self.device, self.dtype) == (torch.device(device), dtype):
             return self
         return VisionTransformer(self.model, self._weights, self.weights_digest, device, dtype)
+
+    def first_blocks(self, depth: int) -> VisionTransformer:
+        """The network of the first `depth` blocks alone: not for features, but to tell how fast a block is."""
+        model = replace(self.model, depth=depth)
+        weights = {name: self._weights[name] for name in expected_shapes(model)}
+        return VisionTransformer(model, weights, self.weights_digest, self.device, self.dtype)
 
     def keys_of_tokens(self, slices: Sequence[PatchTokens], buffers: BufferPool | None = None) -> Tensor:
         """Keys `K` of the last block's self-attention, heads side by side, without class and register tokens.

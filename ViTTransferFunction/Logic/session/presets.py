@@ -35,14 +35,10 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
 PRESETS = {
-    "preview": _whitened(
-        "a first look within seconds, at a coarser scale than the others", FeatureSettings(patches_per_cell=0.375)
+    "balanced": _whitened("the one to begin with: seconds on an ordinary computer", FeatureSettings(most_patches=20_000)),
+    "fine": _whitened(
+        "ten times as slow, one patch a cell: seldom better where it was measured", FeatureSettings(layer_step=2)
     ),
-    "fast": _whitened(
-        "about two fifths of the time of balanced, at a slightly coarser scale",
-        FeatureSettings(patches_per_cell=0.625),
-    ),
-    "balanced": _whitened("the one to begin with: detail as fine as the grid's cells", FeatureSettings(layer_step=2)),
     "paper": Preset(
         meaning="as in the paper, and many times slower: every slice along all three axes, over the full range of intensities",
         model="dino_vits8",

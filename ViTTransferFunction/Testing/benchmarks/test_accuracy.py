@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from Benchmarks.accuracy.runs import aims_on, run_on_clicks, run_one_by_one, run_with_own_clicks
+from Benchmarks.accuracy.runs import run_on_clicks, run_one_by_one, run_with_own_clicks
 from Benchmarks.accuracy.single_clicks import run_single_clicks
 from Benchmarks.accuracy.size_steps import run_size_steps
-from Benchmarks.shared.aim import Aim
+from Benchmarks.shared.aim import Aim, persons_aims
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume, PhantomCase, classes_of
@@ -35,7 +35,7 @@ def balls_around_clicks(labelled: LabelledVolume, clicks: Clicks) -> np.ndarray:
 
 
 def aims_of(labelled: LabelledVolume) -> list[Aim]:
-    return aims_on(1, labelled)
+    return persons_aims(1, len(labelled.names))
 
 
 def test_other_methods_are_given_the_very_same_clicks(labelled: LabelledVolume) -> None:
@@ -71,7 +71,7 @@ def test_one_by_one_a_structure_has_its_own_clicks_alone(labelled: LabelledVolum
 
 def test_paths_differ_and_each_is_always_the_same(labelled: LabelledVolume) -> None:
     def clicks(path: int) -> Clicks:
-        _, sequence = run_with_own_clicks(labelled, balls_around_clicks, 2, True, aims_on(path, labelled))
+        _, sequence = run_with_own_clicks(labelled, balls_around_clicks, 2, True, persons_aims(path, len(labelled.names)))
         return sequence.at(2)
 
     assert clicks(1) == clicks(1)

@@ -1,84 +1,124 @@
-"""The figures that the benchmark of features sums up, where settings were run on some of the volumes only."""
+"""What the benchmark of features sums up, and how it measures."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 
+from Benchmarks.features.capabilities import CAPABILITIES, capabilities_here
+from Benchmarks.features.generated_volumes import AIR_HU, GENERATED, GeneratedVolume
 from Benchmarks.features.report import write_report
-from Benchmarks.features.run import DEFAULT, summary
-from Benchmarks.features.runs import PUBLISHED, REFERENCE, at_grid, settings_called
+from Benchmarks.features.settings import DEFAULT, FINE, SETTINGS, at_grid, settings_called
+from Benchmarks.features.summary import summary
+from Benchmarks.features.times import measured, sampled_seconds
 from Benchmarks.shared.machine import machine
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.extraction import FeatureRun
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 
 
-def row(case: str, setting: str, seconds: float, dice: float, extra_bytes: int = 0) -> dict[str, Any]:
-    cost = {"seconds": seconds, "estimated_seconds": seconds, "tokens": 1000, "feature_bytes": 10}
+def row(case: str, setting: str, dice: tuple[float, float], extra_bytes: int = 0) -> dict[str, Any]:
+    """Of two paths of clicks."""
+    cost = {"seconds": 2.0, "estimated_seconds": 2.0, "tokens": 1000, "feature_bytes": 10}
     memory = {"peak_bytes": 10 + extra_bytes, "estimated_peak_bytes": 10}
-    worth = {"centred": 0.1, "whitened": 0.2, "dice": dict.fromkeys(("1", "3", "5", "10"), dice)}
-    return {"case": case, "setting": setting, **cost, **memory, **worth}
+    paths = [dict.fromkeys(("1", "3", "5", "10"), of_path) for of_path in dice]
+    return {"case": case, "setting": setting, **cost, **memory, "centred": 0.1, "whitened": 0.2, "dice": paths}
+
+
+def times(volume: str, seconds: float, first_map_s: float, published: float | None = None) -> dict[str, Any]:
+    said = {"estimated_seconds": 2.0 * seconds, "calibration_s": 0.2, "tokens": 20_000}
+    of_volume = {"volume": volume, "voxels": [4, 5, 6], "precision": "float32", "capability": "AVX2", "capability_key": "avx2"}
+    found = {"seconds": seconds, "first_map_s": first_map_s}
+    return {**of_volume, **found, **said, **({"published_seconds": published} if published else {})}
 
 
 @pytest.fixture
 def report() -> dict[str, Any]:
-    """Two volumes, one of which the published method was run on."""
-    rows = [
-        row("chest", PUBLISHED, 900.0, 0.80),
-        row("chest", REFERENCE, 200.0, 0.84),
-        row("chest", DEFAULT, 9.0, 0.82, extra_bytes=300),
-        row("head", REFERENCE, 300.0, 0.74),
-        row("head", DEFAULT, 10.0, 0.70, extra_bytes=200),
-    ]
     return {
         "model": "m",
         "machine": machine("cpu"),
         "command": "python dev.py bench features",
-        "default": DEFAULT,
-        "published_cases": ["chest"],
-        "rows": rows,
-        "first_maps": [
-            {"case": c, "voxels": [1, 2, 3], "first_map_s": s, "last_map_s": 9.0} for c, s in (("chest", 4.0), ("head", 5.0))
+        "paths": 2,
+        "times": [times("amos_0336", 5.0, 1.5, published=1000.0), times("brain", 8.0, 2.0)],
+        "rows": [
+            row("amos_0336", FINE, (0.80, 0.90), extra_bytes=900),
+            row("amos_0336", DEFAULT, (0.82, 0.90), extra_bytes=300),
+            row("brain", FINE, (0.60, 0.60), extra_bytes=900),
+            row("brain", DEFAULT, (0.57, 0.57), extra_bytes=200),
         ],
-        "stages": {"case": "chest", "stages": [{"seconds": 1.0, "error": 0.5}]},
-        "scaling": [{"size": 128, "tokens": 10, "seconds": 1.0, "peak_bytes": 20, "feature_bytes": 10}],
     }
 
 
-def test_figures_against_the_published_way_are_over_the_volumes_that_it_was_run_on(report: dict[str, Any]) -> None:
+def test_times_are_summed_up_for_each_class_of_processors(report: dict[str, Any]) -> None:
     figures = summary(report)
-    assert figures["speedup_vs_published"] == pytest.approx(100.0)
-    assert figures["dice_loss"] == pytest.approx(-0.02)
-    assert figures["dice_loss_vs_every_slice"] == pytest.approx(0.03)
-    assert figures["dice_loss_worst_volume_vs_every_slice"] == pytest.approx(0.04)
-    assert (figures["first_map_s"], figures["extra_memory_bytes"]) == (5.0, 300)
+    assert (figures["seconds_amos_avx2"], figures["seconds_worst_avx2"], figures["first_map_s_avx2"]) == (5.0, 8.0, 2.0)
+    assert figures["speedup_vs_published_avx2"] == pytest.approx(200.0)
+    assert figures["estimate_off_by_avx2"] == pytest.approx(2.0)
+    assert "seconds_amos_no_amx" not in figures
 
 
-def test_without_the_published_way_there_are_no_figures_against_it(report: dict[str, Any]) -> None:
-    report["rows"] = [row for row in report["rows"] if row["setting"] != PUBLISHED]
-    assert not {"speedup_vs_published", "dice_loss"} & summary(report).keys()
+def test_dice_is_compared_with_the_previous_default_on_every_volume_and_path(report: dict[str, Any]) -> None:
+    figures = summary(report)
+    assert figures["dice_change_vs_previous_default"] == pytest.approx((0.01 - 0.03) / 2.0)
+    assert figures["dice_change_vs_previous_default_worst_volume"] == pytest.approx(-0.03)
+    assert figures["extra_memory_bytes"] == 300
 
 
-@pytest.mark.parametrize(("cases", "words"), [(["chest"], "against *published* over chest"), ([], "it was not run")])
-def test_the_report_says_what_was_compared(report: dict[str, Any], cases: list[str], words: str, tmp_path: Path) -> None:
-    report |= {"published_cases": cases, "summary": summary(report)}
-    write_report(report, tmp_path)
-    assert words in (tmp_path / "features.md").read_text(encoding="utf-8")
+def test_the_report_has_a_line_for_each_run(report: dict[str, Any], tmp_path: Path) -> None:
+    report["rows"].append(row("brain", at_grid(96), (0.5, 0.7)))
+    write_report({**report, "summary": summary(report)}, tmp_path)
+    text = (tmp_path / "features.md").read_text(encoding="utf-8")
+    assert "| AVX2 | amos_0336 | 4×5×6 | float32 | 20,000 | 1.5 | 5.0 | 10.0 | 0.20 | 1000 | 200 |" in text
+    assert "| AVX2 | brain | 4×5×6 | float32 | 20,000 | 2.0 | 8.0 | 16.0 | 0.20 | – | – |" in text
+    assert "| brain | grid 96 | 1,000 | 2.0 |" in text
+    assert "| 0.600 ± 0.100 |" in text
 
 
 def test_a_grid_is_the_default_setting_but_for_its_cells() -> None:
     default = PRESETS[DEFAULT_PRESET].features
     assert settings_called(DEFAULT) == default
     assert settings_called(at_grid(96)) == replace(default, grid=96)
+    assert len(set(SETTINGS.values())) == len(SETTINGS)
 
 
-def test_grids_have_rows_and_change_no_other_figure(report: dict[str, Any], tmp_path: Path) -> None:
-    figures = summary(report)
-    report["rows"].append(row("chest", at_grid(96), 30.0, 0.85))
-    assert summary(report) == figures
-    write_report({**report, "summary": figures}, tmp_path)
-    assert "| chest | grid 96 | 1,000 | 30.0 |" in (tmp_path / "features.md").read_text(encoding="utf-8")
+def test_a_processor_stands_for_classes_that_it_has_everything_of() -> None:
+    assert all(capability in CAPABILITIES for capability in capabilities_here())
+    for less, more in itertools.pairwise(CAPABILITIES[1:]):
+        assert set(less.needs) < set(more.needs)
+
+
+def test_generated_bodies_have_air_around_them_or_none() -> None:
+    body, crop = (replace(volume, shape=(3, 40, 50)).volume().array for volume in GENERATED)
+    assert 0.4 < np.mean(body == AIR_HU) < 0.75
+    assert (body[:, 0] == AIR_HU).all()
+    assert not (crop == AIR_HU).all(axis=(0, 1)).any()
+    again = GeneratedVolume("again", (3, 40, 50), (1.0, 1.0, 1.0), GENERATED[0].semi_axes).volume().array
+    np.testing.assert_array_equal(again, body)
+
+
+def test_times_are_of_every_step_that_is_named(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
+    found = measured(spheres[0], tiny_network, published=False)
+    assert all(found[name] > 0.0 for name in ("calibration_s", "estimated_seconds", "first_map_s", "seconds"))
+    assert "published_seconds" not in found
+
+
+def test_seconds_from_some_slices_stand_for_all_of_them(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = FeatureSettings(grid=20, merge_background=False, precision="float32")
+    clock = itertools.count()
+    monkeypatch.setattr("ViTTransferFunction.Logic.features.extraction_plan.TOKENS_PER_BATCH", 400)
+    # A second for each look at the clock: each axis takes one, however many of its slices are run.
+    monkeypatch.setattr("Benchmarks.features.times.time.perf_counter", lambda: float(next(clock)))
+    shape = FeatureRun(spheres[0], tiny_network, settings).plan.shape
+    expected = sum(layers / 4 for layers in shape)
+    assert sampled_seconds(spheres[0], tiny_network, settings, batches=4) == pytest.approx(expected, rel=0.3)

@@ -16,7 +16,6 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.features.progressive import COARSE_PATCHES
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import array_from_node
@@ -137,7 +136,7 @@ def test_clicks_are_answered_while_features_still_become_finer(
     volume, labels = slab_through(torso, LIVER, slices=16)
     liver = session.annotations.add_class("liver").id
     session.annotations.add_points(liver, points_in((volume, labels), LIVER, 6), positive=True)
-    session.parameters.set("grid", COARSE_PATCHES + 4)
+    session.parameters.set("grid", 32)
     # Without refinement, only other features give another iso value.
     session.parameters.set("refinement", "none")
     session.set_volume(add_volume(slicer_app.scene, volume))

@@ -6,8 +6,7 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from ViTTransferFunction.Logic.features.accumulation import FeatureSums, interpolated_layers
-from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
+from ViTTransferFunction.Logic.features.accumulation import interpolated_layers
 
 CPU = torch.device("cpu")
 
@@ -24,12 +23,3 @@ def test_a_single_layer_is_repeated() -> None:
     layer = torch.randn(4, 4, 2, generator=torch.Generator().manual_seed(0)).half()
     for resized in interpolated_layers([layer], (1, 4, 4), (3, 4, 4)):
         torch.testing.assert_close(resized, layer, atol=0, rtol=0)
-
-
-def test_other_features_stand_in_for_slices_that_are_missing() -> None:
-    sums = FeatureSums((2, 3, 4), 5, CPU)
-    others = torch.full((2, 3, 4, 5), 9.0, dtype=torch.float16)
-    for sample in slice_samples(2, 2, every_slice=False):
-        sums.add(0, sample, torch.full((3, 4, 5), 3.0))
-    mixed = torch.stack(list(sums.means_with(others)))
-    torch.testing.assert_close(mixed, torch.full_like(others, (3.0 + 9.0 + 9.0) / 3.0), atol=1e-2, rtol=0)

@@ -24,7 +24,7 @@ SETTINGS = FeatureSettings(grid=24, merge_background=False)
     "from_cheap_to_expensive",
     [
         [replace(SETTINGS, grid=grid) for grid in (8, 12, 16, 24, 32)],
-        [replace(SETTINGS, patches_per_cell=share) for share in (0.4, 0.6, 0.8, 1.0)],
+        [replace(SETTINGS, most_patches=3 * longest**3) for longest in (10, 14, 19, 24)],
         [replace(SETTINGS, layer_step=step) for step in (4, 3, 2, 1)],
         [SETTINGS, replace(SETTINGS, every_slice=True)],
         [replace(SETTINGS, merge_background=True), SETTINGS],

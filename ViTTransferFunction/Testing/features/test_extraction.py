@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.core.orientation import Orientation, canonical_or
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features, features_size_bytes
+from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, feature_key, grid_shape
 from ViTTransferFunction.Logic.features.slice_sampling import slice_samples
@@ -106,7 +107,9 @@ def test_fewer_patches_than_cells_are_interpolated_onto_the_same_cells() -> None
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, 48, dtype=np.float32), (48, 48, 48))
     settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, merge_background=False)
     fine = extract_features(volume_of(ramp), MeanIntensityNetwork(), settings)
-    coarse = extract_features(volume_of(ramp), MeanIntensityNetwork(), replace(settings, patches_per_cell=0.5))
+    half = replace(settings, most_patches=3 * 12**3)
+    assert ExtractionPlan(volume_of(ramp), half).shape == (12, 12, 12)
+    coarse = extract_features(volume_of(ramp), MeanIntensityNetwork(), half)
     assert coarse.array.shape == fine.array.shape
     np.testing.assert_allclose(coarse.array[:, :, 1:-1].astype(float), fine.array[:, :, 1:-1].astype(float), atol=5e-3)
 
@@ -208,7 +211,7 @@ def test_the_announced_size_is_the_size(spheres: tuple[Volume, np.ndarray], tiny
 CPU = torch.device("cpu")
 OTHER_SETTINGS: list[dict[str, Any]] = [
     {"grid": 65},
-    {"patches_per_cell": 0.5},
+    {"most_patches": 500},
     {"layer_step": 2},
     {"isotropic": False},
     {"canonical": False},
@@ -244,10 +247,9 @@ def test_a_grid_out_of_range_is_refused(grid: int) -> None:
         FeatureSettings(grid=grid)
 
 
-@pytest.mark.parametrize("patches_per_cell", [0.0, 1.5, float("nan")])
-def test_cells_finer_than_patches_are_refused(patches_per_cell: float) -> None:
-    with pytest.raises(InputError, match="at most 1 patch wide"):
-        FeatureSettings(patches_per_cell=patches_per_cell)
+def test_no_patches_at_all_are_refused() -> None:
+    with pytest.raises(InputError, match="1 patch or more; got 0"):
+        FeatureSettings(most_patches=0)
 
 
 @pytest.mark.parametrize("fields", [{"layer_step": 0}, {"layer_step": 2, "every_slice": True}])

@@ -1,0 +1,125 @@
+"""Seconds on one volume: `python -m Benchmarks.features.times VOLUME …`, in a process of its own, limited to a capability.
+
+Everything is measured in one run, so that ratios hold where others use the machine as well. Prints one line of JSON.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from Benchmarks.features.generated_volumes import GENERATED
+from Benchmarks.features.settings import DEFAULT_SETTINGS, PUBLISHED, SETTINGS
+from Benchmarks.shared.labelled_cases import SCANS, classes_of
+from Benchmarks.shared.simulated_clicker import Click
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
+from ViTTransferFunction.Logic.features.extraction import FeatureRun, extract_features
+from ViTTransferFunction.Logic.features.progressive import progressive_features
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Logic.features.whitening import normalised_features
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
+from ViTTransferFunction.Logic.weights.models import pretrained_model
+from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+
+REPEATS = 3
+SAMPLED_BATCHES = 4
+"""Of each axis of the published way: its slices are all alike, and all of them would take twenty minutes and more."""
+
+
+def main() -> None:
+    """Measure what the command line names, and print it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("volume", choices=[*(case.name for case in SCANS), *(volume.name for volume in GENERATED)])
+    parser.add_argument("--volumes", type=Path, required=True)
+    parser.add_argument("--weights", type=Path, required=True)
+    parser.add_argument("--model", required=True)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--published", action="store_true", help="also the published way")
+    options = parser.parse_args()
+    network = VisionTransformer(
+        pretrained_model(options.model), load_state_dict(options.weights), "bench", torch.device(options.device)
+    )
+    # Before anything is timed: a network is converted once in a session, and voxels are digested once.
+    network = network.converted(network.device, DEFAULT_SETTINGS.dtype_on(network.device))
+    volume = _volume(options.volume, options.volumes)
+    _ = volume.digest
+    print(json.dumps(measured(volume, network, options.published)))
+
+
+def measured(volume: Volume, network: VisionTransformer, published: bool) -> dict[str, Any]:
+    """Seconds for the estimate, the first map, the default's features and the published ones, in this order.
+
+    What the estimate said comes with it. The least of `REPEATS` counts for all but the published way.
+    """
+    started = time.perf_counter()
+    speed = calibrate(network, DEFAULT_SETTINGS)
+    calibration_s = time.perf_counter() - started
+    cost = feature_cost(volume, DEFAULT_SETTINGS, network, speed)
+    report = {
+        "voxels": list(volume.shape[::-1]),
+        "precision": str(network.dtype).removeprefix("torch."),
+        "tokens": cost.tokens,
+        "calibration_s": calibration_s,
+        "estimated_seconds": cost.seconds,
+        "first_map_s": _least(lambda: _first_map(volume, network)),
+        "seconds": _least(lambda: extract_features(volume, network, DEFAULT_SETTINGS)),
+    }
+    if published:
+        settings = SETTINGS[PUBLISHED]
+        in_its_precision = network.converted(network.device, settings.dtype_on(network.device))
+        report["published_seconds"] = sampled_seconds(volume, in_its_precision, settings, SAMPLED_BATCHES)
+    return report
+
+
+def sampled_seconds(volume: Volume, network: VisionTransformer, settings: FeatureSettings, batches: int) -> float:
+    """Seconds for an extraction, of which only some batches of each axis are run, after one that does not count."""
+    run = FeatureRun(volume, network, settings)
+    run.run(run.plan.batches[0])
+    seconds = 0.0
+    for axis in range(3):
+        of_axis = [batch for batch in run.plan.batches if batch.axis == axis]
+        sample = of_axis[:: -(-len(of_axis) // batches)]
+        started = time.perf_counter()
+        for batch in sample:
+            run.run(batch)
+        slices, sampled = (sum(len(batch.samples) for batch in some) for some in (of_axis, sample))
+        seconds += (time.perf_counter() - started) * slices / sampled
+    return seconds
+
+
+def _first_map(volume: Volume, network: VisionTransformer) -> None:
+    features = next(progressive_features(volume, network, DEFAULT_SETTINGS))
+    similarity = KernelRidge(normalised_features(features, PRESETS[DEFAULT_PRESET].statistics), volume)
+    k, j, i = (size // 2 for size in volume.shape)
+    similarity.maps(classes_of(["first"], [[Click((k, j, i), positive=True)]], volume.geometry))
+
+
+def _least(work: Callable[[], object]) -> float:
+    """Seconds for the fastest of some runs: others on the machine can only make a run slower."""
+    seconds = []
+    for _ in range(REPEATS):
+        started = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - started)
+    return min(seconds)
+
+
+def _volume(name: str, folder: Path) -> Volume:
+    for generated in GENERATED:
+        if generated.name == name:
+            return generated.volume()
+    return read_volume(folder / next(case.volume for case in SCANS if case.name == name))
+
+
+if __name__ == "__main__":
+    main()
