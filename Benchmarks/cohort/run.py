@@ -1,6 +1,6 @@
 """Cases per hour of `vittf cohort` with 1 and 2 workers, and on paper with 64.
 
-    python dev.py bench cohort --volumes DIR [--copies 6] [--preset preview] [--workers 1 2]
+    python dev.py bench cohort --volumes DIR [--copies 6] [--preset balanced] [--workers 1 2]
 
 Copies of one scan, each with other intensities by a constant, so that none finds another's features in the cache; the points
 are taken from the scan's labels, three in each structure. For each number of workers the command is run as users do, in an
@@ -41,6 +41,7 @@ from ViTTransferFunction.Logic.core.label_points import points_in_label
 from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.core.voxel_digest import label_boxes
 from ViTTransferFunction.Logic.files.segmentation_files import write_image
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
@@ -55,7 +56,7 @@ def main() -> None:
     """Measure, and write what was measured."""
     parser = network_parser(__doc__)
     parser.add_argument("--copies", type=int, default=6, help="cases of each cohort (default 6)")
-    parser.add_argument("--preset", default="preview", help="of the features (default preview)")
+    parser.add_argument("--preset", default=DEFAULT_PRESET, help="of the features (default %(default)s)")
     parser.add_argument("--workers", nargs="*", type=int, default=[1, 2], help="numbers of workers (default 1 2)")
     options = parser.parse_args()
     weights = weights_of(options)

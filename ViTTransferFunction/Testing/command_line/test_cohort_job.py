@@ -52,7 +52,7 @@ def test_a_case_is_not_done_once_its_header_voxels_or_points_change(job: CaseJob
     assert job.finished() is None
 
 
-@pytest.mark.parametrize("change", [{"preset": "fast"}, {"grid": 32}, {"window": (0.0, 1.0)}, {"model": "n"}])
+@pytest.mark.parametrize("change", [{"preset": "fine"}, {"grid": 32}, {"window": (0.0, 1.0)}, {"model": "n"}])
 def test_a_case_is_not_done_once_a_setting_changes(job: CaseJob, change: dict[str, Any]) -> None:
     assert changed(job, **change).finished() is None
 

@@ -21,7 +21,7 @@ SETTINGS = FeatureSettings(grid=12, precision="float32")
 
 @pytest.fixture(autouse=True)
 def few_coarse_patches(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "COARSE_PATCHES", 3 * 6**3)
+    monkeypatch.setattr(module, "COARSE_PATCHES", 6**3)
 
 
 @pytest.mark.parametrize("of_layers", [{}, {"layer_step": 2}, {"every_slice": True}], ids=["all", "half of them", "all slices"])
