@@ -6,14 +6,8 @@ import argparse
 from pathlib import Path
 
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.CommandLine.pictures import draw_pictures
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.resampling import resample_labels
-from ViTTransferFunction.Logic.files.annotation_files import read_annotations
-from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
-from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -31,6 +25,13 @@ def run(args: argparse.Namespace) -> int:
     if args.output.suffix.lower() != ".png":
         raise InputError(f"{args.output}: expected a name that ends in .png.")
     check_writable(args.output)
+    from ViTTransferFunction.CommandLine.pictures import draw_pictures
+    from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.core.resampling import resample_labels
+    from ViTTransferFunction.Logic.files.annotation_files import read_annotations
+    from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
+    from ViTTransferFunction.Logic.files.volume_files import read_volume
+
     volume = read_volume(args.volume)
     labels, geometry, segments = read_segmentation(args.segmentation)
     labels = resample_labels(labels, geometry, volume.geometry)

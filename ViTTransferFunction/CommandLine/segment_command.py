@@ -6,9 +6,8 @@ import argparse
 import json
 import platform
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ViTTransferFunction.CommandLine.options import (
     Subparsers,
@@ -17,18 +16,18 @@ from ViTTransferFunction.CommandLine.options import (
     opened_session,
     parse_named_paths,
 )
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, classes_from_markups, read_annotations
-from ViTTransferFunction.Logic.files.segmentation_files import Segment, check_segmentation_path, write_image, write_segmentation
-from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.refinement.refinement_methods import REFINEMENT_METHODS
+
+if TYPE_CHECKING:
+    from ViTTransferFunction.Logic.core.class_map import ClassMap
+    from ViTTransferFunction.Logic.core.class_request import ClassRequest
+    from ViTTransferFunction.Logic.core.geometry import Geometry
+    from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
+    from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
+    from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -54,6 +53,10 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.core.class_request import check_requests
+    from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
+
     _check_outputs(args)
     with ProgressBar() as progress:
         session = opened_session(args)
@@ -78,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_outputs(args: argparse.Namespace) -> None:
+    from ViTTransferFunction.Logic.files.segmentation_files import check_segmentation_path
+
     check_segmentation_path(args.output)
     check_writable(args.output)
     if args.report:
@@ -87,6 +92,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
 
 
 def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[AnnotatedClass]:
+    from ViTTransferFunction.Logic.files.annotation_files import classes_from_markups, read_annotations
+
     if bool(args.annotations) == bool(args.positive):
         raise InputError("Give the annotated points by either --annotations A.json or --positive NAME=L.mrk.json.")
     if args.annotations:
@@ -99,6 +106,7 @@ def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[Annotate
 def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, ClassMap], None] | None:
     if folder is None:
         return None
+    from ViTTransferFunction.Logic.files.segmentation_files import write_image
 
     def write(request: ClassRequest, full: ClassMap) -> None:
         with replacing(folder / f"{file_stem(request.name)}.nii.gz") as temporary:
@@ -142,6 +150,8 @@ def _report(
 
 
 def _version(package: str) -> str | None:
+    from importlib import metadata
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, get_args
 
 import numpy as np
 
@@ -15,9 +14,8 @@ from ..core.intensity_window import IntensityWindow
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from .intensity_likelihood import with_intensity_likelihood
-
-RefinementMethod = Literal["bilateral", "guided", "none"]
-REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
+from .refinement_methods import REFINEMENT_METHODS as REFINEMENT_METHODS
+from .refinement_methods import RefinementMethod as RefinementMethod
 
 SIGMA_SHARE_OF_CELL = 0.6
 """Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""

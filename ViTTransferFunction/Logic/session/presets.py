@@ -8,6 +8,8 @@ from ..core.errors import InputError
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
 from ..similarity.similarity_rule import SimilarityMethod
+from .preset_meanings import DEFAULT_PRESET as DEFAULT_PRESET
+from .preset_meanings import PRESET_MEANINGS
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,11 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
 PRESETS = {
-    "preview": _whitened(
-        "a first look within seconds, at a coarser scale than the others", FeatureSettings(patches_per_cell=0.375)
-    ),
-    "fast": _whitened(
-        "about two fifths of the time of balanced, at a slightly coarser scale",
-        FeatureSettings(patches_per_cell=0.625),
-    ),
-    "balanced": _whitened("the one to begin with: detail as fine as the grid's cells", FeatureSettings(layer_step=2)),
+    "preview": _whitened(PRESET_MEANINGS["preview"], FeatureSettings(patches_per_cell=0.375)),
+    "fast": _whitened(PRESET_MEANINGS["fast"], FeatureSettings(patches_per_cell=0.625)),
+    "balanced": _whitened(PRESET_MEANINGS["balanced"], FeatureSettings(layer_step=2)),
     "paper": Preset(
-        meaning="as in the paper, and many times slower: every slice along all three axes, over the full range of intensities",
+        meaning=PRESET_MEANINGS["paper"],
         model="dino_vits8",
         features=FeatureSettings(
             isotropic=False,
@@ -58,9 +55,6 @@ PRESETS = {
         similarity="clamped cosine",
     ),
 }
-
-
-DEFAULT_PRESET = "balanced"
 
 
 def preset(name: str) -> Preset:
