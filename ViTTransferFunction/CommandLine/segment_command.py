@@ -22,12 +22,11 @@ from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.refinement.refinement_methods import REFINEMENT_METHODS
 
 if TYPE_CHECKING:
-    from ViTTransferFunction.Logic.core.class_map import ClassMap
     from ViTTransferFunction.Logic.core.class_request import ClassRequest
     from ViTTransferFunction.Logic.core.geometry import Geometry
     from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
     from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
-    from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+    from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -103,14 +102,14 @@ def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[Annotate
     return classes_from_markups(parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative"))
 
 
-def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, ClassMap], None] | None:
+def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, RefinedMap], None] | None:
     if folder is None:
         return None
     from ViTTransferFunction.Logic.files.segmentation_files import write_image
 
-    def write(request: ClassRequest, full: ClassMap) -> None:
+    def write(request: ClassRequest, full: RefinedMap) -> None:
         with replacing(folder / f"{file_stem(request.name)}.nii.gz") as temporary:
-            write_image(temporary, full.array, geometry)
+            write_image(temporary, full.voxels.array, geometry)
 
     return write
 

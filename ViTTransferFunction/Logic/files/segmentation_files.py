@@ -46,7 +46,7 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
         InputError: unknown ending, or the file cannot be written.
     """
     check_segmentation_path(path)
-    labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16)
+    labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16, copy=False)
     tags = _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {}
     with replacing(path) as temporary:
         write_image(temporary, labels, geometry, tags)
