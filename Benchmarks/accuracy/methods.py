@@ -113,7 +113,7 @@ class Baseline:
             seeds = seeds_of(clicks, labelled.truth, self.true_background)
             labels = segment_seeds(painted(seeds, labelled.truth, labelled.spacing_mm, self.brush_mm))
             for label, annotated in enumerate(classes_of(labelled.names, clicks, volume.geometry), start=1):
-                keep_annotated_components(labels, label, volume.geometry, annotated.positive)
+                keep_annotated_components(labels, volume.geometry, {label: annotated.positive})
             return labels
 
         return segment

@@ -37,7 +37,7 @@ def _best_steps(
 ) -> dict[str, dict[str, float]]:
     requests = classes_of(labelled.names, clicks.at(number), labelled.volume.geometry)
     maps: list[Map] = []
-    labels = session.segment(requests, on_map=lambda _, full: maps.append((full.array, full.iso))).labels
+    labels = session.segment(requests, on_map=lambda _, full: maps.append((full.voxels.array, full.iso))).labels
     measured = {}
     for index, name in enumerate(labelled.names):
         truth = labelled.truth == index + 1
@@ -57,6 +57,6 @@ def _proposal(
     low = session.low_resolution_maps(stepped)[index]
     full = session.refined_map(low, stepped, index, "bilateral")
     geometry = session.volume.geometry
-    labels = assign_labels([*maps[:index], (full.array, full.iso), *maps[index + 1 :]], geometry.shape)
-    keep_annotated_components(labels, index + 1, geometry, requests[index].positive)
+    labels = assign_labels([*maps[:index], (full.voxels.array, full.iso), *maps[index + 1 :]], geometry.shape)
+    keep_annotated_components(labels, geometry, {index + 1: requests[index].positive})
     return labels == index + 1

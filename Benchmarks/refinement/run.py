@@ -42,10 +42,11 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, SegmentationSession
 
 NOISE = 0.01
 """Differences of Dice that say nothing: so much it changes with small changes of anything."""
@@ -110,7 +111,7 @@ class CandidateSession(SegmentationSession):
         index: int,
         method: RefinementMethod,
         between: Callable[[], None] = lambda: None,
-    ) -> ClassMap:
+    ) -> RefinedMap:
         """See `SegmentationSession`; the method is the candidate's."""
         if self.candidate is None:
             return super().refined_map(low, requests, index, method, between)
@@ -118,14 +119,14 @@ class CandidateSession(SegmentationSession):
         at_positives = float(np.median(sample_at(low.array[..., None], self.features.geometry, positive)))
         coarse = CoarseMap(low.array, low.iso, at_positives, positive, self.volume, self.display_window)
         start = time.perf_counter()
-        similarity = self.candidate.refine(coarse)
+        voxels = VoxelMap.whole(self.candidate.refine(coarse))
         self.seconds.append(time.perf_counter() - start)
         iso: float | str = self.candidate.iso
         if iso == "coarse":
             iso = low.iso
         elif iso == "refined":
-            iso = self.rule.refined_iso(similarity, low.array, requests, index).chosen
-        return ClassMap(similarity, self.volume.geometry, float(iso))
+            iso = self.rule.refined_iso(voxels, low.array, requests, index).chosen
+        return RefinedMap(voxels, float(iso))
 
 
 class CaseBench:

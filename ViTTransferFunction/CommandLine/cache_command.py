@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.Logic.features.cache import FeatureCache
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -17,6 +16,8 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    from ViTTransferFunction.Logic.features.cache import FeatureCache
+
     cache = FeatureCache()
     if args.action == "clear":
         print(f"Removed {cache.clear() / 1e6:.0f} MB from {cache.folder}")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, opened_session
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.features.cache import FeatureCache
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -18,6 +16,9 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.features.cache import FeatureCache
+
     with ProgressBar() as progress:
         load_features(opened_session(args), progress)
     cache = FeatureCache()

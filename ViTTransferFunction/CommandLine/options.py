@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
-from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
-from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
-from ViTTransferFunction.Logic.session.opening import open_session
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Logic.refinement.refinement_methods import REFINEMENT_METHODS
+from ViTTransferFunction.Logic.session.preset_meanings import DEFAULT_PRESET, PRESET_MEANINGS
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+
+if TYPE_CHECKING:
+    from ViTTransferFunction.Logic.core.progress import Progress
+    from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
+    from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+    from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 # Its name is private, but it is the documented return value of add_subparsers.
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -32,7 +32,7 @@ def add_settings_options(parser: argparse.ArgumentParser) -> None:
     """Add what decides the features of any volume; see `session_settings`."""
     parser.add_argument("--model", metavar="NAME", help=f"pretrained model: {', '.join(PRETRAINED_MODELS)}")
     parser.add_argument("--weights", metavar="PATH", help="weights file (else VITTF_WEIGHTS, the cache, or a download)")
-    presets = "; ".join(f"{name}: {entry.meaning}" for name, entry in PRESETS.items())
+    presets = "; ".join(f"{name}: {meaning}" for name, meaning in PRESET_MEANINGS.items())
     parser.add_argument("--preset", default=DEFAULT_PRESET, metavar="P", help=presets)
     parser.add_argument("--grid", type=int, metavar="N", help="feature cells along the longest edge")
     parser.add_argument("--device", default="auto", choices=DEVICE_NAMES)
@@ -55,6 +55,8 @@ def session_settings(args: argparse.Namespace) -> SessionSettings:
     Raises:
         InputError: a setting cannot be used.
     """
+    from ViTTransferFunction.Logic.session.settings import SessionSettings
+
     settings = SessionSettings(
         preset=args.preset,
         grid=args.grid,
@@ -73,6 +75,9 @@ def opened_session(args: argparse.Namespace) -> SegmentationSession:
     Raises:
         InputError: the volume or a setting cannot be used.
     """
+    from ViTTransferFunction.Logic.files.volume_files import read_volume
+    from ViTTransferFunction.Logic.session.opening import open_session
+
     settings = session_settings(args)  # First: a volume takes seconds to read.
     return open_session(read_volume(args.volume), settings)
 

@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ViTTransferFunction.CommandLine.file_names import file_stem
 from ViTTransferFunction.CommandLine.options import (
@@ -19,18 +19,14 @@ from ViTTransferFunction.CommandLine.options import (
     print_features,
 )
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, classes_from_markups, read_annotations
-from ViTTransferFunction.Logic.files.segmentation_files import check_segmentation_path, write_image
-from ViTTransferFunction.Logic.files.volume_files import files_of
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation
-from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE
+
+if TYPE_CHECKING:
+    from ViTTransferFunction.Logic.core.class_request import ClassRequest
+    from ViTTransferFunction.Logic.core.geometry import Geometry
+    from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
+    from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -53,6 +49,10 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
+    from ViTTransferFunction.Logic.files.segmentation_files import check_segmentation_path
+
     check_segmentation_path(args.output)
     inputs = _inputs(args)
     check_outputs(_outputs(args), inputs)
@@ -92,6 +92,9 @@ def _outputs(args: argparse.Namespace, classes: Sequence[AnnotatedClass] = ()) -
 
 def _inputs(args: argparse.Namespace) -> dict[str, list[Path]]:
     """What is read, in the user's words, and its files; their options are checked where they are read."""
+    from ViTTransferFunction.Logic.files.volume_files import files_of
+    from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE
+
     lists = [value.partition("=")[2] for value in (*args.positive, *args.negative)]
     weights = [args.weights or os.environ.get(WEIGHTS_VARIABLE)]
     return {
@@ -109,6 +112,8 @@ def _expanded(path: Path) -> Path:
 
 
 def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[AnnotatedClass]:
+    from ViTTransferFunction.Logic.files.annotation_files import classes_from_markups, read_annotations
+
     if bool(args.annotations) == bool(args.positive):
         raise InputError("Give the annotated points by either --annotations A.json or --positive NAME=L.mrk.json.")
     if args.annotations:
@@ -118,12 +123,13 @@ def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[Annotate
     return classes_from_markups(parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative"))
 
 
-def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, ClassMap], None] | None:
+def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, RefinedMap], None] | None:
     if folder is None:
         return None
+    from ViTTransferFunction.Logic.files.segmentation_files import write_image
 
-    def write(request: ClassRequest, full: ClassMap) -> None:
-        write_image(_map_path(folder, request.name), full.array, geometry)
+    def write(request: ClassRequest, full: RefinedMap) -> None:
+        write_image(_map_path(folder, request.name), full.voxels.array, geometry)
 
     return write
 

@@ -11,14 +11,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
 
 
 def segment_classes(
@@ -28,7 +27,7 @@ def segment_classes(
     only_annotated_components: bool,
     progress: Progress = no_progress,
     on_features: Callable[[SegmentationSession], None] = lambda _: None,
-    on_map: Callable[[ClassRequest, ClassMap], None] | None = None,
+    on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
 ) -> Segmentation:
     """Load the features of an opened volume, and segment it.
 

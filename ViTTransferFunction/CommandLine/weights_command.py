@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, pretrained_model
-from ViTTransferFunction.Logic.weights.sources import fetch_weights
-from ViTTransferFunction.Logic.weights.store import CachedWeights, list_weights, remove_weights, weights_folder
+
+if TYPE_CHECKING:
+    from ViTTransferFunction.Logic.weights.store import CachedWeights
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -37,6 +37,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list() -> None:
+    from ViTTransferFunction.Logic.weights.store import list_weights, weights_folder
+
     rows = [("model", "licence", "size", "SHA-256", "where")]
     rows += [_row(entry) for entry in list_weights()]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -58,6 +60,10 @@ def _where(entry: CachedWeights) -> str:
 
 
 def _get(name: str) -> None:
+    from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
+    from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.weights.sources import fetch_weights
+
     model = pretrained_model(name)
     print(f"{model.name}: {model.licence}; {model.citation}; {model.homepage}")
     with ProgressBar() as progress:
@@ -66,5 +72,7 @@ def _get(name: str) -> None:
 
 
 def _remove(name: str) -> None:
+    from ViTTransferFunction.Logic.weights.store import remove_weights
+
     for path in remove_weights(name):
         print(f"removed {path}")

@@ -13,18 +13,20 @@ from pathlib import Path
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.cohort.cases import Case
+from ViTTransferFunction.Logic.core.available_memory import available_memory_bytes
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.session.memory_need import BYTES_PER_REFINED_VOXEL
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 PROCESS_BYTES = 800_000_000
 """Measured: Python, PyTorch and the weights of a ViT-S take 0.5 GB, and a volume of a million voxels 0.7 GB more, of
 which the estimate of its features says 0.4."""
-VOXEL_BYTES = 24
-"""Measured at 512³ (4.1 GB in all) and 512×512×1200 (7.6 GB): what reading and refinement take for each voxel."""
+VOXEL_BYTES = 1 + BYTES_PER_REFINED_VOXEL
+"""Beyond the voxel itself: its label, and what a structure takes that fills the volume; see Benchmarks/results/memory.md."""
 USED_SHARE = 0.8
 """Of the memory that is free: other programs need some, and estimates err."""
 
@@ -37,9 +39,16 @@ class ClusterSize:
     threads: int
 
 
-def fitted_size(cases: int, cores: int, case_bytes: int, free_bytes: int) -> ClusterSize:
-    """The most workers that there are cases, cores and memory for, but at least one; they share all cores."""
-    fitting = int(USED_SHARE * free_bytes // case_bytes)
+def fitted_size(cases: int, cores: int, case_bytes: int, free_bytes: int | None) -> ClusterSize:
+    """The most workers that there are cases, cores and memory for, but at least one; they share all cores.
+
+    Args:
+        cases: to be computed.
+        cores: of the computer.
+        case_bytes: memory that a worker needs.
+        free_bytes: memory that there is; None where that is not known.
+    """
+    fitting = cores if free_bytes is None else int(USED_SHARE * free_bytes // case_bytes)
     return shared_out(max(1, min(cases, cores, fitting)), cores)
 
 
@@ -63,7 +72,7 @@ def local_size(cases: Sequence[Case], settings: SessionSettings) -> ClusterSize:
     if choose_device(settings.device).type != "cpu":
         # One process fills a graphics processor, and several do not fit into its memory.
         return ClusterSize(1, CPU_COUNT)
-    return fitted_size(len(cases), CPU_COUNT, _case_bytes(cases, settings), _free_bytes())
+    return fitted_size(len(cases), CPU_COUNT, _case_bytes(cases, settings), available_memory_bytes(with_swap=False))
 
 
 def largest_first(cases: Iterable[Case]) -> list[Case]:
@@ -76,7 +85,8 @@ def _case_bytes(cases: Sequence[Case], settings: SessionSettings) -> int:
     volume = next(filter(None, map(_readable, cases)), None)
     if volume is None:
         return PROCESS_BYTES
-    return PROCESS_BYTES + VOXEL_BYTES * volume.array.size + open_session(volume, settings).estimate().memory_bytes
+    voxels = volume.array.nbytes + VOXEL_BYTES * volume.array.size
+    return PROCESS_BYTES + voxels + open_session(volume, settings).estimate().memory_bytes
 
 
 def _readable(case: Case) -> Volume | None:
@@ -101,11 +111,3 @@ def _voxels(path: Path) -> int:
     for size in reader.GetSize():
         voxels *= size
     return voxels
-
-
-def _free_bytes() -> int:
-    import psutil
-    from distributed.system import MEMORY_LIMIT
-
-    # The limit is that of a container or a batch job, where there is one.
-    return min(int(psutil.virtual_memory().available), int(MEMORY_LIMIT))

@@ -20,9 +20,9 @@ from ..rendering.iso_surfaces import similarity_rgba
 from ..rendering.optical_properties import CODE_COMPONENT
 from ..rendering.transfer_function import transfer_function_rgba
 from ..session.feature_estimate import FeatureEstimate
-from ..session.map_crop import MapCrop, crop_map, on_common_box, restricted
+from ..session.map_crop import MapCrop, crop_voxel_map, on_common_box, restricted
 from ..session.opening import open_session
-from ..session.segmentation_session import Segmentation, SegmentationSession
+from ..session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
 from .requests import (
     ColorVolume,
     ComputeMaps,
@@ -147,8 +147,8 @@ class SegmentationService:
         if known is None or (known.classes, known.refinement) != (classes, refinement):
             crops: list[MapCrop] = []
 
-            def crop(request: ClassRequest, full: ClassMap) -> None:
-                crops.append(crop_map(full.array, full.iso))
+            def crop(request: ClassRequest, full: RefinedMap) -> None:
+                crops.append(crop_voxel_map(full.voxels, full.iso))
 
             segmentation = self._the_session.segment(
                 classes, refinement.method, refinement.only_annotated_components, self._progress, crop

@@ -34,6 +34,24 @@ def common_box(boxes: Sequence[Box]) -> Box:
     return k, j, i
 
 
+def whole_box(shape: tuple[int, ...]) -> Box:
+    """The box of all voxels of a volume of `shape` (K, J, I)."""
+    k, j, i = (slice(0, count) for count in shape)
+    return k, j, i
+
+
+def common_part(a: Box, b: Box) -> Box | None:
+    """The box of what lies in both boxes; None where nothing does."""
+    k, j, i = (slice(max(x.start, y.start), min(x.stop, y.stop)) for x, y in zip(a, b, strict=True))
+    return (k, j, i) if all(extent.start < extent.stop for extent in (k, j, i)) else None
+
+
+def within(box: Box, outer: Box) -> Box:
+    """A box as a part of another that holds it."""
+    k, j, i = (slice(e.start - o.start, e.stop - o.start) for e, o in zip(box, outer, strict=True))
+    return k, j, i
+
+
 def covering_box(box: Box, shape: Sequence[int], other_shape: Sequence[int]) -> Box:
     """The smallest box of another grid over the same space that covers a box of a grid.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
+from .geometry import Geometry
 from .intensity_window import finite_sample
 from .volume import Volume
 
@@ -41,6 +42,24 @@ class IntensityCdf:
             count += finite
         return self._cdf(np.where(count > 0.0, total / np.maximum(count, 1.0), -np.inf))
 
+    def around_cells(self, cells: Geometry) -> np.ndarray:
+        """As `around`, of the centres of all cells of a grid that fills the volume's box, in the order of a flattened array.
+
+        Along each axis the mean over three neighbours of what lies between two voxels has four weights.
+        """
+        array = self._volume.array
+        (k, of_k), (j, of_j), (i, of_i) = (_four_weights(count, n) for count, n in zip(cells.shape, array.shape, strict=True))
+        means = np.empty(cells.shape)
+        for layer in range(len(k)):
+            # One layer of cells at a time, so that no copy of the volume is made.
+            voxels = array[k[layer]][:, j.ravel()][:, :, i.ravel()]
+            if not np.isfinite(voxels).all():
+                return self.around(cells.voxel_centres_ras())
+            rows = np.tensordot(of_k[layer], voxels.astype(np.float64), 1).reshape(*j.shape, -1)
+            columns = (of_j[:, :, None] * rows).sum(axis=1).reshape(len(j), *i.shape)
+            means[layer] = (columns * of_i).sum(axis=2)
+        return self._cdf(means.ravel())
+
     def _sample(self, ijk: np.ndarray) -> np.ndarray:
         samples: np.ndarray = ndimage.map_coordinates(
             self._volume.array, ijk[:, ::-1].T, output=np.float64, order=1, mode="nearest", prefilter=False
@@ -50,3 +69,13 @@ class IntensityCdf:
     def _cdf(self, intensities: np.ndarray) -> np.ndarray:
         cdf: np.ndarray = np.interp(intensities, self._levels, np.linspace(0.0, 1.0, len(self._levels))).astype(np.float32)
         return cdf
+
+
+def _four_weights(cells: int, voxels: int) -> tuple[np.ndarray, np.ndarray]:
+    """The voxels along an axis that count for each of its cells, and how much, (cells, 4) each; weights sum to 1."""
+    centres = (np.arange(cells) + 0.5) * (voxels / cells) - 0.5
+    lower = np.floor(centres).astype(int)
+    after = centres - lower
+    weights = np.stack([1.0 - after, np.ones(cells), np.ones(cells), after], axis=1) / 3.0
+    # Beyond the border its voxels go on.
+    return np.clip(lower[:, None] + np.arange(-1, 3), 0, voxels - 1), weights

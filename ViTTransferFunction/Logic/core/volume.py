@@ -87,8 +87,12 @@ class Volume:
 
 def finite_range(array: np.ndarray) -> tuple[float, float]:
     """Smallest and largest finite value of `array`; (nan, nan) where no value is finite."""
-    if np.issubdtype(array.dtype, np.floating):
-        array = array[np.isfinite(array)]
-        if array.size == 0:
-            return float("nan"), float("nan")
-    return float(array.min()), float(array.max())
+    if not np.issubdtype(array.dtype, np.floating):
+        return float(array.min()), float(array.max())
+    low, high = float("inf"), float("-inf")
+    # Slice by slice, so that no copy of a volume is made.
+    for part in array if array.ndim > 1 else array[None]:
+        finite = part[np.isfinite(part)]
+        if finite.size:
+            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    return (low, high) if low <= high else (float("nan"), float("nan"))

@@ -73,17 +73,24 @@ def background_cells(array: np.ndarray, windows: ChannelWindows, shape: tuple[in
     """
     dark = np.empty(shape, dtype=bool)
     for layer, members in enumerate(cell_members(array.shape[0], shape[0])):
-        # Layer by layer, so that no copy of the volume is made.
-        slab = array[members.start : members.stop]
-        brightest = np.max([window.apply(slab).max(axis=0) for window in set(windows)], axis=0)
+        # Windows are increasing functions: the brightest voxel stays the brightest, and only it has to be shown in them.
+        brightest = _brightest(array[members.start : members.stop])
         for axis in (0, 1):
             cells = cell_members(array.shape[1 + axis], shape[1 + axis])
-            brightest = np.stack([brightest.take(cell, axis=axis).max(axis=axis) for cell in cells], axis=axis)
+            brightest = np.stack([_brightest(brightest.take(cell, axis=axis), axis) for cell in cells], axis=axis)
+        brightest = np.max([window.apply(brightest) for window in set(windows)], axis=0)
         dark[layer] = brightest <= BACKGROUND_LEVEL
     components, _ = ndimage.label(dark)
     faces = [components.take(end, axis=axis) for axis in range(3) for end in (0, -1)]
     outside = np.unique(np.concatenate([face.ravel() for face in faces]))
     return dark & np.isin(components, outside)
+
+
+def _brightest(intensities: np.ndarray, axis: int = 0) -> np.ndarray:
+    """The largest along an axis, in the same dtype; NaN only where there is nothing else."""
+    if np.issubdtype(intensities.dtype, np.floating):
+        return np.asarray(np.fmax.reduce(intensities, axis=axis))
+    return np.asarray(intensities.max(axis=axis))
 
 
 def cell_members(voxels: int, cells: int) -> list[range]:

@@ -56,7 +56,7 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
         InputError: unknown ending, or the file cannot be written.
     """
     check_segmentation_path(path)
-    labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16)
+    labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16, copy=False)
     write_image(path, labels, geometry, _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {})
 
 

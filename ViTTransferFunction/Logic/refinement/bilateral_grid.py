@@ -158,7 +158,8 @@ class VoxelCells:
         low, high = self.window
         # A window without width tells no intensities apart.
         units_per_intensity = unit / ((high - low) * self.sigma_luma) if high > low else 0.0
-        intensities = self.intensities[piece].to(torch.float32)
+        # In one piece, also where the intensities are a part of a larger volume.
+        intensities = self.intensities[piece].to(torch.float32).contiguous()
         if part is not None:
             intensities = torch.where(part, intensities, low)
         at_zero = torch.tensor(origin - low * units_per_intensity, device=intensities.device)

@@ -88,6 +88,7 @@ def refine_map(
     settings: BilateralSolverSettings | None = None,
     threshold: float | None = None,
     between: Callable[[], None] = lambda: None,
+    in_place: bool = False,
 ) -> BilateralSolution:
     """Bring a coarse map to the resolution and to the edges of the volume that it describes.
 
@@ -99,6 +100,7 @@ def refine_map(
         settings: default values where None.
         threshold: solve only near where the map exceeds this; elsewhere it is interpolated. None solves everywhere.
         between: called between short steps; may raise `Cancelled`.
+        in_place: write the solution into the map, which has to be finite and have the volume's resolution.
 
     Raises:
         InputError: something about the volume, the window or the settings cannot be used.
@@ -109,6 +111,9 @@ def refine_map(
     layout = _layout(intensities, spacing_mm, settings)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
     with Workers(intensities.device, between) as workers:
+        if in_place:
+            target = Target(low_resolution_map.__getitem__, _largest(low_resolution_map))
+            return _refine(target, None, intensities, window, active, layout, settings, workers, low_resolution_map)
         if large_arrays.all_finite(low_resolution_map):
             target = Target(Upsampling(low_resolution_map, intensities.shape).read, _largest(low_resolution_map))
             return _refine(target, None, intensities, window, active, layout, settings, workers)
@@ -215,18 +220,20 @@ def _refine(
     layout: GridLayout,
     settings: BilateralSolverSettings,
     workers: Workers,
+    out: Tensor | None = None,
 ) -> BilateralSolution:
-    """Solve for the active cells of a volume; all other voxels keep the target."""
+    """Solve for the active cells of a volume; all other voxels keep the target, which may be `out` itself."""
     import torch
 
     if not (math.isfinite(window[0]) and math.isfinite(window[1]) and window[0] <= window[1]):
         raise InputError(f"Bilateral solver: window is {window}; expected two finite intensities in ascending order.")
-    refined = large_arrays.empty(intensities.shape, torch.float32, intensities.device)
+    refined = large_arrays.empty(intensities.shape, torch.float32, intensities.device) if out is None else out
     unsolved = BilateralSolution(refined, True, 0, 0.0, 0, settings.smoothness, layout.cell_voxels)
     region = refined
     if active is not None:
         # What is not near the structure keeps the target.
-        _read_all(target, refined, layout, workers)
+        if out is None:
+            _read_all(target, refined, layout, workers)
         cropped = _cropped(layout, active)
         if cropped is None:
             return unsolved
@@ -237,7 +244,8 @@ def _refine(
     voxel_cells = VoxelCells(layout, intensities, window, settings.sigma_luma, active)
     cells, places = splat(voxel_cells, target, confidence, workers)
     if not bool(cells.confidence.any()):
-        _read_all(target, region, layout, workers)
+        if out is None:
+            _read_all(target, region, layout, workers)
         return unsolved
     solution = solve_cells(cells, settings.smoothness, settings.max_iterations, settings.tolerance, workers)
     # Memory for the map, which is written now.

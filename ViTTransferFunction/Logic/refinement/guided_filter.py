@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
 from . import large_arrays
-from .upsampling import upsampled
+from .upsampling import Upsampling
 from .window_sums import block_sums, window_sums
 
 if TYPE_CHECKING:
@@ -80,9 +80,16 @@ def guided_filter(
     a, b = _coefficients(_block_moments(target, luma, edges), settings.edge_luma**2)
     # The last blocks may reach beyond the volume.
     padded_shape = [n * edge for n, edge in zip(a.shape, edges, strict=True)]
-    a_fine, b_fine = (upsampled(c, padded_shape)[: luma.shape[0], : luma.shape[1], : luma.shape[2]] for c in (a, b))
-    filtered = (a_fine * luma + b_fine).clamp_(*torch.aminmax(known_target))
-    return filtered if large_arrays.all_finite(luma) else torch.where(torch.isfinite(luma), filtered, target)
+    a_fine, b_fine = (Upsampling(c, padded_shape) for c in (a, b))
+    lowest, highest = torch.aminmax(known_target)
+    rows, columns = slice(0, luma.shape[1]), luma.shape[2]
+    filtered = large_arrays.empty(luma.shape, torch.float32, luma.device)
+    # Slice by slice, so that nothing but the result has the volume's size.
+    for k, (out, of_luma, of_target) in enumerate(zip(filtered, luma, target, strict=True)):
+        a_here, b_here = (fine.read((slice(k, k + 1), rows))[0, :, :columns] for fine in (a_fine, b_fine))
+        smooth = (a_here * of_luma + b_here).clamp_(lowest, highest)
+        out[...] = smooth if large_arrays.all_finite(of_luma) else torch.where(torch.isfinite(of_luma), smooth, of_target)
+    return filtered
 
 
 def _block_moments(target: Tensor, luma: Tensor, edges: Sequence[int]) -> Tensor:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Literal, get_args
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, covering_box
+from ..core.bounding_box import bounding_box, covering_box, whole_box
 from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.errors import InputError
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.resampling import sample_at
 from ..core.volume import Volume
-from .intensity_likelihood import with_intensity_likelihood
-
-RefinementMethod = Literal["bilateral", "guided", "none"]
-REFINEMENT_METHODS: tuple[str, ...] = get_args(RefinementMethod)
+from ..core.voxel_map import VoxelMap
+from .intensity_likelihood import weigh_by_intensity
+from .refinement_methods import REFINEMENT_METHODS as REFINEMENT_METHODS
+from .refinement_methods import RefinementMethod as RefinementMethod
 
 SIGMA_SHARE_OF_CELL = 0.6
 """Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
+SMALL_VOXELS = 2**25
+"""Maps of volumes with no more voxels are held whole, in 134 MB: their values are looked up faster then."""
 
 
 def refine(
@@ -32,7 +34,7 @@ def refine(
     method: RefinementMethod,
     between: Callable[[], None] = lambda: None,
     lowest_iso: float | None = None,
-) -> np.ndarray:
+) -> VoxelMap:
     """Upsample a class's map and sharpen it against the volume's intensities.
 
     First the map of every voxel near the structure is multiplied by the likelihood ratio of its intensity
@@ -50,31 +52,78 @@ def refine(
             is refined as well.
 
     Returns:
-        S_H, (K, J, I) float32 in [0, 1].
+        S_H, of which only what was refined is held in memory if the volume is large.
     """
     import torch
 
-    from .upsampling import upsampled
+    from .upsampling import Upsampling
 
     if method not in REFINEMENT_METHODS:
         raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
-    refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity, dtype=np.float32)), volume.shape).numpy()
-    near = NEAR_SHARE_OF_ISO * (iso if lowest_iso is None else min(iso, lowest_iso))
-    box = active_box(similarity > near, volume.shape)
-    if method == "none" or box is None:
-        return refined
-    window = class_window(volume, display, positive_ras)
-    intensities = np.ascontiguousarray(volume.array[box])
+    similarity = np.ascontiguousarray(similarity, dtype=np.float32)
+    upsampling = Upsampling(torch.from_numpy(similarity), volume.shape)
+
+    def interpolated(k: int, rows: slice) -> np.ndarray:
+        plane: np.ndarray = upsampling.read((slice(k, k + 1), rows))[0].numpy()
+        return plane
+
+    nothing = (slice(0, 0), slice(0, 0), slice(0, 0))
+    unrefined = VoxelMap(volume.shape, similarity, interpolated, nothing, np.empty((0, 0, 0), dtype=np.float32))
+    near = _near(iso, lowest_iso)
+    box = None if method == "none" else active_box(similarity > near, volume.shape)
+    held_box = _held_part(box, volume.shape)
+    if held_box is None:
+        return unrefined
+    held = unrefined.part(held_box)
+    if box is not None:
+        target = held if held_box == box else held[box]
+        _refine_part(target, volume, box, class_window(volume, display, positive_ras), iso, method, near, similarity, between)
+    return VoxelMap(volume.shape, similarity, interpolated, held_box, held)
+
+
+def held_voxels(
+    similarity: np.ndarray, shape: tuple[int, int, int], iso: float, method: RefinementMethod, lowest_iso: float | None = None
+) -> int:
+    """How many voxels `refine` will hold of a class's map; see there."""
+    box = None if method == "none" else active_box(similarity > _near(iso, lowest_iso), shape)
+    held = _held_part(box, shape)
+    return 0 if held is None else math.prod(extent.stop - extent.start for extent in held)
+
+
+def _near(iso: float, lowest_iso: float | None) -> float:
+    return NEAR_SHARE_OF_ISO * (iso if lowest_iso is None else min(iso, lowest_iso))
+
+
+def _held_part(box: Box | None, shape: tuple[int, int, int]) -> Box | None:
+    """The part of a map that is held in memory, where `box` of it is refined: all of it if the volume is small."""
+    return whole_box(shape) if math.prod(shape) <= SMALL_VOXELS else box
+
+
+def _refine_part(
+    target: np.ndarray,
+    volume: Volume,
+    box: Box,
+    window: IntensityWindow,
+    iso: float,
+    method: RefinementMethod,
+    near: float,
+    similarity: np.ndarray,
+    between: Callable[[], None],
+) -> None:
+    """Refine the map of a box, (K, J, I) float32, in place."""
+    # A view: the intensities are read piece by piece. Where it is mirrored, PyTorch cannot read it.
+    intensities = volume.array[box]
+    if min(intensities.strides) < 0:
+        intensities = np.ascontiguousarray(intensities)
     between()
-    target = with_intensity_likelihood(refined[box], intensities, window, iso, near)
+    weigh_by_intensity(target, intensities, window, iso, near)
     between()
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
+        _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
     else:
-        refined[box] = _filtered(target, intensities, window, spacing_mm)
-    return refined
+        target[...] = _filtered(target, intensities, window, spacing_mm)
 
 
 def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
@@ -83,7 +132,7 @@ def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
     return None if cells is None else covering_box(cells, active.shape, shape)
 
 
-def _solved(
+def _solve(
     target: np.ndarray,
     intensities: np.ndarray,
     window: IntensityWindow,
@@ -91,8 +140,8 @@ def _solved(
     cell_edge_mm: float,
     threshold: float,
     between: Callable[[], None],
-) -> np.ndarray:
-    """The bilateral solver's answer; it smooths over most of a feature cell, and over two voxels at least."""
+) -> None:
+    """Put the bilateral solver's answer into the target; it smooths over most of a feature cell, and two voxels at least."""
     import torch
 
     from .bilateral_solver import BilateralSolverSettings, refine_map
@@ -101,7 +150,7 @@ def _solved(
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
     tensors = torch.from_numpy(target), torch.from_numpy(intensities)
-    return refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between).map.numpy()
+    refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True)
 
 
 def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray) -> np.ndarray:
@@ -109,7 +158,10 @@ def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWind
 
     from .guided_filter import guided_filter
 
-    luma = torch.from_numpy(window.apply(intensities))
+    # Slice by slice, so that nothing but the result has the box's size.
+    luma = torch.from_numpy(np.empty(intensities.shape, dtype=np.float32))
+    for plane, of_volume in zip(luma.numpy(), intensities, strict=True):
+        plane[...] = window.apply(of_volume)
     return guided_filter(torch.from_numpy(target), luma, tuple(spacing_mm.tolist())).numpy()
 
 

@@ -151,5 +151,5 @@ def _inside(proposals: Proposals, iso: float, claimed: np.ndarray) -> np.ndarray
     array = proposals.map.array
     inside = ((array >= iso) & (over_iso(array, iso) > claimed)).astype(np.uint16)
     if proposals.only_annotated_components:
-        keep_annotated_components(inside, 1, proposals.map.geometry, proposals.points_ras)
+        keep_annotated_components(inside, proposals.map.geometry, {1: proposals.points_ras})
     return inside

@@ -22,6 +22,7 @@ from ..weights.models import PretrainedModel
 from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
 from .feature_estimate import FeatureEstimate, WeightsDownload
+from .memory_need import check_memory_for_features
 
 if TYPE_CHECKING:
     import torch
@@ -105,12 +106,14 @@ class FeatureSource:
             Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends.
 
         Raises:
-            InputError: weights or device are not to be had, the weights do not fit, or the cache's disk is full.
+            InputError: weights or device are not to be had, the weights do not fit, memory is not enough, or the cache's
+                disk is full.
             Cancelled: by the progress callback.
         """
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
             weights = find_weights(self._model.name, self._weights_path, progress=progress)
+        check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
         cached = self._cache.get(self._key(weights))
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None

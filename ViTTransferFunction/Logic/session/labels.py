@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from ..core.geometry import Geometry
+from ..core.bounding_box import common_part, whole_box, within
+from ..core.geometry import Box, Geometry
 from ..core.iso_proposals import SMALLEST_ISO
+from ..core.stepped_work import STEP_VOXELS, finished, slabs
+from ..core.voxel_digest import label_boxes
+
+BLOCK_VOXELS = 64
+"""Along each edge of the blocks in which classes compete: what was won is remembered only where there is something."""
+SLAB_VOXELS = 2**24
+"""Components are looked for in parts of so many voxels, each of which takes four bytes then."""
 
 
 def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:
@@ -23,14 +35,60 @@ def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, in
         (K, J, I) uint16: 0 where no class reaches its iso value, else 1 + the index of the class. An exact tie stays with the
         class that came first.
     """
-    labels = np.zeros(shape, dtype=np.uint16)
-    best = np.ones(shape, dtype=np.float32)
-    for label, (similarity, iso) in enumerate(maps, start=1):
-        ratio = over_iso(similarity, iso)
-        wins = (ratio > best) | ((labels == 0) & (ratio >= 1.0))
-        labels[wins] = label
-        best[wins] = ratio[wins]
-    return labels
+    competition = Competition(shape, np.uint16)
+    for similarity, iso in maps:
+        competition.enter(similarity, iso, whole_box(shape))
+    return competition.labels
+
+
+class Competition:
+    """Classes compete for voxels, one after the other.
+
+    Args:
+        shape: of the volume, (K, J, I).
+        dtype: of the labels.
+
+    Attributes:
+        labels: (K, J, I), 0 where no class reaches its iso value, else 1 + the index of the class; a tie stays with the first.
+    """
+
+    def __init__(self, shape: tuple[int, int, int], dtype: type[np.unsignedinteger[Any]]) -> None:
+        self.labels = np.zeros(shape, dtype)
+        self._entered = 0
+        self._best: dict[tuple[int, int, int], np.ndarray] = {}
+
+    def enter(self, similarity: np.ndarray | None, iso: float, box: Box | None) -> None:
+        """Let the next class compete.
+
+        Args:
+            similarity: its map in [0, 1], (K, J, I) of the box.
+            iso: its iso value.
+            box: outside of which it does not reach that; None, and no map: it does nowhere.
+        """
+        self._entered += 1
+        if similarity is None or box is None:
+            return
+        for block in _blocks(self.labels.shape):
+            part = common_part(block, box)
+            if part is None:
+                continue
+            ratio = over_iso(similarity[within(part, box)], iso)
+            reaches = ratio >= 1.0
+            if not reaches.any():
+                continue
+            corner = block[0].start, block[1].start, block[2].start
+            if corner not in self._best:
+                self._best[corner] = np.ones(self.labels[block].shape, dtype=np.float32)
+            labels, best = self.labels[part], self._best[corner][within(part, block)]
+            wins = (ratio > best) | ((labels == 0) & reaches)
+            labels[wins] = self._entered
+            best[wins] = ratio[wins]
+
+
+def _blocks(shape: tuple[int, ...]) -> Iterator[Box]:
+    """A volume in blocks."""
+    extents = ([slice(n, min(n + BLOCK_VOXELS, size)) for n in range(0, size, BLOCK_VOXELS)] for size in shape)
+    yield from itertools.product(*extents)
 
 
 def over_iso(similarity: np.ndarray, iso: float) -> np.ndarray:
@@ -41,28 +99,108 @@ def over_iso(similarity: np.ndarray, iso: float) -> np.ndarray:
 
 def count_labels(labels: np.ndarray, count: int) -> list[int]:
     """How many voxels carry each of the labels 1 to `count` in a label map (K, J, I)."""
-    # One label at a time: NumPy's bincount would first make eight bytes of each voxel.
-    return [int(np.count_nonzero(labels == label)) for label in range(1, count + 1)]
+    # One slab and label at a time: NumPy's bincount would first make eight bytes of each voxel.
+    counts = [0] * count
+    for slab in slabs(whole_box(labels.shape)):
+        part = labels[slab]
+        if part.any():
+            counts = [known + int(np.count_nonzero(part == label)) for label, known in enumerate(counts, start=1)]
+    return counts
 
 
-def keep_annotated_components(labels: np.ndarray, label: int, geometry: Geometry, points_ras: np.ndarray) -> None:
-    """Keep of one label only the connected components (26-neighbourhood) that hold a point; in place.
+def keep_annotated_components(labels: np.ndarray, geometry: Geometry, points_of_label: Mapping[int, np.ndarray]) -> None:
+    """Keep of some labels only the connected components (26-neighbourhood) that hold a point; in place.
 
     Where no point lies in any component, the label is left as it is: better a visible surplus than a vanished segment.
 
     Args:
         labels: (K, J, I) label map, changed in place.
-        label: which label.
         geometry: of the label map.
-        points_ras: (N, 3) RAS millimetres.
+        points_of_label: the points of each label, (N, 3) RAS millimetres.
     """
-    box = ndimage.find_objects((labels == label).astype(np.uint8))
-    if not box:
+    boxes = finished(label_boxes(labels))
+    for label, points_ras in points_of_label.items():
+        if label in boxes:
+            part = labels[boxes[label]]
+            nearest = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
+            nearest -= [extent.start for extent in boxes[label]]
+            _keep_components(part, label, nearest[((nearest >= 0) & (nearest < part.shape)).all(axis=1)])
+
+
+def _keep_components(labels: np.ndarray, label: int, seeds: np.ndarray) -> None:
+    """Keep of one label in `labels` (K, J, I) the components that hold one of the voxels `seeds` (N, 3), if any does."""
+    components = _SlabComponents(labels, label)
+    of_seeds = np.array([components.at(seed) for seed in seeds], dtype=int)
+    kept = np.isin(components.groups, components.groups[of_seeds[of_seeds > 0]])
+    if not kept.any():
         return
-    components, _ = ndimage.label(labels[box[0]] == label, structure=np.ones((3, 3, 3)))
-    nearest = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int) - [axis.start for axis in box[0]]
-    inside = ((nearest >= 0) & (nearest < components.shape)).all(axis=1)
-    kept = np.unique(components[tuple(nearest[inside].T)])
-    kept = kept[kept > 0]
-    if len(kept):
-        labels[box[0]][(components > 0) & ~np.isin(components, kept)] = 0
+    kept[0] = True  # The number of all voxels that do not carry the label.
+    for part, numbers in components.parts():
+        part[~kept[numbers]] = 0
+
+
+class _SlabComponents:
+    """Connected components of a label, found slab by slab: numbered all at once they would take four bytes of each voxel.
+
+    Args:
+        labels: (K, J, I).
+        label: which label.
+
+    Attributes:
+        groups: (numbers,) which numbers are of one component; number 0 is of none.
+    """
+
+    def __init__(self, labels: np.ndarray, label: int) -> None:
+        self._labels, self._label = labels, label
+        self._thickness = max(SLAB_VOXELS // (labels.shape[1] * labels.shape[2]), 1)
+        self._first_numbers: list[int] = []
+        self._last: tuple[int, np.ndarray] | None = None
+        count, links = 0, [np.zeros((2, 0), dtype=int)]
+        above = np.zeros(labels.shape[1:], dtype=int)
+        for slab in range(-(-len(labels) // self._thickness)):
+            self._first_numbers.append(count)
+            numbers = self._numbers(slab)
+            count += int(numbers.max())
+            links.append(_touching(above, self._shifted(slab, numbers[0])))
+            above = self._shifted(slab, numbers[-1])
+        pairs = np.concatenate(links, axis=1)
+        linked = coo_array((np.ones(pairs.shape[1], dtype=bool), pairs), (count + 1, count + 1))
+        self.groups: np.ndarray = connected_components(linked, directed=False)[1]
+
+    def at(self, voxel: np.ndarray) -> int:
+        """The number at a voxel (k, j, i)."""
+        slab, k = divmod(int(voxel[0]), self._thickness)
+        return int(self._shifted(slab, self._numbers(slab)[k, voxel[1], voxel[2]]))
+
+    def parts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Some slices of the labels after the other, and their numbers, (slices, J, I) both."""
+        step = max(STEP_VOXELS // (self._labels.shape[1] * self._labels.shape[2]), 1)
+        for slab in range(len(self._first_numbers)):
+            labels, numbers = self._slab(slab), self._numbers(slab)
+            for k in range(0, len(labels), step):
+                yield labels[k : k + step], self._shifted(slab, numbers[k : k + step])
+
+    def _slab(self, slab: int) -> np.ndarray:
+        return self._labels[slab * self._thickness : (slab + 1) * self._thickness]
+
+    def _numbers(self, slab: int) -> np.ndarray:
+        """(slices, J, I): components within a slab, from 1 up. Kept until another slab is asked for."""
+        if self._last is None or self._last[0] != slab:
+            self._last = None
+            self._last = slab, ndimage.label(self._slab(slab) == self._label, structure=np.ones((3, 3, 3)))[0]
+        return self._last[1]
+
+    def _shifted(self, slab: int, numbers: np.ndarray) -> np.ndarray:
+        """Numbers within a slab as numbers among all."""
+        return np.where(numbers > 0, numbers + self._first_numbers[slab], 0)
+
+
+def _touching(above: np.ndarray, below: np.ndarray) -> np.ndarray:
+    """Pairs of numbers that meet across two neighbouring planes (J, I) of components, (2, pairs)."""
+    rows, columns = below.shape
+    padded = np.pad(above, 1)
+    pairs = [np.zeros((2, 0), dtype=int)]
+    for j, i in np.ndindex(3, 3):
+        both = np.stack([padded[j : j + rows, i : i + columns], below]).reshape(2, -1)
+        pairs.append(np.unique(both[:, (both > 0).all(axis=0)], axis=1))
+    return np.concatenate(pairs, axis=1)

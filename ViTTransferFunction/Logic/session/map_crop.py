@@ -14,6 +14,7 @@ import numpy as np
 from ..core.bounding_box import common_box
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, box_above
 from ..core.geometry import Box
+from ..core.voxel_map import VoxelMap
 
 MARGIN_VOXELS = 2
 
@@ -39,6 +40,19 @@ def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
     box = box_above(similarity, NEAR_SHARE_OF_ISO * iso, MARGIN_VOXELS) or (slice(0, 2),) * 3
     array = np.rint(similarity[box] * np.float32(FULL_SCALE)).astype(np.uint8)
     return MapCrop(array, box, iso)
+
+
+def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
+    """As `crop_map`, of a map that is not all in memory."""
+    reaching = voxels.box_above(NEAR_SHARE_OF_ISO * iso) or (slice(0, 0),) * 3
+    k, j, i = (
+        slice(max(extent.start - MARGIN_VOXELS, 0), min(extent.stop + MARGIN_VOXELS, size))
+        for extent, size in zip(reaching, voxels.shape, strict=True)
+    )
+    crop = crop_map(voxels.part((k, j, i)), iso)
+    starts = k.start, j.start, i.start
+    k, j, i = (slice(extent.start + start, extent.stop + start) for extent, start in zip(crop.box, starts, strict=True))
+    return MapCrop(crop.array, (k, j, i), crop.iso)
 
 
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:

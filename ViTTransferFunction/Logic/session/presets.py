@@ -8,6 +8,8 @@ from ..core.errors import InputError
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
 from ..similarity.similarity_rule import SimilarityMethod
+from .preset_meanings import DEFAULT_PRESET as DEFAULT_PRESET
+from .preset_meanings import PRESET_MEANINGS
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,10 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 
 # Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
 PRESETS = {
-    "balanced": _whitened("the one to begin with: seconds on an ordinary computer", FeatureSettings(most_patches=20_000)),
-    "fine": _whitened(
-        "ten times as slow, one patch a cell: seldom better where it was measured", FeatureSettings(layer_step=2)
-    ),
+    "balanced": _whitened(PRESET_MEANINGS["balanced"], FeatureSettings(most_patches=20_000)),
+    "fine": _whitened(PRESET_MEANINGS["fine"], FeatureSettings(layer_step=2)),
     "paper": Preset(
-        meaning="as in the paper, and many times slower: every slice along all three axes, over the full range of intensities",
+        meaning=PRESET_MEANINGS["paper"],
         model="dino_vits8",
         features=FeatureSettings(
             isotropic=False,
@@ -54,9 +54,6 @@ PRESETS = {
         similarity="clamped cosine",
     ),
 }
-
-
-DEFAULT_PRESET = "balanced"
 
 
 def preset(name: str) -> Preset:

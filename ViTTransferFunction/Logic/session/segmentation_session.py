@@ -5,7 +5,7 @@ It knows no widgets, no files and no MRML. `opening.open_session` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from threading import Lock
@@ -20,14 +20,16 @@ from ..core.iso_proposals import IsoProposals
 from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
+from ..core.voxel_map import VoxelMap
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
-from ..refinement.refinement import RefinementMethod, refine
+from ..refinement.refinement import RefinementMethod, held_voxels, refine
 from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import SimilarityRule, similarity_rule
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
-from .labels import assign_labels, count_labels, keep_annotated_components
+from .labels import Competition, assign_labels, count_labels, keep_annotated_components
+from .memory_need import check_memory_for_refinement
 from .presets import Preset
 
 
@@ -53,12 +55,25 @@ class Segmentation:
     """Labels of all classes.
 
     Attributes:
-        labels: (K, J, I) uint16, 0 for background, 1 + index of the class elsewhere.
+        labels: (K, J, I), 0 for background, 1 + index of the class elsewhere; uint8, or uint16 from 256 classes on.
         classes: one entry for each class, in order.
     """
 
     labels: np.ndarray
     classes: tuple[ClassResult, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMap:
+    """S_H of a class, and its threshold.
+
+    Attributes:
+        voxels: S_H.
+        iso: threshold that selects the class, in [0, 1].
+    """
+
+    voxels: VoxelMap
+    iso: float
 
 
 class SegmentationSession:
@@ -162,7 +177,7 @@ class SegmentationSession:
         index: int,
         method: RefinementMethod,
         between: Callable[[], None] = lambda: None,
-    ) -> ClassMap:
+    ) -> RefinedMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its threshold.
 
         The threshold is chosen anew, since refinement changes the range of the map. The map is that of the chosen proposal
@@ -171,16 +186,14 @@ class SegmentationSession:
         """
         request = requests[index]
         with self.watch.step("refinement"):
-            wanted = method if request.refine else "none"
-            usual = low.proposals.chosen if low.proposals else low.iso
-            similarity = refine(
+            wanted, usual = _refinement(low, request, method)
+            voxels = refine(
                 low.array, self.volume, self.display_window, request.positive, usual, wanted, between, lowest_iso=low.iso
             )
             between()
             if wanted == "none":
-                return ClassMap(similarity, self.volume.geometry, low.iso, low.proposals)
-            propose = partial(self.rule.refined_iso, similarity, low.array, requests, index)
-            return _class_map(similarity, self.volume.geometry, request, propose)
+                return RefinedMap(voxels, low.iso)
+            return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index)))
 
     def segment(
         self,
@@ -188,7 +201,7 @@ class SegmentationSession:
         method: RefinementMethod = "bilateral",
         only_annotated_components: bool = True,
         progress: Progress = no_progress,
-        on_map: Callable[[ClassRequest, ClassMap], None] | None = None,
+        on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
     ) -> Segmentation:
         """Segment all classes, each voxel going to one class at most.
 
@@ -200,28 +213,31 @@ class SegmentationSession:
             on_map: is shown each full-resolution map before the next is made; they are not kept.
 
         Raises:
-            InputError: the requests are not usable.
+            InputError: the requests are not usable, or memory is not enough.
             Cancelled: by the progress callback.
         """
         check_requests(requests, self.volume.geometry)
-        isos: list[float] = []
-
-        def maps() -> Iterator[tuple[np.ndarray, float]]:
-            progress(0, len(requests), SEGMENTING)
-            low_maps = self.low_resolution_maps(requests)
-            for index, request in enumerate(requests):
-                # In between as well: a click that comes now should not have to wait long.
-                between = partial(progress, index, len(requests), SEGMENTING)
-                full = self.refined_map(low_maps[index], requests, index, method, between)
-                between()
-                if on_map:
-                    on_map(request, full)
-                isos.append(full.iso)
-                yield full.array, full.iso
-                progress(index + 1, len(requests), SEGMENTING)
-
-        labels = self._labels(maps(), self.volume.geometry, requests, only_annotated_components)
-        return Segmentation(labels, tuple(self._results(requests, isos, labels)))
+        progress(0, len(requests), SEGMENTING)
+        isos = []
+        low_maps = self.low_resolution_maps(requests)
+        dtype = np.uint8 if len(requests) < 256 else np.uint16
+        self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
+        competition = Competition(self.volume.shape, dtype)
+        for index, request in enumerate(requests):
+            # In between as well: a click that comes now should not have to wait long.
+            between = partial(progress, index, len(requests), SEGMENTING)
+            full = self.refined_map(low_maps[index], requests, index, method, between)
+            between()
+            if on_map:
+                on_map(request, full)
+            box = full.voxels.box_above(full.iso)
+            competition.enter(full.voxels.part(box) if box else None, full.iso, box)
+            isos.append(full.iso)
+            # Before the next one is made.
+            del full
+            progress(index + 1, len(requests), SEGMENTING)
+        self._drop_parts_without_points(competition.labels, self.volume.geometry, requests, only_annotated_components)
+        return Segmentation(competition.labels, tuple(self._results(requests, isos, competition.labels)))
 
     def low_resolution_volumes_ml(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
@@ -229,23 +245,26 @@ class SegmentationSession:
         """How large each class's segment will be, millilitres, to the size of a cell: its S_L, segmented as `segment` does."""
         maps = ((low.array, low.iso) for low in low_maps)
         geometry = self.features.geometry
-        labels = self._labels(maps, geometry, requests, only_annotated_components)
+        labels = assign_labels(maps, geometry.shape)
+        self._drop_parts_without_points(labels, geometry, requests, only_annotated_components)
         return tuple(cells * _voxel_ml(geometry) for cells in count_labels(labels, len(requests)))
 
-    def _labels(
-        self,
-        maps: Iterable[tuple[np.ndarray, float]],
-        geometry: Geometry,
-        requests: Sequence[ClassRequest],
-        only_annotated_components: bool,
-    ) -> np.ndarray:
-        """Labels (K, J, I) uint16 on `geometry` from the classes' maps on it and their thresholds."""
-        labels = assign_labels(maps, geometry.shape)
+    def _check_memory(
+        self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], method: RefinementMethod, bytes_per_label: int
+    ) -> None:
+        held = []
+        for low, request in zip(low_maps, requests, strict=True):
+            wanted, usual = _refinement(low, request, method)
+            held.append(held_voxels(low.array, self.volume.shape, usual, wanted, low.iso))
+        check_memory_for_refinement(self.volume, held, bytes_per_label)
+
+    def _drop_parts_without_points(
+        self, labels: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], wanted: bool
+    ) -> None:
         with self.watch.step("components"):
-            if only_annotated_components:
-                for label, request in enumerate(requests, start=1):
-                    keep_annotated_components(labels, label, geometry, request.positive)
-        return labels
+            if wanted:
+                points = {label: request.positive for label, request in enumerate(requests, start=1)}
+                keep_annotated_components(labels, geometry, points)
 
     @property
     def _the_source(self) -> FeatureSource:
@@ -267,6 +286,16 @@ def _class_map(
         return ClassMap(similarity, geometry, request.iso)
     proposals = propose()
     return ClassMap(similarity, geometry, proposals.chosen, proposals).resized(request)
+
+
+def _refinement(low: ClassMap, request: ClassRequest, method: RefinementMethod) -> tuple[RefinementMethod, float]:
+    """How a class's map is refined, and the threshold that is expected then: that of the chosen proposal."""
+    return method if request.refine else "none", low.proposals.chosen if low.proposals else low.iso
+
+
+def _iso(request: ClassRequest, propose: Callable[[], IsoProposals]) -> float:
+    """The iso value that the user fixed, or else that of the size that the user chose."""
+    return propose().at(request.size) if request.iso is None else request.iso
 
 
 def _voxel_ml(geometry: Geometry) -> float:

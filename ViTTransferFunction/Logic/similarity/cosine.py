@@ -10,6 +10,7 @@ from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
 from ..core.resampling import sample_at
+from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .iso_value import iso_between_points, proposals_around
 
@@ -42,13 +43,13 @@ class CosineSimilarity:
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
-        return _iso(similarity, self._features.geometry, requests, index)
+        return _iso(lambda points: sample_at(similarity[..., None], self._features.geometry, points), requests, index)
 
     def refined_iso(
-        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
     ) -> IsoProposals:
         """See `SimilarityRule`."""
-        return _iso(similarity, self._volume_geometry, requests, index)
+        return _iso(lambda points: similarity.at(self._volume_geometry, points), requests, index)
 
     def _map(self, request: ClassRequest) -> np.ndarray:
         similarity = self._average(self._features.array, self._features.at(request.positive))
@@ -82,10 +83,16 @@ def mean_clamped_cosine(cells: np.ndarray, queries: np.ndarray) -> np.ndarray:
     return total / len(queries)
 
 
-def _iso(similarity: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
-    """The threshold between a class's map at its positive points, and at its negative and all points of other classes alone."""
+def _iso(sample: Callable[[np.ndarray], np.ndarray], requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+    """The threshold between a class's map at its positive points, and at its negative and all points of other classes alone.
+
+    Args:
+        sample: from world points (N, 3) to the map there, (N, …).
+        requests: all classes.
+        index: of the class.
+    """
     request = requests[index]
     others = [other.positive[~request.claims(other.positive)] for other in requests]
     positive, negative = request.positive, np.concatenate([request.negative, *others])
-    at_positives, at_negatives = (sample_at(similarity[..., None], geometry, points) for points in (positive, negative))
+    at_positives, at_negatives = sample(positive), sample(negative)
     return proposals_around(iso_between_points(at_positives, at_negatives), at_positives)

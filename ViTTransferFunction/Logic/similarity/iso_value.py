@@ -90,12 +90,12 @@ def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_po
 
 
 def choose_refined_iso(
-    refined: np.ndarray, similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float
+    voxels: np.ndarray, similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float
 ) -> float:
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
     Args:
-        refined: the map of any shape, in [0, 1].
+        voxels: values of the map in [0, 1] at voxels spread evenly, of any shape; at most about `STABILITY_SAMPLES` do.
         similarity: as for `choose_iso_by_edges`, of the refined map.
         edge_strength: at the same places.
         at_positives: (P,) values of the refined map at the class's positive points, P ≥ 1.
@@ -105,7 +105,7 @@ def choose_refined_iso(
         A value in (0, 1).
     """
     edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
-    gain = edges - _log_instability(refined) - np.log(CANDIDATES / prior) ** 2
+    gain = edges - _log_instability(voxels) - np.log(CANDIDATES / prior) ** 2
     return _near_prior(gain, REFINED_SOFTNESS, at_positives)
 
 
@@ -130,10 +130,8 @@ def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) 
     return total / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
 
 
-def _log_instability(refined: np.ndarray) -> np.ndarray:
+def _log_instability(values: np.ndarray) -> np.ndarray:
     """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
-    # An odd stride, so that it does not keep step with the rows.
-    values = refined.ravel()[:: refined.size // STABILITY_SAMPLES | 1]
     count = np.bincount(_bins(values[values > LOWEST_LEVEL]), minlength=_BINS)
     enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
     near = _near(STABILITY_WIDTH)

@@ -33,10 +33,19 @@ from ..core.iso_proposals import IsoProposals
 from ..core.orientation import canonical_orientation
 from ..core.resampling import sample_at
 from ..core.volume import Volume
+from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .connected_points import ConnectedPoints, between_points, point_factors, shares
 from .connectedness import Connectedness, blocks_at
-from .iso_value import choose_iso_by_edges, choose_refined_iso, edge_strength_at, prior_iso, proposals_around, refined_prior
+from .iso_value import (
+    STABILITY_SAMPLES,
+    choose_iso_by_edges,
+    choose_refined_iso,
+    edge_strength_at,
+    prior_iso,
+    proposals_around,
+    refined_prior,
+)
 from .kernel_rows import KernelRows
 
 FEATURE_SHARPNESS = 2.5
@@ -56,6 +65,8 @@ BACKGROUND_LIMIT = 0.12
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
+CELLS_AT_ONCE = 4096
+"""Kernels of background cells with so many cells, a megabyte and a half, are computed at once."""
 ISO_CELLS = 100_000
 """The iso value is chosen from at most this many cells, spread evenly: more would only take longer."""
 
@@ -74,7 +85,8 @@ class KernelRidge:
         self._cdf = IntensityCdf(volume)
         centres = features.geometry.voxel_centres_ras()
         self._centre_ras = centres.mean(axis=0)
-        self._cells = self._places(features.array.reshape(-1, features.array.shape[-1]), centres)
+        vectors = features.array.reshape(-1, features.array.shape[-1])
+        self._cells = _Places(vectors, self._centred(centres), self._cdf.around_cells(features.geometry))
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
         # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
         indices = np.arange(len(centres)).reshape(features.geometry.shape)
@@ -82,7 +94,11 @@ class KernelRidge:
         drawn = np.random.default_rng(0).permutation(indices.ravel())
         background = drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = self._cells.subset(background), background
-        rows = self._kernel(self._background, self._cells)
+        # Some cells at a time, which stay near the processor.
+        rows = np.empty((len(background), len(centres)), dtype=np.float32)
+        for start in range(0, len(centres), CELLS_AT_ONCE):
+            some = slice(start, start + CELLS_AT_ONCE)
+            rows[:, some] = self._kernel(self._background, self._cells.subset(some))
         self._background_kernel = rows[:, background].astype(np.float64)
         self._rows = KernelRows(rows)
         self._connected = ConnectedPoints(partial(Connectedness, volume, features.geometry, display_window(volume).width))
@@ -114,9 +130,12 @@ class KernelRidge:
         return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
-        # Around the volume's centre, so that float32 holds the differences of positions far from the origin.
-        positions = (positions_ras - self._centre_ras).astype(np.float32)
-        return _Places(features, positions, self._cdf.around(positions_ras))
+        return _Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
+
+    def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
+        """Around the volume's centre, so that float32 holds the differences of positions far from the origin."""
+        centred: np.ndarray = (positions_ras - self._centre_ras).astype(np.float32)
+        return centred
 
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
         """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
@@ -138,17 +157,16 @@ class KernelRidge:
         return proposals_around(iso, at_positives)
 
     def refined_iso(
-        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives, at_cells = (
-            sample_at(similarity[..., None], self._volume_geometry, points)[:, 0]
-            for points in (request.positive, self._iso_cells_ras)
+            similarity.at(self._volume_geometry, points) for points in (request.positive, self._iso_cells_ras)
         )
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
-        iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, prior)
+        iso = choose_refined_iso(similarity.spread(STABILITY_SAMPLES), at_cells, self._edge_strength, at_positives, prior)
         return proposals_around(iso, at_positives)
 
     def _weights(
@@ -191,7 +209,7 @@ class _Places:
     def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
         self.features, self.positions, self.cdf = features, positions, cdf
 
-    def subset(self, index: np.ndarray) -> _Places:
+    def subset(self, index: np.ndarray | slice) -> _Places:
         return _Places(self.features[index], self.positions[index], self.cdf[index])
 
 

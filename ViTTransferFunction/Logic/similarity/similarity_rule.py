@@ -10,6 +10,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.iso_proposals import IsoProposals
 from ..core.volume import Volume
+from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
 from .kernel_ridge import KernelRidge
@@ -28,7 +29,7 @@ class SimilarityRule(Protocol):
         """The thresholds that the index-th class's S_L (K', J', I') may have."""
 
     def refined_iso(
-        self, similarity: np.ndarray, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
     ) -> IsoProposals:
         """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L."""
 

@@ -32,7 +32,7 @@ def coarse(labelled: LabelledVolume, features: FeatureVolume) -> CoarseMap:
 
 @pytest.mark.parametrize(("name", "method"), [(DEFAULT.name, "bilateral"), ("guided", "guided"), ("trilinear", "none")])
 def test_candidates_of_the_product_are_the_product(coarse: CoarseMap, name: str, method: RefinementMethod) -> None:
-    refined = refine(coarse.similarity, coarse.volume, coarse.display, coarse.positive_ras, coarse.iso, method)
+    refined = refine(coarse.similarity, coarse.volume, coarse.display, coarse.positive_ras, coarse.iso, method).array
     np.testing.assert_array_equal(_called(name).refine(coarse), refined)
 
 

@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.features.background_tokens import background_cells, select_tokens
+from ViTTransferFunction.Logic.features.background_tokens import BACKGROUND_LEVEL, background_cells, select_tokens
 
 WINDOWS = (IntensityWindow(0.0, 1.0),) * 3
 
@@ -75,3 +76,21 @@ def test_voxels_that_are_not_finite_count_as_dark() -> None:
     array = body_in_air()
     array[0, 0, 0] = np.nan
     assert background_cells(array, WINDOWS, (8, 8, 8))[0, 0, 0]
+
+
+@given(
+    hnp.arrays(np.float32, (5, 6, 7), elements=st.sampled_from([-1e30, -1.0, 0.0, 0.1, 0.16, 3.0, np.nan, np.inf, -np.inf])),
+    st.booleans(),
+)
+def test_background_is_where_no_voxel_is_bright_in_any_window_also_beside_voxels_that_are_no_numbers(
+    array: np.ndarray, two_windows: bool
+) -> None:
+    windows = (*WINDOWS[:2], IntensityWindow(-2.0, 1.0) if two_windows else WINDOWS[0])
+    shown = np.max([window.apply(array) for window in windows], axis=0)
+    bright = shown > BACKGROUND_LEVEL
+    # One cell a voxel; of the dark ones, those that reach the border.
+    components, _ = ndimage.label(~bright)
+    inner = components.copy()
+    inner[1:-1, 1:-1, 1:-1] = 0
+    expected = np.isin(components, np.setdiff1d(inner, [0]))
+    np.testing.assert_array_equal(background_cells(array, windows, array.shape), expected)

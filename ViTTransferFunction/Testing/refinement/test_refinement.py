@@ -32,7 +32,7 @@ def coarse(similarity: np.ndarray, factor: int = 4) -> np.ndarray:
 
 def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod, iso: float = 0.35) -> np.ndarray:
     centre = np.full((1, 3), (array.shape[0] - 1) / 2)
-    return refine(coarse(similarity), volume_of(array), WINDOW, centre, iso, method)
+    return refine(coarse(similarity), volume_of(array), WINDOW, centre, iso, method).array
 
 
 def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
@@ -121,10 +121,10 @@ def test_a_lower_threshold_widens_what_is_refined_and_leaves_the_rest_nearly_as_
     intensities, _, similarity = ball_and_its_map()
     centre = np.full((1, 3), (intensities.shape[0] - 1) / 2)
     usual, wide = (
-        refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "bilateral", lowest_iso=lowest)
+        refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "bilateral", lowest_iso=lowest).array
         for lowest in (None, 0.1)
     )
-    unrefined = refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "none")
+    unrefined = refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "none").array
     between = (unrefined > 0.06) & (unrefined < 0.15)
     assert (wide != unrefined)[between].mean() > 0.99
     assert (usual != unrefined)[between].mean() < 0.8

@@ -56,7 +56,7 @@ def test_only_components_with_a_point_are_kept() -> None:
     labels[1, 6:8, 6:8] = 1
     labels[0, 5, 5] = 1  # Touches the second part by a corner only, and belongs to it.
     labels[1, 1:3, 6:8] = 2
-    keep_annotated_components(labels, 1, Geometry(labels.shape, np.eye(4)), np.array([[7.0, 7.0, 1.0]]))
+    keep_annotated_components(labels, Geometry(labels.shape, np.eye(4)), {1: np.array([[7.0, 7.0, 1.0]])})
     assert not labels[1, 1:3, 1:3].any()
     assert (labels[1, 6:8, 6:8] == 1).all()
     assert labels[0, 5, 5] == 1
@@ -68,6 +68,6 @@ def test_where_no_point_hits_a_component_nothing_is_removed() -> None:
     labels[1, 1:3, 1:3] = 1
     before = labels.copy()
     geometry = Geometry(labels.shape, np.eye(4))
-    keep_annotated_components(labels, 1, geometry, np.array([[7.0, 7.0, 1.0]]))
-    keep_annotated_components(labels, 2, geometry, np.array([[7.0, 7.0, 1.0]]))
+    keep_annotated_components(labels, geometry, {1: np.array([[7.0, 7.0, 1.0]])})
+    keep_annotated_components(labels, geometry, {2: np.array([[7.0, 7.0, 1.0]])})
     np.testing.assert_array_equal(labels, before)

@@ -80,7 +80,7 @@ def test_parts_without_a_click_are_dropped_unless_asked_for(session: Segmentatio
 
 def test_maps_are_shown_one_by_one_as_they_are_made(session: SegmentationSession, spheres: Spheres) -> None:
     shown: list[tuple[str, tuple[int, ...]]] = []
-    session.segment(requests_of(spheres), on_map=lambda request, full: shown.append((request.name, full.array.shape)))
+    session.segment(requests_of(spheres), on_map=lambda request, full: shown.append((request.name, full.voxels.array.shape)))
     assert shown == [(f"sphere {n}", session.volume.shape) for n in (1, 2, 3)]
 
 

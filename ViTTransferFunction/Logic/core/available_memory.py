@@ -1,0 +1,107 @@
+"""How much memory there is for what is about to be computed, and refusing early what cannot fit.
+
+Where memory runs out, the system ends the program without a word, after minutes of work.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from .errors import InputError
+
+
+def require_memory(needed_bytes: int, what: str, advice: str) -> None:
+    """Refuse what does not fit into memory.
+
+    Args:
+        needed_bytes: beyond what is in use already.
+        what: is to be done, as the beginning of a sentence: "Segmenting 'scan'".
+        advice: what the user can do, a sentence.
+
+    Raises:
+        InputError: there is less, swap space included. Where the system does not tell, nothing is refused.
+    """
+    available = available_memory_bytes()
+    if available is not None and needed_bytes > available:
+        raise InputError(
+            f"{what} takes at least {needed_bytes / 1e9:.1f} GB of memory more than is in use, and {available / 1e9:.1f} GB "
+            f"are free. {advice}"
+        )
+
+
+def available_memory_bytes(root: Path = Path("/"), with_swap: bool = True) -> int | None:
+    """Memory that can still be had; None where the system does not tell.
+
+    Args:
+        root: of the file system in which Linux tells.
+        with_swap: whether swap space counts, where the system tells them apart.
+    """
+    if sys.platform == "win32":
+        return _on_windows(with_swap)
+    meminfo = root / "proc/meminfo"
+    if not meminfo.is_file():
+        # macOS does not tell what is free in a word; more than all there is, there never is.
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if "SC_PHYS_PAGES" in os.sysconf_names else None
+    fields = dict(line.split(":") for line in meminfo.read_text().splitlines() if ":" in line)
+    names = ("MemAvailable", "SwapFree") if with_swap else ("MemAvailable",)
+    of_system = sum(1024 * int(fields[name].split()[0]) for name in names if name in fields)
+    return min([of_system, *_of_control_groups(root)])
+
+
+def _of_control_groups(root: Path) -> list[int]:
+    """What limits on containers and cluster jobs leave: of this process's group and all around it."""
+    membership = root / "proc/self/cgroup"
+    if not membership.is_file():
+        return []
+    left = []
+    for line in membership.read_text().splitlines():
+        _, controllers, path = line.split(":", 2)
+        if controllers not in ("", "memory"):
+            continue
+        top = root / "sys/fs/cgroup" / controllers
+        names = ("memory.max", "memory.current") if not controllers else ("memory.limit_in_bytes", "memory.usage_in_bytes")
+        folder = top / path.lstrip("/")
+        for group in (folder, *folder.parents):
+            if group == top.parent:
+                break
+            limit, used = (_number(group / name) for name in names)
+            if limit is not None and used is not None:
+                # What files were read or written fills caches, which give way.
+                left.append(max(limit - used + _reclaimable(group / "memory.stat"), 0))
+    return left
+
+
+def _number(path: Path) -> int | None:
+    """The number in a file; None where there is none, as for "max"."""
+    try:
+        return int(path.read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def _reclaimable(path: Path) -> int:
+    try:
+        fields = dict(line.split() for line in path.read_text().splitlines())
+        return int(fields.get("active_file", 0)) + int(fields.get("inactive_file", 0))
+    except (OSError, ValueError):
+        return 0
+
+
+def _on_windows(with_swap: bool) -> int | None:
+    import ctypes
+
+    class MemoryStatus(ctypes.Structure):
+        """MEMORYSTATUSEX."""
+
+        _fields_ = (
+            ("length", ctypes.c_ulong),
+            ("load", ctypes.c_ulong),
+            *((name, ctypes.c_ulonglong) for name in ("physical", "free_physical", "commit", "free_commit")),
+            *((name, ctypes.c_ulonglong) for name in ("virtual", "free_virtual", "free_extended_virtual")),
+        )
+
+    status = MemoryStatus(length=ctypes.sizeof(MemoryStatus))
+    told = ctypes.windll.kernel32.GlobalMemoryStatusEx(ctypes.byref(status))  # type: ignore[attr-defined,unused-ignore]
+    return int(status.free_commit if with_swap else status.free_physical) if told else None

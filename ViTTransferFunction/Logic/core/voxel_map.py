@@ -1,0 +1,121 @@
+"""A class's map at a volume's resolution, S_H, of which only the part near the structure is held in memory.
+
+As one array, the map of a large volume takes twice as much memory as the volume. Away from the structure it is S_L,
+interpolated, and that can be had again whenever somebody looks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bounding_box import bounding_box, common_box, common_part, covering_box, whole_box, within
+from .geometry import Box, Geometry
+from .resampling import corners_around
+
+ROUNDING = 1e-6
+"""By how much, relatively, an interpolated value may exceed the values that it lies between."""
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelMap:
+    """A map (K, J, I) float32 in [0, 1].
+
+    Attributes:
+        shape: of the volume, (K, J, I).
+        coarse: S_L, (K', J', I') float32, on cells that fill the volume's box.
+        interpolated: from a slice k and its rows to S_L interpolated there, (rows, I) float32.
+        box: the voxels that are held.
+        held: their values, (K, J, I) of the box; all other voxels have the interpolated ones.
+    """
+
+    shape: tuple[int, int, int]
+    coarse: np.ndarray
+    interpolated: Callable[[int, slice], np.ndarray]
+    box: Box
+    held: np.ndarray
+
+    @classmethod
+    def whole(cls, array: np.ndarray) -> VoxelMap:
+        """A map all of which is there, (K, J, I) float32."""
+        k, j, i = array.shape
+        return cls((k, j, i), array, lambda k, rows: array[k, rows], whole_box((k, j, i)), array)
+
+    @property
+    def array(self) -> np.ndarray:
+        """The map as one array, (K, J, I) float32: for maps of small volumes, and where it cannot be helped."""
+        return self.part(whole_box(self.shape))
+
+    def part(self, box: Box) -> np.ndarray:
+        """The values in a box, (K, J, I) float32; not to be changed."""
+        inside = common_part(box, self.box)
+        if inside == box:
+            return self.held[within(box, self.box)]
+        k, j, i = box
+        part = np.empty([extent.stop - extent.start for extent in box], dtype=np.float32)
+        for plane, index in zip(part, range(k.start, k.stop), strict=True):
+            plane[...] = self.interpolated(index, j)[:, i]
+        if inside is not None:
+            part[within(inside, box)] = self.held[within(inside, self.box)]
+        return part
+
+    def box_above(self, similarity: float) -> Box | None:
+        """A box that holds all voxels of at least `similarity`, and maybe others; None where there are none."""
+        boxes = [self.box] if self.held.size else []
+        if self.held.shape != self.shape:
+            # One cell more on every side: voxels lie between the centres of cells.
+            cells = bounding_box(self.coarse >= similarity * (1.0 - ROUNDING), margin=1)
+            boxes += [] if cells is None else [covering_box(cells, self.coarse.shape, self.shape)]
+        return common_box(boxes) if boxes else None
+
+    def at(self, geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
+        """Trilinear samples at world points (N, 3), RAS millimetres, (N,) float32: those of `sample_at` on the whole array.
+
+        Args:
+            geometry: of the volume.
+            points_ras: constant beyond the outermost centres.
+        """
+        samples = np.zeros(len(points_ras), dtype=np.float64)
+        corners = list(corners_around(geometry, points_ras))
+        values = self._at_voxels(np.concatenate([index for index, _ in corners])).reshape(len(corners), -1)
+        for (_, weight), at_corner in zip(corners, values, strict=True):
+            samples += weight * at_corner
+        return samples.astype(np.float32)
+
+    def spread(self, most: int) -> np.ndarray:
+        """Values of voxels spread evenly, every n-th in the order of a flattened array, for an odd n; (N,) float32.
+
+        Args:
+            most: about as many; fewer than twice.
+        """
+        # Odd, so that it does not keep step with the rows.
+        step = math.prod(self.shape) // most | 1
+        if self.held.shape == self.shape:
+            return self.held.ravel()[::step]
+        slice_size = self.shape[1] * self.shape[2]
+        # Copied: a view would hold on to its slice.
+        planes = (self._slice(k).ravel()[-(k * slice_size) % step :: step].copy() for k in range(self.shape[0]))
+        return np.concatenate(list(planes))
+
+    def _slice(self, k: int) -> np.ndarray:
+        """(J, I), which must not be changed."""
+        _, rows, columns = whole_box(self.shape)
+        plane: np.ndarray = self.part((slice(k, k + 1), rows, columns))[0]
+        return plane
+
+    def _at_voxels(self, kji: np.ndarray) -> np.ndarray:
+        """Values of single voxels (N, 3), (N,) float32."""
+        values: np.ndarray
+        if self.held.shape == self.shape:
+            values = self.held[tuple(kji.T)]
+            return values
+        values = np.empty(len(kji), dtype=np.float32)
+        order = np.argsort(kji[:, 0], kind="stable")
+        first_of_slice = np.searchsorted(kji[order, 0], np.arange(self.shape[0] + 1))
+        for k in np.flatnonzero(np.diff(first_of_slice)):
+            of_slice = order[first_of_slice[k] : first_of_slice[k + 1]]
+            values[of_slice] = self._slice(int(k))[kji[of_slice, 1], kji[of_slice, 2]]
+        return values

@@ -1,0 +1,23 @@
+"""What share of a volume's voxels is darker, around cells and around points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_cdf import IntensityCdf
+from ViTTransferFunction.Logic.core.volume import Volume
+
+OBLIQUE = np.array([[0.9, -0.3, 0.1, 4.0], [0.2, 1.1, 0.0, -7.0], [0.0, 0.4, 2.5, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("cells", [(4, 5, 4), (21, 16, 13), (1, 1, 1), (30, 20, 14)], ids=str)
+@pytest.mark.parametrize("holes", [False, True])
+def test_around_all_cells_of_a_grid_is_around_each_of_their_centres(cells: tuple[int, int, int], holes: bool) -> None:
+    array = np.random.default_rng(0).normal(0.0, 100.0, (21, 16, 13)).astype(np.float32)
+    if holes:
+        array[3:6, 2:9, 4], array[20, 15, 12] = np.nan, np.inf
+    volume = Volume(array, Geometry(array.shape, OBLIQUE))
+    cdf, grid = IntensityCdf(volume), volume.geometry.resized(cells)
+    np.testing.assert_allclose(cdf.around_cells(grid), cdf.around(grid.voxel_centres_ras()), atol=1e-6)
