@@ -44,7 +44,9 @@ LEAST_STEP = 1.05
 """Of the smaller proposal over the chosen one, whatever else: a step must do something."""
 ISO_WITHOUT_NEGATIVES = 0.5
 """Iso value as a share of the positives' similarity, where there is nothing to keep a distance from."""
-LARGEST_SHARE_OF_POSITIVES = 0.8
+LARGEST_SHARE_OF_POSITIVES = 0.5
+"""Of the map at the points. Above that, the iso value followed a map that its points do not reach, such as that of a kidney
+clicked once in its middle and often outside, and little but the point was left."""
 CANDIDATES = np.exp(np.linspace(np.log(0.02), np.log(0.7), 40))
 _BINS = 200
 _LEVELS = np.exp(np.linspace(np.log(LOWEST_LEVEL), 0.0, _BINS))
