@@ -17,16 +17,21 @@ from typing import IO, cast
 from ..core.errors import InputError
 
 # The package is made by hand: its own file imports the host program's modules, which the process does not have.
-# Python puts the working folder in front of all others for -c: what lies there must not be taken for a library.
+# What lies in the user's working folder must not be taken for a library. -c puts the working folder in front of all others,
+# and an empty entry of PYTHONPATH, such as a launcher may leave, names it as well: so Python starts in a folder that is empty,
+# forgets it, and only then goes to the user's, to which relative paths refer. (-I would do the first, but hide from Slicer's
+# Python where its own libraries are; -P came with Python 3.11.)
 _BOOTSTRAP = """
-import sys
-sys.path[:] = [folder for folder in sys.path if folder]
+import os, sys
+package_folder, working_folder, private_folder = sys.argv[1:]
+sys.path[:] = [folder for folder in sys.path if folder and os.path.realpath(folder) != os.path.realpath(private_folder)]
+os.chdir(working_folder)
 import types
 package = types.ModuleType("ViTTransferFunction")
-package.__path__ = [sys.argv[1]]
+package.__path__ = [package_folder]
 sys.modules["ViTTransferFunction"] = package
 from ViTTransferFunction.Logic.compute.server import main
-main(sys.argv[2])
+main(private_folder)
 """
 IN_MEMORY = Path("/dev/shm")
 """Linux's file system in memory."""
@@ -62,7 +67,8 @@ class ComputeProcess:
         self.folder = _private_folder()
         try:
             self._process = subprocess.Popen(
-                [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), str(self.folder)],
+                [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), _working_folder(), str(self.folder)],
+                cwd=self.folder,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
@@ -140,7 +146,16 @@ def _executable(given: str | Path | None) -> str:
             f"Python was not found {f'as {executable}' if executable else 'in Slicer'}, and nothing can be computed without "
             "it. The installation of Slicer is incomplete: install Slicer again."
         )
-    return executable
+    # It is started from another folder.
+    return str(Path(executable).absolute())
+
+
+def _working_folder() -> str:
+    """Where relative paths begin; where it was deleted, wherever the process starts."""
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "."
 
 
 def _private_folder() -> Path:
