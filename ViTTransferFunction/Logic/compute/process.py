@@ -37,7 +37,9 @@ IN_MEMORY = Path("/dev/shm")
 """Linux's file system in memory."""
 ROOM_BYTES = 2 * 2**30
 """A large volume and its label map take half of that."""
-_LAST_WORDS_BYTES = 4000
+_LAST_WORDS_BYTES = 64_000
+_FATAL = "Fatal Python error: "
+"""How Python begins to say where it was when a library stopped the process."""
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
 """Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
 _PATIENCE_S = 0.3
@@ -104,11 +106,18 @@ class ComputeProcess:
         return self._process.poll() is None
 
     def last_words(self) -> str:
-        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing."""
+        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing.
+
+        Where a library stopped it, the lines that follow say where Python was, and what the library said goes before.
+        """
         self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
         lines = self._errors.read().decode(errors="replace").splitlines()
         said = [line.strip() for line in lines if line.strip() and not _LAUNCHER_S_LINE.search(line)]
+        fatal = next((index for index, line in enumerate(said) if line.startswith(_FATAL)), None)
+        if fatal is not None:
+            thrown = [line for line in said[max(0, fatal - 1) : fatal] if line.startswith("what():")]
+            return "; ".join([*thrown, said[fatal]])
         return said[-1] if said else ""
 
     def end(self) -> None:

@@ -176,7 +176,12 @@ def test_relative_paths_begin_where_the_user_is(
     client.request(TakeVolume(spheres[0].array, spheres[0].geometry, "spheres"))
     client.request(Prepare(SessionSettings(weights_path="mine.pt")))
     replies: list[tuple[int, Any]] = []
-    polls_until(lambda: bool(replies.extend(client.replies()) or len(replies) == 2 or not client.alive))
+
+    def answered() -> bool:
+        replies.extend(client.replies())
+        return len(replies) == 2 or not client.alive
+
+    polls_until(answered)
     assert "mine.pt is not a weights file" in replies[-1][1].message
 
 
