@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 CACHE_VARIABLE = "VITTF_CACHE"
@@ -16,6 +17,14 @@ def cache_folder() -> Path:
     if chosen:
         return Path(chosen).expanduser().absolute()
     return _user_cache_folder() / "vit-transfer-function"
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder that nobody but the user can look into. Raises OSError."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # It may have been there already; where it is somebody else's, that is theirs to decide.
+    with suppress(PermissionError):
+        folder.chmod(0o700)
 
 
 def _user_cache_folder() -> Path:
