@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.progress import Progress, no_progress
+from ..core.regular_file import check_regular_file
 from ..core.user_path import user_path
 from .download import DownloadFailed, download, sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
@@ -160,6 +161,8 @@ def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
     source = user_path(named, f"a weights file ({origin})")
     if not source.exists():
         raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
+    if not source.is_dir():
+        check_regular_file(source)
     return source, origin
 
 
