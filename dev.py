@@ -155,7 +155,6 @@ def lock(arguments: list[str]) -> int:
         venv.create(folder, with_pip=True)
         python = Path(folder) / "bin" / "python"
         subprocess.run([python, "-m", "pip", "install", "--quiet", "--upgrade", "pip"], check=True)
-        wanted = ("setuptools>=77", ".[test,lint]")
         files = resolved(python, "--constraint", CONSTRAINTS, "setuptools>=77", ".[test,lint]")
     if not any(requirement.endswith("+cpu") for requirement in files):
         print(f"PyTorch's build for processors was not found; set PIP_FIND_LINKS={CPU_BUILDS}", file=sys.stderr)
