@@ -1,7 +1,8 @@
 """`vittf`: segment one volume or many, fill the feature cache, draw, and manage weights, without a screen.
 
-Exit codes: 0 success; 1 some cases of a cohort have no segmentation; 2 something given cannot be used, with one line that says
-what; 130 interrupted.
+Exit codes: 0 success; 1 some cases of a cohort have no segmentation; 2 something given cannot be used, or there is too little
+memory or no room for the output, with one line that says what; 130 interrupted. Where nobody reads the output any more, the
+work is done all the same.
 """
 
 # Nothing but what Python has loaded by itself: all else is imported within `main`, which takes Ctrl-C from its first line on.
@@ -18,10 +19,24 @@ if TYPE_CHECKING:
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     try:
-        return _run(arguments)
+        return _run_on_any_console(arguments)
     except KeyboardInterrupt:
-        print("interrupted; nothing was left half-written", file=sys.stderr)
-        return 130
+        return _interrupted()
+
+
+def _run_on_any_console(arguments: list[str] | None) -> int:
+    from ViTTransferFunction.CommandLine.console import unfailing_console
+
+    with unfailing_console() as output:
+        try:
+            code = _run(arguments)
+        except KeyboardInterrupt:
+            code = _interrupted()
+        output.flush()
+        if output.trouble is not None and not isinstance(output.trouble, BrokenPipeError):
+            print(f"error: The output could not be written: {output.trouble.strerror}.", file=sys.stderr)
+            code = code or 2
+    return code
 
 
 def _run(arguments: list[str] | None) -> int:
@@ -30,16 +45,33 @@ def _run(arguments: list[str] | None) -> int:
     args = build_parser().parse_args(arguments)
     import logging
 
+    from ViTTransferFunction.CommandLine.console import unfailing_console
     from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
     from ViTTransferFunction.Logic.core.errors import InputError
+    from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
     try:
-        with silenced_libraries(args.verbose):
+        _check_surroundings(args)
+        # Within as well, since silencing makes another error stream.
+        with silenced_libraries(args.verbose), unfailing_console():
             return int(args.run(args))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except Exception as error:
+        if is_out_of_memory(error):
+            print(f"error: {OUT_OF_MEMORY}", file=sys.stderr)
+        elif isinstance(error, OSError):
+            print(f"error: {error.filename or 'A file'} cannot be used: {error.strerror or error}.", file=sys.stderr)
+        else:
+            raise
+        return 2
+
+
+def _interrupted() -> int:
+    print("interrupted; nothing was left half-written", file=sys.stderr)
+    return 130
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -70,6 +102,22 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _add_verbose(parser: argparse.ArgumentParser, default: bool | str) -> None:
     parser.add_argument("--verbose", action="store_true", default=default, help="also show what libraries print")
+
+
+def _check_surroundings(args: argparse.Namespace) -> None:
+    """Raise InputError where no path can be looked up at all, or one holds a character that no path may hold."""
+    from pathlib import Path
+
+    from ViTTransferFunction.Logic.core.errors import InputError
+
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise InputError("The current folder was deleted; go to another one.") from error
+    words = [word for value in vars(args).values() for word in (value if isinstance(value, list) else [value])]
+    for word in words:
+        if isinstance(word, (str, Path)) and "\0" in str(word):
+            raise InputError(f"{str(word)[:200]!r} holds a null character; no path may.")
 
 
 if __name__ == "__main__":

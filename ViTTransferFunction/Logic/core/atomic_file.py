@@ -20,7 +20,7 @@ _NOT_OFFERED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
 
 _LONGEST_ENDING = 16
 
-_TEMPORARY = ".writing-"
+TEMPORARY = ".writing-"
 """How names of temporary files begin."""
 
 
@@ -37,7 +37,7 @@ def replacing(path: Path) -> Iterator[Path]:
     _check_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=_TEMPORARY, suffix=_ending(path))
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=TEMPORARY, suffix=_ending(path))
         os.close(handle)
     except OSError as error:
         raise _cannot_write(path, error) from error
@@ -69,7 +69,7 @@ def check_writable(path: Path) -> None:
 
 def remove_leftovers(folder: Path) -> None:
     """Remove temporary files of processes that were killed while they wrote to `folder`; nobody may be writing there now."""
-    for path in folder.glob(f"{_TEMPORARY}*"):
+    for path in folder.glob(f"{TEMPORARY}*"):
         path.unlink(missing_ok=True)
 
 
