@@ -107,7 +107,8 @@ class SegmentationSession:
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
         normalised = normalised_features(features, self.preset.statistics)
-        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume)
+        before = self._loaded[1] if self._loaded else None
+        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume, before)
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -137,16 +138,19 @@ class SegmentationSession:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
         return display_window(self.volume)
 
-    def low_resolution_maps(self, requests: Sequence[ClassRequest]) -> list[ClassMap]:
+    def low_resolution_maps(
+        self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None
+    ) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds.
 
-        Any thread may ask, also while another loads finer features or segments.
+        Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
+        for each new point; it may raise `Cancelled`, and what there is by then need not be computed again.
         """
         # Rules keep from click to click what can be used again.
         with self._computing_maps, self.watch.step("similarity"):
             features, rule = self._features_and_rule
             geometry = features.geometry
-            maps = rule.maps(requests)
+            maps = rule.maps(requests, between)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
                     similarity *= proximity(geometry, request.positive, request.proximity)
@@ -208,7 +212,7 @@ class SegmentationSession:
 
         def maps() -> Iterator[tuple[np.ndarray, float]]:
             progress(0, len(requests), SEGMENTING)
-            low_maps = self.low_resolution_maps(requests)
+            low_maps = self.low_resolution_maps(requests, partial(progress, 0, len(requests), SEGMENTING))
             for index, request in enumerate(requests):
                 # In between as well: a click that comes now should not have to wait long.
                 between = partial(progress, index, len(requests), SEGMENTING)

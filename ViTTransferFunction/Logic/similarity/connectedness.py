@@ -70,7 +70,7 @@ class Connectedness:
     def _difference(self, block: tuple[int, int, int]) -> np.ndarray:
         """How far the intensities of all blocks (K, J, I) are from that of one of them; NaN where there is none."""
         around = tuple(slice(max(index - 1, 0), index + 2) for index in block)
-        difference = self._blocks - np.float32(_median(self._blocks[around]))
+        difference: np.ndarray = self._blocks - np.float32(_median(self._blocks[around]))
         np.abs(difference, out=difference)
         # The clicked block belongs to itself, be it brighter than those around it.
         difference[block] = 0.0

@@ -1,11 +1,13 @@
 """What can be reached from a block of a volume through blocks that are allowed, by steps along the axes.
 
 Blocks are bits, 64 along I to a word: a word is filled from those beside it in a few operations, whatever is in it, and as many
-words at once as have changed. That is twice as fast as to label all components of the volume, of which one is wanted, and the
-more so the smaller that one is; and where more blocks are allowed later, it goes on from what is reached already.
+words at once as have changed. That is twice as fast as to label all components of the volume, of which one is wanted, and many
+times as fast where that one is small; and where more blocks are allowed later, it goes on from what is reached already.
 """
 
 from __future__ import annotations
+
+from functools import reduce
 
 import numpy as np
 
@@ -66,11 +68,11 @@ class FloodFill:
 
     def cells(self, per_cell: int) -> np.ndarray:
         """Which cells of per_cell³ blocks hold one that is reached, (K / per_cell, …) uint8; per_cell divides `WORD_BITS`."""
-        k, j, i = (blocks // per_cell for blocks in self._shape)
         words = self._all_reached.reshape(self._padded)[1:-1, 1:-1, 1:-1]
-        words = np.bitwise_or.reduce(words.reshape(len(words), k, per_cell, j, per_cell), axis=(2, 4))
+        parts = [words[:, row::per_cell, column::per_cell] for row, column in np.ndindex(per_cell, per_cell)]
+        words = reduce(np.bitwise_or, parts)
         for bit in range(1, per_cell):
-            words = words | words >> np.uint64(bit)
+            words = words | (words >> np.uint64(bit))
         rows = np.ascontiguousarray(np.moveaxis(words, 0, -1)).view(np.uint8)
         return np.unpackbits(rows, axis=2, count=self._shape[2], bitorder="little")[:, :, ::per_cell]
 
@@ -108,4 +110,5 @@ def _filled_upwards(seeds: np.ndarray, allowed: np.ndarray) -> np.ndarray:
 
 def _mirrored(words: np.ndarray) -> np.ndarray:
     """Words with their bits in reverse order."""
-    return _MIRRORED_BYTE[words.byteswap().view(np.uint8)].view(_WORD)
+    mirrored: np.ndarray = _MIRRORED_BYTE[words.byteswap().view(np.uint8)].view(_WORD)
+    return mirrored
