@@ -44,7 +44,6 @@ class FloodFill:
         self._before, self._after = shifted(reached, -plane), shifted(reached, plane)
         self._due = shifted(changed, 0)
         self._due_beside = [shifted(changed, steps) for steps in (-1, 1, -row, row, -plane, plane)]
-        self._inner = self._packed(np.ones(shape, dtype=bool)) != 0
         first = np.zeros(shape, dtype=bool)
         first[start] = True
         self._reached |= self._packed(first)
@@ -55,16 +54,19 @@ class FloodFill:
         mirrored = _mirrored(words)
         changed = np.flatnonzero(self._reached)
         self._reached[changed] = _filled(self._reached[changed], words[changed], mirrored[changed])
+        unfinished = self._reached != words
         while changed.size:
-            places = self._beside_of(changed)
+            places = self._beside_of(changed, unfinished)
             allowed_here, before = words[places], self._reached[places]
             seeds = before | self._before[places] >> _TO_FIRST_BIT | self._after[places] << _TO_FIRST_BIT
             for beside in self._beside:
                 seeds |= beside[places]
             seeds &= allowed_here
             new = np.flatnonzero(seeds != before)
-            changed = places[new]
-            self._reached[changed] = _filled(seeds[new], allowed_here[new], mirrored[changed])
+            changed, allowed_there = places[new], allowed_here[new]
+            filled = _filled(seeds[new], allowed_there, mirrored[changed])
+            self._reached[changed] = filled
+            unfinished[changed] = filled != allowed_there
 
     def cells(self, per_cell: int) -> np.ndarray:
         """Which cells of per_cell³ blocks hold one that is reached, (K / per_cell, …) uint8; per_cell divides `WORD_BITS`."""
@@ -86,11 +88,11 @@ class FloodFill:
         words[:, 1:-1, 1:-1] = np.moveaxis(rows.view(_WORD), -1, 0)
         return words.ravel()
 
-    def _beside_of(self, changed: np.ndarray) -> np.ndarray:
-        """The words beside those at some places, each once: their places."""
+    def _beside_of(self, changed: np.ndarray, unfinished: np.ndarray) -> np.ndarray:
+        """The unfinished words beside those at some places, each once: their places."""
         for beside in self._due_beside:
             beside[changed] = True
-        self._due &= self._inner
+        self._due &= unfinished
         places = np.flatnonzero(self._due)
         self._due[places] = False
         return places
