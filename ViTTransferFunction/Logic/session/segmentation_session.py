@@ -80,6 +80,7 @@ class SegmentationSession:
         self._source = source
         self._loaded: tuple[NormalisedFeatures, SimilarityRule] | None = None
         self._computing_maps = Lock()
+        self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
@@ -145,19 +146,26 @@ class SegmentationSession:
 
         Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
         for each new point; it may raise `Cancelled`, and what there is by then need not be computed again.
+
+        Returns:
+            The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
         """
         # Rules keep from click to click what can be used again.
         with self._computing_maps, self.watch.step("similarity"):
             features, rule = self._features_and_rule
+            if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
+                return list(self._answered[2])
             geometry = features.geometry
             maps = rule.maps(requests, between)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
                     similarity *= proximity(geometry, request.positive, request.proximity)
-            return [
+            found = [
                 _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
                 for index, (similarity, request) in enumerate(zip(maps, requests, strict=True))
             ]
+            self._answered = rule, tuple(requests), found
+            return list(found)
 
     def refined_map(
         self,
