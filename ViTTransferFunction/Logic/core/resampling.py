@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy import ndimage
@@ -21,17 +21,44 @@ def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) ->
     Returns:
         (N, C) float32.
     """
+    samples = np.zeros((len(points_ras), values.shape[3]), dtype=np.float64)
+    for index, weight in corners_around(geometry, points_ras):
+        samples += weight[:, None] * values[tuple(index.T)]
+    return samples.astype(np.float32)
+
+
+def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The eight voxels around world points (N, 3), one corner after the other: their indices (N, 3) along K, J, I, and weights.
+
+    The weights (N,) of all eight sum to 1. Points beyond the outermost centres are moved there.
+    """
     kji = geometry.ras_to_ijk(points_ras)[:, ::-1]
     last = np.array(geometry.shape) - 1
     kji = np.clip(kji, 0, last)
     base = np.minimum(np.floor(kji).astype(int), np.maximum(last - 1, 0))
     fraction = kji - base
-    samples = np.zeros((len(kji), values.shape[3]), dtype=np.float64)
     for corner in np.ndindex(2, 2, 2):
-        index = np.minimum(base + corner, last)
-        weight = np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
-        samples += weight[:, None] * values[tuple(index.T)]
-    return samples.astype(np.float32)
+        yield np.minimum(base + corner, last), np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
+
+
+class FixedPlaces:
+    """Many places in a grid, for one map of it after the other: what `sample_at` finds out of the places is kept.
+
+    Args:
+        geometry: of the grid.
+        points_ras: (N, 3) RAS millimetres.
+    """
+
+    def __init__(self, geometry: Geometry, points_ras: np.ndarray) -> None:
+        self._corners = [
+            (np.ravel_multi_index(tuple(index.T), geometry.shape), weight)
+            for index, weight in corners_around(geometry, points_ras)
+        ]
+
+    def sample(self, values: np.ndarray) -> np.ndarray:
+        """(N,) float32, those of `sample_at` on values (K, J, I) of the grid."""
+        flat = values.ravel()
+        return np.sum([weight * flat[index] for index, weight in self._corners], axis=0).astype(np.float32)
 
 
 def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool = False) -> np.ndarray:

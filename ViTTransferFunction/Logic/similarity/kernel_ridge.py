@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from ..core.intensity_cdf import IntensityCdf
 from ..core.intensity_window import display_window
 from ..core.iso_proposals import IsoProposals
 from ..core.orientation import canonical_orientation
-from ..core.resampling import sample_at
+from ..core.resampling import FixedPlaces, sample_at
 from ..core.volume import Volume
 from ..features.whitening import NormalisedFeatures
 from .connected_points import ConnectedPoints, between_points, point_factors, shares
@@ -158,14 +158,17 @@ class KernelRidge:
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
-        at_positives, at_cells = (
-            sample_at(similarity[..., None], self._volume_geometry, points)[:, 0]
-            for points in (request.positive, self._iso_cells_ras)
-        )
+        at_positives = sample_at(similarity[..., None], self._volume_geometry, request.positive)[:, 0]
+        at_cells = self._iso_cells_in_volume.sample(similarity)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
         iso = choose_refined_iso(similarity, at_cells, self._edge_strength, at_positives, prior)
         return proposals_around(iso, at_positives)
+
+    @cached_property
+    def _iso_cells_in_volume(self) -> FixedPlaces:
+        # Not before something is refined, which is after the first map.
+        return FixedPlaces(self._volume_geometry, self._iso_cells_ras)
 
     def _weights(
         self, targets: np.ndarray, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
