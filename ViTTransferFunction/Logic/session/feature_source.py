@@ -19,7 +19,7 @@ from ..features.networks import Networks
 from ..features.progressive import progressive_features
 from ..features.settings import FeatureSettings, feature_key
 from ..weights.models import PretrainedModel
-from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
+from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
 from .feature_estimate import FeatureEstimate, WeightsDownload
 from .memory_need import check_memory_for_features
@@ -56,6 +56,7 @@ class FeatureSource:
         device_name: one of `DEVICE_NAMES`, to compute on.
         cache: where features are kept between sessions.
         networks: that are open already.
+        trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
 
     Attributes:
         provenance: where the features come from that were got last; None before.
@@ -70,6 +71,7 @@ class FeatureSource:
         device_name: str,
         cache: FeatureCache,
         networks: Networks,
+        trust: Trust | None = None,
     ) -> None:
         self._volume = volume
         self._settings = settings
@@ -78,6 +80,7 @@ class FeatureSource:
         self._device_name = device_name
         self._cache = cache
         self._networks = networks
+        self._trust = trust
         self.provenance: FeatureProvenance | None = None
 
     def estimate(self) -> FeatureEstimate:
@@ -112,7 +115,7 @@ class FeatureSource:
         """
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
-            weights = find_weights(self._model.name, self._weights_path, progress=progress)
+            weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
         check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
         cached = self._cache.get(self._key(weights))
         self.provenance = FeatureProvenance(
@@ -153,7 +156,7 @@ class FeatureSource:
         if model.url is None:
             return None
         target = weights_folder() / model.file_name
-        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb)
+        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb, model.sha256)
 
     @property
     def _size_bytes(self) -> int:

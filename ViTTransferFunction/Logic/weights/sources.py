@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.progress import Progress, no_progress
+from ..core.regular_file import check_regular_file
+from ..core.user_path import user_path
 from .download import DownloadFailed, download, sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from .store import check_cached, file_in, file_names, remember, trusted_hashes, weights_folder
 
 WEIGHTS_VARIABLE = "VITTF_WEIGHTS"
 """Environment variable that names a weights file, or a folder of them."""
+
+Trust = Callable[[PretrainedModel, str], bool]
+"""Whether a file is to be used, from now on, as a model's weights: the model, and the file's hexadecimal SHA-256."""
+
+_SIZE_TOLERANCE = 2
+"""Sizes are rounded, and may change with a new release of the file; by more than this factor, it is another file."""
 
 _logger = logging.getLogger(__name__)
 
@@ -45,6 +55,7 @@ def find_weights(
     path: str | Path | None = None,
     *,
     allow_download: bool = True,
+    trust: Trust | None = None,
     progress: Progress = no_progress,
     cache_dir: Path | None = None,
 ) -> WeightsFile:
@@ -57,6 +68,8 @@ def find_weights(
         model_name: a key of `PRETRAINED_MODELS`.
         path: the user's own file, or a folder with it. A file of unknown hash is accepted, and its hash logged.
         allow_download: whether the network may be used.
+        trust: asked about a downloaded file whose hash is neither published nor known from before; without it, such weights
+            are not downloaded.
         progress: called with bytes while downloading; may raise to cancel, which leaves nothing behind.
         cache_dir: root of the cache; None for the user's.
 
@@ -66,12 +79,17 @@ def find_weights(
     """
     model = pretrained_model(model_name)
     return _given_file(model, path) or fetch_weights(
-        model_name, allow_download=allow_download, progress=progress, cache_dir=cache_dir
+        model_name, allow_download=allow_download, trust=trust, progress=progress, cache_dir=cache_dir
     )
 
 
 def fetch_weights(
-    model_name: str, *, allow_download: bool = True, progress: Progress = no_progress, cache_dir: Path | None = None
+    model_name: str,
+    *,
+    allow_download: bool = True,
+    trust: Trust | None = None,
+    progress: Progress = no_progress,
+    cache_dir: Path | None = None,
 ) -> WeightsFile:
     """The weights of a model out of the cache, which is filled from the network if need be.
 
@@ -89,8 +107,13 @@ def fetch_weights(
         raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:
         raise _unavailable(model, target, "nobody publishes them as a file")
+    # A remembered hash outlives its file: what is downloaded in its place must be the same.
+    expected = next(iter(trusted_hashes(model, target)), None)
+    if expected is None and trust is None:
+        look = f"'vittf weights get {model.name}' shows that of the file and asks whether to trust it"
+        raise _unavailable(model, target, f"their publisher names no SHA-256; {look}")
     try:
-        return _download(model, model.url, target, progress)
+        return _download(model, model.url, target, expected, trust, progress)
     except DownloadFailed as error:
         raise _unavailable(model, target, str(error)) from error
 
@@ -119,10 +142,14 @@ def offered_models() -> list[str]:
 
     Another model is here where `VITTF_WEIGHTS` or the cache has its file.
     """
-    folders = [weights_folder()]
-    if named := os.environ.get(WEIGHTS_VARIABLE):
-        source = Path(named).expanduser()
-        folders.append(source if source.is_dir() else source.parent)
+    folders = []
+    # A folder that there cannot be holds none; when weights are needed, a message says so.
+    with suppress(InputError):
+        folders.append(weights_folder())
+    with suppress(InputError):
+        source, _ = _given_source(None)
+        if source is not None:
+            folders.append(source if source.is_dir() else source.parent)
     return [
         model.name
         for model in PRETRAINED_MODELS.values()
@@ -151,9 +178,11 @@ def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
     named = path if path is not None else os.environ.get(WEIGHTS_VARIABLE)
     if not named:
         return None, origin
-    source = Path(named).expanduser()
+    source = user_path(named, f"a weights file ({origin})")
     if not source.exists():
         raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
+    if not source.is_dir():
+        check_regular_file(source)
     return source, origin
 
 
@@ -174,10 +203,18 @@ def _model_of_hash(sha256: str) -> str | None:
     return next((model.name for model in PRETRAINED_MODELS.values() if model.is_published(sha256)), None)
 
 
-def _download(model: PretrainedModel, url: str, target: Path, progress: Progress) -> WeightsFile:
-    # A remembered hash outlives its file: what is downloaded in its place must be the same.
-    expected = next(iter(trusted_hashes(model, target)), None)
-    sha256 = download(url, target, expected_sha256=expected, what=f"Downloading {model.name}", progress=progress)
+def _download(
+    model: PretrainedModel, url: str, target: Path, expected: str | None, trust: Trust | None, progress: Progress
+) -> WeightsFile:
+    sha256 = download(
+        url,
+        target,
+        expected_sha256=expected,
+        accept=lambda sha256: trust is not None and trust(model, sha256),
+        most_bytes=_SIZE_TOLERANCE * model.size_mb * 10**6,
+        what=f"Downloading {model.name}",
+        progress=progress,
+    )
     if expected is None:
         remember(model, target, sha256)
     return WeightsFile(target, sha256, model, f"downloaded from {url}")
