@@ -58,7 +58,8 @@ class FixedPlaces:
     def sample(self, values: np.ndarray) -> np.ndarray:
         """(N,) float32, those of `sample_at` on values (K, J, I) of the grid."""
         flat = values.ravel()
-        return np.sum([weight * flat[index] for index, weight in self._corners], axis=0).astype(np.float32)
+        samples: np.ndarray = np.sum([weight * flat[index] for index, weight in self._corners], axis=0).astype(np.float32)
+        return samples
 
 
 def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool = False) -> np.ndarray:
