@@ -17,6 +17,7 @@ from ..core.class_request import ClassRequest, check_requests
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.iso_proposals import IsoProposals
+from ..core.point_thinning import thinned
 from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
@@ -166,6 +167,7 @@ class SegmentationSession:
             The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
         """
         # Rules keep from click to click what can be used again.
+        requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
             features, rule = self._features_and_rule
             if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
@@ -196,6 +198,7 @@ class SegmentationSession:
         whatever the class's size, so that a larger size never makes the structure smaller. `between` is called between steps,
         and may raise `Cancelled`.
         """
+        requests = thinned(requests, self.volume.geometry)
         request = requests[index]
         with self.watch.step("refinement"):
             wanted, usual = _refinement(low, request, method)
@@ -231,14 +234,15 @@ class SegmentationSession:
         check_requests(requests, self.volume.geometry)
         progress(0, len(requests), SEGMENTING)
         isos = []
-        low_maps = self.low_resolution_maps(requests, partial(progress, 0, len(requests), SEGMENTING))
+        telling = thinned(requests, self.volume.geometry)
+        low_maps = self.low_resolution_maps(telling, partial(progress, 0, len(requests), SEGMENTING))
         dtype = np.uint8 if len(requests) < 256 else np.uint16
         self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
         competition = Competition(self.volume.shape, dtype)
         for index, request in enumerate(requests):
             # In between as well: a click that comes now should not have to wait long.
             between = partial(progress, index, len(requests), SEGMENTING)
-            full = self.refined_map(low_maps[index], requests, index, method, between)
+            full = self.refined_map(low_maps[index], telling, index, method, between)
             between()
             if on_map:
                 on_map(request, full)
