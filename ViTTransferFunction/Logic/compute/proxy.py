@@ -50,6 +50,9 @@ RENDER_AFTER_S = 0.15
 REFINE_AFTER_S = 0.4
 """How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
 then slows the answer to the next click."""
+OVERTAKE_AFTER_S = 0.5
+"""How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
+once. It is not given up sooner, so that answers come while changes follow each other quickly."""
 
 _HIDDEN = ((0.0, 0.0, 0.0), 0.0)
 _WAITED_FOR = (Extract, SegmentClasses)
@@ -86,6 +89,7 @@ class SegmentationProxy:
         self._maps_due = False
         self._rendering_due_s: float | None = None
         self._refine_due_s: float | None = None
+        self._overtaken_from_s = 0.0
         self._started_s = 0.0
         self._error: str | None = None
         self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
@@ -247,6 +251,8 @@ class SegmentationProxy:
         if not self.usable or self._client is None:
             return
         if self._maps_due:
+            if time.monotonic() >= self._overtaken_from_s:
+                self._give_up(ComputeMaps)
             if not self._is_pending(ComputeMaps):
                 self._give_up(RefineMaps, Render)
                 self._send_maps()
@@ -265,6 +271,7 @@ class SegmentationProxy:
             self._low = self._answered = ()
             return
         self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
+        self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
 

@@ -60,9 +60,13 @@ class Server:
         self._clicks: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
-        self._serving = 0
+        self._serving = self._answering = 0
         self._told: tuple[int, Progressed] | None = None
-        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(self._serving, CoarseFeatures()))
+        self._service = SegmentationService(
+            self._progress,
+            on_coarse=lambda: self._reply(self._serving, CoarseFeatures()),
+            between_points=self._end_if_overtaken,
+        )
 
     def serve(self) -> None:
         """Answer requests until they end."""
@@ -93,6 +97,8 @@ class Server:
             number = message.content.get("number", 0)
             if messages is self._others:
                 self._serving = number
+            else:
+                self._answering = number
             self._reply(number, self._reply_to(message, number))
 
     def _reply_to(self, message: Message, number: int) -> Any:
@@ -109,6 +115,10 @@ class Server:
             if not is_out_of_memory(error):
                 raise
             return Failed(OUT_OF_MEMORY)
+
+    def _end_if_overtaken(self) -> None:
+        if self._answering in self._cancelled:
+            raise Cancelled
 
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:

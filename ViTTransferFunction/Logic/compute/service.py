@@ -56,10 +56,17 @@ class SegmentationService:
         progress: called with the work of every other request; may raise `Cancelled`, after which the next request is served as
             if the cancelled one had not been made.
         on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
+        between_points: called before what `ComputeMaps` needs of each new point; may raise `Cancelled` as well.
     """
 
-    def __init__(self, progress: Progress, on_coarse: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        progress: Progress,
+        on_coarse: Callable[[], None] | None = None,
+        between_points: Callable[[], None] = lambda: None,
+    ) -> None:
         self._progress = progress
+        self._between_points = between_points
         self._on_coarse = on_coarse
         self._networks = Networks()
         self._volume: Volume | None = None
@@ -104,7 +111,7 @@ class SegmentationService:
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
         session = self._the_session
-        maps = session.low_resolution_maps(request.classes)
+        maps = session.low_resolution_maps(request.classes, self._between_points)
         self._maps = maps
         return Maps(tuple(maps), session.low_resolution_volumes_ml(request.classes, maps, request.only_annotated_components))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy import ndimage
@@ -39,6 +39,30 @@ def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple
     fraction = kji - base
     for corner in np.ndindex(2, 2, 2):
         yield np.minimum(base + corner, last), np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
+
+
+class FixedPlaces:
+    """Many places in a grid, for one map of it after the other: what `sample_at` finds out of the places is kept.
+
+    Args:
+        geometry: of the grid.
+        points_ras: (N, 3) RAS millimetres.
+    """
+
+    def __init__(self, geometry: Geometry, points_ras: np.ndarray) -> None:
+        self._corners = [
+            (np.ravel_multi_index(tuple(index.T), geometry.shape), weight)
+            for index, weight in corners_around(geometry, points_ras)
+        ]
+
+    def sample(self, values: np.ndarray) -> np.ndarray:
+        """(N,) float32, those of `sample_at` on values (K, J, I) of the grid."""
+        return self.sample_by(values.ravel().__getitem__)
+
+    def sample_by(self, values_at: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """As `sample`, from a function from indices (N,) of the flattened grid to the values there, (N,)."""
+        samples: np.ndarray = np.sum([weight * values_at(index) for index, weight in self._corners], axis=0).astype(np.float32)
+        return samples
 
 
 def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool = False) -> np.ndarray:

@@ -96,6 +96,7 @@ class SegmentationSession:
         self._source = source
         self._loaded: tuple[NormalisedFeatures, SimilarityRule] | None = None
         self._computing_maps = Lock()
+        self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
@@ -123,7 +124,8 @@ class SegmentationSession:
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
         normalised = normalised_features(features, self.preset.statistics)
-        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume)
+        before = self._loaded[1] if self._loaded else None
+        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume, before)
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -153,24 +155,34 @@ class SegmentationSession:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
         return display_window(self.volume)
 
-    def low_resolution_maps(self, requests: Sequence[ClassRequest]) -> list[ClassMap]:
+    def low_resolution_maps(
+        self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None
+    ) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds.
 
-        Any thread may ask, also while another loads finer features or segments.
+        Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
+        for each new point; it may raise `Cancelled`, and what there is by then need not be computed again.
+
+        Returns:
+            The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
         """
         # Rules keep from click to click what can be used again.
         requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
             features, rule = self._features_and_rule
+            if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
+                return list(self._answered[2])
             geometry = features.geometry
-            maps = rule.maps(requests)
+            maps = rule.maps(requests, between)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
                     similarity *= proximity(geometry, request.positive, request.proximity)
-            return [
+            found = [
                 _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
                 for index, (similarity, request) in enumerate(zip(maps, requests, strict=True))
             ]
+            self._answered = rule, tuple(requests), found
+            return list(found)
 
     def refined_map(
         self,
@@ -223,7 +235,7 @@ class SegmentationSession:
         progress(0, len(requests), SEGMENTING)
         isos = []
         telling = thinned(requests, self.volume.geometry)
-        low_maps = self.low_resolution_maps(telling)
+        low_maps = self.low_resolution_maps(telling, partial(progress, 0, len(requests), SEGMENTING))
         dtype = np.uint8 if len(requests) < 256 else np.uint16
         self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
         competition = Competition(self.volume.shape, dtype)

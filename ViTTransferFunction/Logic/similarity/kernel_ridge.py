@@ -20,9 +20,9 @@ between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_poi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from ..core.intensity_cdf import IntensityCdf
 from ..core.intensity_window import display_window
 from ..core.iso_proposals import IsoProposals
 from ..core.orientation import canonical_orientation
-from ..core.resampling import sample_at
+from ..core.resampling import FixedPlaces, sample_at
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -77,9 +77,13 @@ class KernelRidge:
     Args:
         features: unit feature vectors of the volume's cells.
         volume: the intensities.
+        before: the rule on coarser features of the same volume, which knows how the points are connected.
+
+    Attributes:
+        connected: how all annotated points are.
     """
 
-    def __init__(self, features: NormalisedFeatures, volume: Volume) -> None:
+    def __init__(self, features: NormalisedFeatures, volume: Volume, before: KernelRidge | None = None) -> None:
         self._features = features
         self._volume_geometry = volume.geometry
         self._cdf = IntensityCdf(volume)
@@ -101,25 +105,32 @@ class KernelRidge:
             rows[:, some] = self._kernel(self._background, self._cells.subset(some))
         self._background_kernel = rows[:, background].astype(np.float64)
         self._rows = KernelRows(rows)
-        self._connected = ConnectedPoints(partial(Connectedness, volume, features.geometry, display_window(volume).width))
+        self.connected: ConnectedPoints
+        if before is not None and before.has_cells_of(features):
+            self.connected = before.connected
+        else:
+            window_width = display_window(volume).width
+            self.connected = ConnectedPoints(partial(Connectedness, volume, features.geometry, window_width))
         self._iso_cells = np.sort(drawn[:ISO_CELLS])
         axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
         steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
         self._iso_cells_ras = centres[self._iso_cells]
         self._edge_strength = edge_strength_at(self._cdf, self._iso_cells_ras, steps_ras)
 
-    def maps(self, requests: Sequence[ClassRequest]) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> list[np.ndarray]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
-        if not self._connected.update(annotated.points_ras):
-            self._rows.forget_points()
-        between = between_points(self._connected.at(annotated.points_ras, self._cells_at(annotated.points_ras)))
-        share = shares(annotated.points_ras, between, annotated.classes, annotated.positive)
-        point_weights, background_weights = self._weights(annotated, points, between, share)
-        rows = self._rows.indices(
-            [position.tobytes() for position in annotated.points_ras], lambda fresh: self._rows_of(annotated, points, fresh)
-        )
+        keys = self.connected.update(annotated.points_ras, between)
+        joined = between_points(self.connected.at(keys, self._cells_at(annotated.points_ras)))
+        share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
+        point_weights, background_weights = self._weights(annotated.targets, points, keys, joined, share)
+
+        def rows_of(index: int) -> np.ndarray:
+            between()
+            return self._rows_of(points.subset(np.array([index])), keys[index])
+
+        rows = self._rows.indices(keys, rows_of)
         weights = np.zeros((len(requests), self._rows.count), dtype=np.float32)
         weights[:, : len(self._background.cdf)] = background_weights.T
         # Added, not set: the same place may have been annotated twice.
@@ -128,6 +139,11 @@ class KernelRidge:
         scores = self._rows.weighted(weights)
         np.clip(scores, 0.0, 1.0, out=scores)
         return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
+
+    def has_cells_of(self, features: NormalisedFeatures) -> bool:
+        """Whether the rule is one on the same cells."""
+        mine, theirs = self._features.geometry, features.geometry
+        return mine.shape == theirs.shape and np.array_equal(mine.ijk_to_ras, theirs.ijk_to_ras)
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
         return _Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
@@ -143,10 +159,10 @@ class KernelRidge:
         cells: np.ndarray = np.ravel_multi_index(tuple(blocks_at(points_ras, geometry).T), geometry.shape)
         return cells
 
-    def _rows_of(self, annotated: _Annotated, points: _Places, index: int) -> np.ndarray:
-        """Kernel of the index-th point with all cells, and the same times their connectedness, (2, cells) float32."""
-        (row,) = self._kernel(points.subset(np.array([index])), self._cells)
-        return np.stack([row, row * self._connected.at(annotated.points_ras[[index]])[0]])
+    def _rows_of(self, point: _Places, key: bytes) -> np.ndarray:
+        """Kernel of one point with all cells, and the same times their connectedness, (2, cells) float32."""
+        (row,), (joined,) = self._kernel(point, self._cells), self.connected.at([key])
+        return np.stack([row, row * joined])
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
@@ -161,20 +177,23 @@ class KernelRidge:
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
-        at_positives, at_cells = (
-            similarity.at(self._volume_geometry, points) for points in (request.positive, self._iso_cells_ras)
-        )
+        at_positives = similarity.at(self._volume_geometry, request.positive)
+        at_cells = similarity.at_places(self._iso_cells_in_volume)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
         iso = choose_refined_iso(similarity.spread(STABILITY_SAMPLES), at_cells, self._edge_strength, at_positives, prior)
         return proposals_around(iso, at_positives)
 
+    @cached_property
+    def _iso_cells_in_volume(self) -> FixedPlaces:
+        # Not before something is refined, which is after the first map.
+        return FixedPlaces(self._volume_geometry, self._iso_cells_ras)
+
     def _weights(
-        self, annotated: _Annotated, points: _Places, between: np.ndarray, share: np.ndarray
+        self, targets: np.ndarray, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
-        targets = annotated.targets
-        joined = self._connected.at(annotated.points_ras, self._background_cells).T
+        joined = self.connected.at(keys, self._background_cells).T
         to_points = self._kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
         of_points = self._kernel(points, points).astype(np.float64) * point_factors(between, share)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])

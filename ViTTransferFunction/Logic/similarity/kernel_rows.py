@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -41,8 +41,11 @@ class KernelRows:
 
         return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
 
-    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
-        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`."""
+    def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
+        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
+
+        Rows of a key that does not come again are forgotten; `compute` may raise `Cancelled`, and those that it made are kept.
+        """
         import torch
 
         for gone in self._row_of_key.keys() - set(keys):
@@ -50,18 +53,15 @@ class KernelRows:
         taken = set(self._row_of_key.values())
         for index, key in enumerate(keys):
             if key not in self._row_of_key:
+                made = torch.from_numpy(compute(index))
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
                 self._make_room(row + ROWS_OF_POINT - 1)
-                self._rows[row : row + ROWS_OF_POINT] = torch.from_numpy(compute(index))
+                self._rows[row : row + ROWS_OF_POINT] = made
                 self._row_of_key[key] = row
         self.count = _whole_blocks(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
-
-    def forget_points(self) -> None:
-        """Whatever point comes next, its rows are made anew."""
-        self._row_of_key = {}
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):

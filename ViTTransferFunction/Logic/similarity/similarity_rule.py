@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
 import numpy as np
@@ -22,8 +22,11 @@ SimilarityMethod = Literal["kernel ridge", "cosine", "clamped cosine"]
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
-    def maps(self, requests: Sequence[ClassRequest]) -> Sequence[np.ndarray]:
-        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them."""
+    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> Sequence[np.ndarray]:
+        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them.
+
+        `between` is called before what is computed for each new point; it may raise `Cancelled`.
+        """
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """The thresholds that the index-th class's S_L (K', J', I') may have."""
@@ -34,14 +37,17 @@ class SimilarityRule(Protocol):
         """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L."""
 
 
-def similarity_rule(method: SimilarityMethod, features: NormalisedFeatures, volume: Volume) -> SimilarityRule:
+def similarity_rule(
+    method: SimilarityMethod, features: NormalisedFeatures, volume: Volume, before: SimilarityRule | None = None
+) -> SimilarityRule:
     """The rule of that name for a volume.
 
     Args:
         method: which one.
         features: of the volume's cells.
         volume: the intensities.
+        before: the rule on coarser features of the same volume; what does not depend on features is taken over from it.
     """
     if method == "kernel ridge":
-        return KernelRidge(features, volume)
+        return KernelRidge(features, volume, before if isinstance(before, KernelRidge) else None)
     return CosineSimilarity(features, volume.geometry, mean_cosine if method == "cosine" else mean_clamped_cosine)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -172,6 +173,24 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
     assert "rendering" not in ready.poll()
     assert ready.rendering is None
+
+
+def test_an_answer_is_waited_for_unless_it_takes_long(
+    ready: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready.update([LIVER], Refinement())
+    answering = len(client.asked)
+    ready.update([LIVER, SPLEEN], Refinement())
+    ready.poll()
+    assert not client.cancelled
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + proxy_module.OVERTAKE_AFTER_S)
+    ready.poll()
+    assert client.cancelled == [answering]
+    assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
+    client.answer(ComputeMaps, Maps((MAP, MAP), (1.5, 1.5)))
+    ready.poll()
+    assert ready.up_to_date
 
 
 def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: SegmentationProxy, client: Client) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -157,3 +157,24 @@ def test_features_come_before_maps(spheres: Spheres) -> None:
     session = SegmentationSession(spheres[0], PRESETS[DEFAULT_PRESET])
     with pytest.raises(RuntimeError, match="load_features comes first"):
         session.low_resolution_maps(requests_of(spheres))
+
+
+def test_a_refinement_takes_the_answer_to_the_click_and_another_click_or_other_features_do_not(
+    session: SegmentationSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed = []
+    original = type(session.rule).maps
+
+    def counted(self: Any, *arguments: Any) -> Any:
+        computed.append(arguments)
+        return original(self, *arguments)
+
+    monkeypatch.setattr(type(session.rule), "maps", counted)
+    requests = requests_of(spheres)
+    session.low_resolution_maps(requests)
+    session.segment(requests)
+    assert len(computed) == 1
+    session.low_resolution_maps(requests_of(spheres, proximity=0.5))
+    session.use_features(session.features.source)
+    session.low_resolution_maps(requests_of(spheres, proximity=0.5))
+    assert len(computed) == 3
