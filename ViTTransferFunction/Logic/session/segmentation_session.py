@@ -116,14 +116,16 @@ class SegmentationSession:
         source = self._the_source
         with self.watch.step("features"):
             for features in source.features(progress, coarse_first=on_coarse is not None):
-                self.use_features(features)
+                self._use(features)
                 if on_coarse is not None and not self.provenance.cached:
                     on_coarse()
         return self.provenance
 
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
-        normalised = normalised_features(features, self.preset.statistics)
+        self._use(normalised_features(features, self.preset.statistics))
+
+    def _use(self, normalised: NormalisedFeatures) -> None:
         before = self._loaded[1] if self._loaded else None
         self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume, before)
 

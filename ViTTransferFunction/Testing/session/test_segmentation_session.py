@@ -73,7 +73,7 @@ def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
 
 def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
     """Make them equal to the network, so that a click on one finds both."""
-    source = session.features.source
+    source = session.features.source.whole()
     array = source.array.copy()
     array[..., 1] += array[..., 2]
     array[..., 2] = 0.0
@@ -124,7 +124,7 @@ def test_proximity_fades_a_map_with_distance_whatever_the_method(
     session: SegmentationSession, spheres: Spheres, method: SimilarityMethod
 ) -> None:
     chosen = SegmentationSession(session.volume, replace(session.preset, similarity=method))
-    chosen.use_features(session.features.source)
+    chosen.use_features(session.features.source.whole())
     (plain,) = chosen.low_resolution_maps(requests_of(spheres)[:1])
     (faded,) = chosen.low_resolution_maps(requests_of(spheres, proximity=1.0)[:1])
     assert faded.array.max() > 0.5 * plain.array.max()
@@ -175,6 +175,6 @@ def test_a_refinement_takes_the_answer_to_the_click_and_another_click_or_other_f
     session.segment(requests)
     assert len(computed) == 1
     session.low_resolution_maps(requests_of(spheres, proximity=0.5))
-    session.use_features(session.features.source)
+    session.use_features(session.features.source.whole())
     session.low_resolution_maps(requests_of(spheres, proximity=0.5))
     assert len(computed) == 3
