@@ -57,8 +57,9 @@ class Server:
         self._replies = replies
         self._files = files
         self._replying = threading.Lock()
-        self._clicks: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        # None: to prepare for clicks.
+        self._clicks: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._others: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self._serving = self._answering = 0
         self._told: tuple[int, Progressed] | None = None
@@ -66,6 +67,7 @@ class Server:
             self._progress,
             on_coarse=lambda: self._reply(self._serving, CoarseFeatures()),
             between_points=self._end_if_overtaken,
+            on_preparable=lambda: self._clicks.put(None),
         )
 
     def serve(self) -> None:
@@ -91,9 +93,12 @@ class Server:
         self._files.remove_folder()
         os._exit(0)
 
-    def _answer(self, messages: queue.SimpleQueue[Message]) -> None:
+    def _answer(self, messages: queue.SimpleQueue[Message | None]) -> None:
         while True:
             message = messages.get()
+            if message is None:
+                self._service.prepare_clicks()
+                continue
             number = message.content.get("number", 0)
             if messages is self._others:
                 self._serving = number

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.geometry import Geometry
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
@@ -16,7 +17,7 @@ from ..features.device import choose_device
 from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
-from ..features.settings import FeatureSettings, feature_key
+from ..features.settings import FeatureSettings, feature_key, grid_shape
 from ..features.whitening import NormalisedFeatures, Statistics, normalised_features
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
@@ -85,6 +86,11 @@ class FeatureSource:
         self._networks = networks
         self._trust = trust
         self.provenance: FeatureProvenance | None = None
+
+    @property
+    def cells(self) -> Geometry:
+        """The grid of the features' cells."""
+        return self._volume.geometry.resized(grid_shape(self._volume.geometry, self._settings))
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; a second or two of work where they have to be computed.
