@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -74,6 +75,7 @@ class Server:
         """Answer requests until they end."""
         self._reply(0, Started(os.getpid()))
         # Threads that start later have this one's priority.
+        threading.Thread(target=_import_torch, daemon=True).start()
         for work in (self._listen, lambda: self._answer(self._clicks)):
             threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
         _lower_priority()
@@ -159,6 +161,13 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
             sys.stderr.flush()
         finally:
             os._exit(1)
+
+
+def _import_torch() -> None:
+    """Takes a second or two, in which the volume may be handed over, or still be chosen."""
+    # Where it fails, who needs it says so.
+    with suppress(Exception):
+        import torch  # noqa: F401
 
 
 def _lower_priority() -> None:

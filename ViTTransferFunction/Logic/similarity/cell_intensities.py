@@ -1,4 +1,4 @@
-"""What clicks need to know of a volume's intensities on its feature cells: features have no say in it, coarser or finer ones."""
+"""What clicks need to know of a volume's intensities on its feature cells, whatever the features are, coarser or finer ones."""
 
 from __future__ import annotations
 
