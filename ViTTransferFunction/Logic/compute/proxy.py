@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Literal
 
 from ..core.class_map import ClassMap
@@ -60,7 +61,7 @@ _WAITED_FOR = (Extract, SegmentClasses)
 
 
 class SegmentationProxy:
-    """One volume at a time, in a compute process that is started when it is first needed.
+    """One volume at a time, in a compute process that is started when it is first needed, or ahead by `start`.
 
     Args:
         start_client: starts the compute process.
@@ -120,6 +121,12 @@ class SegmentationProxy:
         self._pending.clear()
         self._maps_due, self._refine_due_s = True, None
         self._refused = False
+
+    def start(self) -> None:
+        """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
+        if self._client is None:
+            with suppress(InputError):
+                self._client = self._start_client()
 
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
         """Take up a volume, or none. Cached features load at once."""
@@ -386,6 +393,8 @@ class SegmentationProxy:
         self._client.close()
         self._client = None
         self._reset()
+        if self._volume is None:
+            return  # It had been started ahead, and nothing is lost.
         self._error = (
             "The computation in the background ended unexpectedly"
             f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your structures and points "

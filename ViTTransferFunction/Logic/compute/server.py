@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -57,8 +58,9 @@ class Server:
         self._replies = replies
         self._files = files
         self._replying = threading.Lock()
-        self._clicks: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        # None: to prepare for clicks.
+        self._clicks: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._others: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
         self._serving = self._answering = 0
         self._told: tuple[int, Progressed] | None = None
@@ -66,12 +68,14 @@ class Server:
             self._progress,
             on_coarse=lambda: self._reply(self._serving, CoarseFeatures()),
             between_points=self._end_if_overtaken,
+            on_preparable=lambda: self._clicks.put(None),
         )
 
     def serve(self) -> None:
         """Answer requests until they end."""
         self._reply(0, Started(os.getpid()))
         # Threads that start later have this one's priority.
+        threading.Thread(target=_import_torch, daemon=True).start()
         for work in (self._listen, lambda: self._answer(self._clicks)):
             threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
         _lower_priority()
@@ -91,9 +95,12 @@ class Server:
         self._files.remove_folder()
         os._exit(0)
 
-    def _answer(self, messages: queue.SimpleQueue[Message]) -> None:
+    def _answer(self, messages: queue.SimpleQueue[Message | None]) -> None:
         while True:
             message = messages.get()
+            if message is None:
+                self._service.prepare_clicks()
+                continue
             number = message.content.get("number", 0)
             if messages is self._others:
                 self._serving = number
@@ -154,6 +161,13 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
             sys.stderr.flush()
         finally:
             os._exit(1)
+
+
+def _import_torch() -> None:
+    """Takes a second or two, in which the volume may be handed over, or still be chosen."""
+    # Where it fails, who needs it says so.
+    with suppress(Exception):
+        import torch  # noqa: F401
 
 
 def _lower_priority() -> None:

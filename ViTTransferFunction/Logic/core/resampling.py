@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 
 import numpy as np
 from scipy import ndimage
@@ -21,9 +22,13 @@ def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) ->
     Returns:
         (N, C) float32.
     """
-    samples = np.zeros((len(points_ras), values.shape[3]), dtype=np.float64)
-    for index, weight in corners_around(geometry, points_ras):
-        samples += weight[:, None] * values[tuple(index.T)]
+    return sample_by(lambda index: values[tuple(index.T)], geometry, points_ras)
+
+
+def sample_by(vectors_at: Callable[[np.ndarray], np.ndarray], geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
+    """As `sample_at`, from a function from indices (N, 3) along K, J, I to the vectors there, (N, C)."""
+    corners = corners_around(geometry, points_ras)
+    samples: np.ndarray = reduce(np.add, (weight[:, None] * vectors_at(index) for index, weight in corners))
     return samples.astype(np.float32)
 
 

@@ -12,8 +12,9 @@ from typing import Literal
 import numpy as np
 
 from ..core.geometry import Geometry
-from ..core.resampling import sample_at
+from ..core.resampling import sample_by
 from .feature_volume import FeatureVolume
+from .stored_features import StoredFeatures
 
 Statistics = Literal["none", "centred", "whitened"]
 
@@ -61,16 +62,17 @@ class NormalisedFeatures:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
         geometry: the cells' grid.
         transform: what was applied before normalising.
+        source: the features as extracted, which may lie in a file.
     """
 
     array: np.ndarray
     geometry: Geometry
     transform: FeatureTransform
-    source: FeatureVolume
+    source: FeatureVolume | StoredFeatures
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
-        return unit_vectors(self.transform.apply(sample_at(self.source.array, self.geometry, points_ras)))
+        return unit_vectors(self.transform.apply(sample_by(self.source.vectors_at, self.geometry, points_ras)))
 
 
 def normalised_features(features: FeatureVolume, statistics: Statistics) -> NormalisedFeatures:

@@ -25,8 +25,9 @@ from ..core.voxel_map import VoxelMap
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine
+from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
-from ..similarity.similarity_rule import SimilarityRule, similarity_rule
+from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
 from .labels import Competition, assign_labels, count_labels, keep_annotated_components
@@ -94,7 +95,9 @@ class SegmentationSession:
         self.preset = preset
         self.watch = Stopwatch()
         self._source = source
-        self._loaded: tuple[NormalisedFeatures, SimilarityRule] | None = None
+        self._loaded: _Loaded | None = None
+        self._intensities: CellIntensities | None = None
+        self._looking = Lock()
         self._computing_maps = Lock()
         self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
 
@@ -116,16 +119,36 @@ class SegmentationSession:
         source = self._the_source
         with self.watch.step("features"):
             for features in source.features(progress, coarse_first=on_coarse is not None):
-                self.use_features(features)
+                self._use(features)
                 if on_coarse is not None and not self.provenance.cached:
                     on_coarse()
         return self.provenance
 
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
-        normalised = normalised_features(features, self.preset.statistics)
-        before = self._loaded[1] if self._loaded else None
-        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume, before)
+        self._use(normalised_features(features, self.preset.statistics))
+
+    def _use(self, normalised: NormalisedFeatures) -> None:
+        self._loaded = _Loaded(
+            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities_on)
+        )
+
+    def prepare_clicks(self) -> None:
+        """Compute ahead what the first click would wait for; while there are no features, what does not depend on them.
+
+        Any thread may, while another one loads them.
+        """
+        if self._loaded is not None:
+            _ = self._loaded.rule
+        elif self.preset.similarity in NEEDS_INTENSITIES:
+            self._intensities_on(self._the_source.cells)
+
+    def _intensities_on(self, cells: Geometry) -> CellIntensities:
+        """Looked at once for the same cells, however often their features become finer."""
+        with self._looking:
+            if self._intensities is None or not self._intensities.are_of(cells):
+                self._intensities = CellIntensities(self.volume, cells)
+            return self._intensities
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -137,15 +160,15 @@ class SegmentationSession:
     @property
     def features(self) -> NormalisedFeatures:
         """The volume's features. Raises RuntimeError before `load_features`."""
-        return self._features_and_rule[0]
+        return self._the_loaded.features
 
     @property
     def rule(self) -> SimilarityRule:
         """From annotations to maps and thresholds. Raises RuntimeError before `load_features`."""
-        return self._features_and_rule[1]
+        return self._the_loaded.rule
 
     @property
-    def _features_and_rule(self) -> tuple[NormalisedFeatures, SimilarityRule]:
+    def _the_loaded(self) -> _Loaded:
         if self._loaded is None:
             raise RuntimeError("load_features comes first")
         return self._loaded
@@ -169,7 +192,8 @@ class SegmentationSession:
         # Rules keep from click to click what can be used again.
         requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
-            features, rule = self._features_and_rule
+            loaded = self._the_loaded
+            features, rule = loaded.features, loaded.rule
             if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
                 return list(self._answered[2])
             geometry = features.geometry
@@ -292,6 +316,23 @@ class SegmentationSession:
         voxel_ml = _voxel_ml(self.volume.geometry)
         for request, iso, count in zip(requests, isos, count_labels(labels, len(requests)), strict=True):
             yield ClassResult(request.name, iso, count, count * voxel_ml)
+
+
+class _Loaded:
+    """Features, and the rule on them, which is made by whoever needs it first."""
+
+    def __init__(self, features: NormalisedFeatures, make_rule: Callable[[], SimilarityRule]) -> None:
+        self.features = features
+        self._make_rule = make_rule
+        self._rule: SimilarityRule | None = None
+        self._making = Lock()
+
+    @property
+    def rule(self) -> SimilarityRule:
+        with self._making:
+            if self._rule is None:
+                self._rule = self._make_rule()
+            return self._rule
 
 
 def _class_map(

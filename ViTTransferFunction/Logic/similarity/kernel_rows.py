@@ -22,18 +22,26 @@ class KernelRows:
 
     Rows are kept from click to click, so that a click costs two new rows and one product with all of them. That product waits
     for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
+
+    Args:
+        background: how many background cells there are; `put_background` has to give all of their rows.
+        cells: how many cells.
     """
 
-    def __init__(self, of_background: np.ndarray) -> None:
+    def __init__(self, background: int, cells: int) -> None:
         import torch
 
-        precision = device_precision(torch.device("cpu"))
-        self._background = len(of_background)
-        self._rows = torch.zeros((0, of_background.shape[1]), dtype=precision)
+        self._background = background
+        self._rows = torch.zeros((0, cells), dtype=device_precision(torch.device("cpu")))
         self._make_room(self._background - 1)
-        self._rows[: self._background] = torch.from_numpy(of_background)
         self._row_of_key: dict[bytes, int] = {}
         self.count = len(self._rows)
+
+    def put_background(self, cells: slice, kernel: np.ndarray) -> None:
+        """The kernels of the background cells with some cells, (background, some) float32."""
+        import torch
+
+        self._rows[: self._background, cells] = torch.from_numpy(kernel)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""

@@ -8,15 +8,20 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ..core.class_request import ClassRequest
+from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
+from .cell_intensities import CellIntensities
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
 from .kernel_ridge import KernelRidge
 
 SimilarityMethod = Literal["kernel ridge", "cosine", "clamped cosine"]
 """Learned from all classes' points (`kernel_ridge`); the mean cosine of Eq. 1; the variant of it in the authors' program."""
+
+NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
+"""Those that look at intensities as well, before the first click."""
 
 
 class SimilarityRule(Protocol):
@@ -38,7 +43,10 @@ class SimilarityRule(Protocol):
 
 
 def similarity_rule(
-    method: SimilarityMethod, features: NormalisedFeatures, volume: Volume, before: SimilarityRule | None = None
+    method: SimilarityMethod,
+    features: NormalisedFeatures,
+    volume: Volume,
+    intensities: Callable[[Geometry], CellIntensities],
 ) -> SimilarityRule:
     """The rule of that name for a volume.
 
@@ -46,8 +54,8 @@ def similarity_rule(
         method: which one.
         features: of the volume's cells.
         volume: the intensities.
-        before: the rule on coarser features of the same volume; what does not depend on features is taken over from it.
+        intensities: looks at the volume's intensities on cells, or has done so before.
     """
     if method == "kernel ridge":
-        return KernelRidge(features, volume, before if isinstance(before, KernelRidge) else None)
+        return KernelRidge(features, volume, intensities(features.geometry))
     return CosineSimilarity(features, volume.geometry, mean_cosine if method == "cosine" else mean_clamped_cosine)
