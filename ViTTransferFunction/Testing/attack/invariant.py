@@ -1,0 +1,228 @@
+"""What has to hold after every case: done with a whole and valid result, or refused in one sentence; all else as it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import SimpleITK as sitk  # noqa: N813
+import slicerio
+
+from ViTTransferFunction.Testing.attack.calls import Call, Outcome
+from ViTTransferFunction.Testing.attack.cases import INPUT_OPTIONS, OUTPUT_OPTIONS, Case, Place, Step
+from ViTTransferFunction.Testing.attack.scans import Scan
+
+LONGEST_SENTENCE = 1500
+INTERRUPTED = 130
+TERMINATED = 143
+_PROGRESS = re.compile(r"^.*?\d+%\|.*\|.*\[.*\]\s*$|^\d+it \[.*\]\s*$")
+_OURS = re.compile(r"^WARNING: (?!In )")
+_FOREIGN = re.compile(r"Traceback|itk::|0x[0-9a-f]{6,}|\.cxx|\.hxx|Warning:|Exception ignored|object at ")
+
+Snapshot = dict[Path, str]
+
+
+def snapshot(folder: Path) -> Snapshot:
+    """Everything in a folder: what it is, and a digest of its content."""
+    found = {}
+    for root, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            path = Path(root, name)
+            found[path] = _described(path)
+    return found
+
+
+def _described(path: Path) -> str:
+    status = path.lstat()
+    if stat.S_ISLNK(status.st_mode):
+        return f"link to {os.readlink(path)}"
+    if stat.S_ISREG(status.st_mode):
+        return f"file {hashlib.sha256(path.read_bytes()).hexdigest()}"
+    return {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe"}.get(stat.S_IFMT(status.st_mode), "device")
+
+
+def violations(case: Case, step: Step, outcomes: Sequence[Outcome], place: Place, before: Snapshot) -> list[str]:
+    """What is wrong after a step; empty where all is well.
+
+    Args:
+        case: the case.
+        step: the step that was just made.
+        outcomes: of its calls.
+        place: the case's folder.
+        before: what was there before the step.
+    """
+    wrong = [fault for call, outcome in zip(step.calls, outcomes, strict=True) for fault in _said_wrong(call, outcome, step)]
+    killed = any(outcome.code == -9 for outcome in outcomes)
+    wrong += _changed_wrongly(step, outcomes, snapshot(place.work), before, killed)
+    for call, outcome in zip(step.calls, outcomes, strict=True):
+        if outcome.code == 0 and call.program == "vittf":
+            wrong += _results_wrong(call, case.scan)
+    if not killed:
+        wrong += [f"left in {folder.name}: {path.name}" for folder in (place.home, place.temporary) for path in folder.iterdir()]
+    return wrong
+
+
+def _said_wrong(call: Call, outcome: Outcome, step: Step) -> list[str]:
+    if outcome.hung:
+        return ["it hangs"]
+    allowed = step.codes
+    if call.signal_name:
+        allowed |= {"SIGKILL": {-9}, "SIGINT": {INTERRUPTED}, "SIGTERM": {TERMINATED}}[call.signal_name]
+    lines = said(outcome.stderr)
+    wrong = [f"{outcome}, expected {' or '.join(map(str, sorted(allowed)))}"] if outcome.code not in allowed else []
+    wrong += [f"says {line[:200]!r}" for line in lines if _FOREIGN.search(line)]
+    if call.program == "vittf" and outcome.code == 0:
+        wrong += [f"says {line[:200]!r}" for line in lines if not _OURS.match(line)]
+    if call.program == "vittf" and outcome.code in (1, 2):
+        wrong += _sentence_wrong([line for line in lines if not _OURS.match(line)])
+    return wrong
+
+
+def said(stderr: str) -> list[str]:
+    """The lines of an error stream that are no progress bars."""
+    return [line for line in re.split(r"[\r\n]+", stderr) if line.strip() and not _PROGRESS.match(line)]
+
+
+def _sentence_wrong(lines: Sequence[str]) -> list[str]:
+    # Python's own parser of arguments says how the command is used, and then what is wrong.
+    if lines and lines[0].startswith("usage: "):
+        return [] if re.match(r"vittf.*: error: ", lines[-1]) else [f"says {lines[-1][:200]!r}"]
+    if len(lines) != 1 or not lines[0].startswith("error: "):
+        return [f"says {len(lines)} lines, expected 'error: …' alone: {' / '.join(line[:100] for line in lines[:4])}"]
+    if len(lines[0]) > LONGEST_SENTENCE:
+        return [f"says a sentence of {len(lines[0])} characters"]
+    return []
+
+
+def option(call: Call, *names: str) -> list[str]:
+    """The values of an option."""
+    given = call.arguments
+    return [given[at + 1] for at, argument in enumerate(given[:-1]) if argument in names]
+
+
+def outputs(call: Call) -> set[Path]:
+    """What a run may write; folders stand for what is in them."""
+    folder = Path(call.folder)
+    named = {folder / value for value in option(call, *OUTPUT_OPTIONS)}
+    if call.arguments[:1] == ("render",):
+        named |= {path.with_name(f"{path.stem}_3d{path.suffix}") for path in named}
+    return named
+
+
+def inputs(call: Call) -> set[Path]:
+    """What a run reads."""
+    folder, positional = Path(call.folder), [value for value in call.arguments[1:3] if not value.startswith("-")]
+    named = [value.partition("=")[2] or value for value in option(call, *INPUT_OPTIONS)]
+    return {folder / value for value in (*positional, *named)}
+
+
+def _changed_wrongly(step: Step, outcomes: Sequence[Outcome], after: Snapshot, before: Snapshot, killed: bool) -> list[str]:
+    of_inputs = {_real(path) for call in step.calls for path in inputs(call)}
+    allowed = {path for call in step.calls for path in outputs(call)}
+    done = any(outcome.code == 0 or call.signal_name for call, outcome in zip(step.calls, outcomes, strict=True))
+    wrong = []
+    for path in sorted(before.keys() | after.keys()):
+        if before.get(path) == after.get(path):
+            continue
+        is_output = any(_same(path, output) or output in path.parents or path in output.parents for output in allowed)
+        if path in before and _real(path) in of_inputs:
+            wrong.append(f"changed its input {path.name}")
+        elif path not in after:
+            wrong.append(f"removed {path.name}")
+        elif path.name.startswith(".writing-"):
+            wrong += [] if killed else [f"left {path.name}"]
+        elif not is_output:
+            wrong.append(f"{'changed' if path in before else 'left'} {path.name}")
+        elif not done and after[path] != "folder":
+            wrong.append(f"{'changed' if path in before else 'left'} its output {path.name} though it refused")
+    return wrong
+
+
+def _same(path: Path, output: Path) -> bool:
+    return os.path.normpath(path) == os.path.normpath(output)
+
+
+def _real(path: Path) -> str:
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):
+        return str(path)
+
+
+def _results_wrong(call: Call, scan: Scan | None) -> list[str]:
+    command, folder = call.arguments[0], Path(call.folder)
+    try:
+        if command == "segment":
+            path = folder / option(call, "-o", "--output")[-1]
+            for report in option(call, "--report")[-1:]:
+                json.loads((folder / report).read_text())
+            for maps in option(call, "--similarity-dir")[-1:]:
+                for path_of_map in (folder / maps).glob("*.nii.gz"):
+                    _check_map(path_of_map)
+            return _labels_wrong(path, scan or _scan_of(folder / call.arguments[1]))
+        if command == "render":
+            pictures = [path for path in outputs(call) if path.suffix.lower() == ".png"]
+            return [f"{path.name} is no PNG" for path in pictures if not path.read_bytes().startswith(b"\x89PNG")]
+    except (OSError, ValueError, RuntimeError, IndexError, KeyError) as error:
+        return [f"its result cannot be read: {str(error).strip().splitlines()[-1]}"]
+    return []
+
+
+def _check_map(path: Path) -> None:
+    array = sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
+    if not (array.min() >= 0.0 and array.max() <= 1.0):
+        raise ValueError(f"{path.name} is from {array.min()} to {array.max()}")
+
+
+def _labels_wrong(path: Path, scan: Scan | None) -> list[str]:
+    image = read_image(path)
+    array = sitk.GetArrayFromImage(image)
+    wrong = []
+    if array.dtype not in (np.uint8, np.uint16):
+        wrong.append(f"labels are {array.dtype}")
+    if path.name.lower().endswith(".seg.nrrd"):
+        segments = slicerio.read_segmentation(str(path))["segments"]
+        if int(array.max()) > len(segments):
+            wrong.append(f"label {array.max()} of {len(segments)} segments")
+    if scan is not None:
+        wrong += _grid_wrong(image, scan)
+    return wrong
+
+
+def _grid_wrong(image: sitk.Image, scan: Scan) -> list[str]:
+    if image.GetSize() != scan.array.shape[::-1]:
+        return [f"labels are {image.GetSize()}, the volume {scan.array.shape[::-1]}"]
+    matrix = np.array(image.GetDirection()).reshape(3, 3) * image.GetSpacing()
+    wanted = scan.direction * scan.spacing
+    near = np.allclose(image.GetOrigin(), scan.origin, rtol=1e-5, atol=1e-3)
+    if near and np.allclose(matrix, wanted, rtol=0.0, atol=1e-4 * scan.spacing.max()):
+        return []
+    return ["labels lie elsewhere than the volume"]
+
+
+def _scan_of(path: Path) -> Scan | None:
+    """The volume as SimpleITK reads it; None where that needs more than a file."""
+    if not path.is_file():
+        return None
+    image = read_image(path)
+    direction = np.array(image.GetDirection()).reshape(3, 3)
+    return Scan(
+        sitk.GetArrayFromImage(image), np.array(image.GetSpacing()), direction, np.array(image.GetOrigin()), ([0] * 3, [0] * 3)
+    )
+
+
+def read_image(path: Path) -> sitk.Image:
+    """Read an image; ITK's own warnings are nobody's business here."""
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    return sitk.ReadImage(str(path))
+
+
+def label_map(path: Path) -> np.ndarray:
+    """Labels (K, J, I) of a file."""
+    return sitk.GetArrayFromImage(read_image(path))
