@@ -49,10 +49,11 @@ def attack(forked: ForkedCalls, seed: int, number: int, keep: Path | None = None
     try:
         place = Place(folder, forked.weights)
         case = make_case(seed, number, place)
-        outcomes, failures = _run(case, forked, place)
-        failures += case.judge()
-        if case.alike and not failures:
-            failures += _unlike(case)
+        try:
+            outcomes, failures = _run(case, forked, place)
+            failures += [*case.judge(), *(_unlike(case) if case.alike and not failures else ())]
+        finally:
+            case.tidy_up()
         return Verdict(case.kind, ", ".join(map(str, outcomes)), failures, _story(case, outcomes))
     finally:
         if keep is None:
@@ -73,8 +74,8 @@ def _run(case: Case, forked: ForkedCalls, place: Place) -> tuple[list[Outcome], 
 
 def _unlike(case: Case) -> list[str]:
     calls = [call for step in case.steps for call in step.calls]
-    paths = [Path(call.folder) / value for call in calls for value in option(call, "-o")]
-    first, *others = [label_map(path) for path in paths]
+    paths = {Path(call.folder) / value for call in calls for value in option(call, "-o")}
+    first, *others = [label_map(path) for path in sorted(paths) if path.exists()]
     return [f"{(first != other).sum()} voxels differ" for other in others if not np.array_equal(first, other)]
 
 

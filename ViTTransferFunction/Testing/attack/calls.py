@@ -6,7 +6,7 @@ import signal
 from dataclasses import dataclass, field
 from typing import Literal
 
-PATIENCE_S = 60.0
+PATIENCE_S = 30.0
 """What runs longer hangs: on an idle machine the longest case takes about three seconds."""
 ROOM_BYTES = 2 * 1024**3
 """Memory that a run may take beyond what the loaded libraries have: a header that lies must not exhaust the machine."""
@@ -22,6 +22,7 @@ class Call:
         environment: variables beside those that every run has.
         program: which one.
         given: what its standard input holds; with nothing, it is empty.
+        given_for_s: how long its standard input stays open after that, seconds.
         console: what its standard output is connected to: whoever reads it, nobody any more, or a device without room.
         encoding: of its console; "" leaves it as it is.
         folder_is_gone: whether the working folder is deleted after the program was started in it.
@@ -37,6 +38,7 @@ class Call:
     environment: dict[str, str] = field(default_factory=dict)
     program: Literal["vittf", "compute"] = "vittf"
     given: str = ""
+    given_for_s: float = 0.0
     console: Literal["read", "closed", "full"] = "read"
     encoding: str = ""
     folder_is_gone: bool = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ class Case:
         scan: where the truth about the volume is known, the labels' grid is compared to it.
         alike: whether all label maps that come out must be the same.
         judge: a further look at the files when all is done; says what is wrong.
+        tidy_up: done at the end, whatever happened.
     """
 
     kind: str
@@ -51,6 +52,7 @@ class Case:
     scan: Scan | None = None
     alike: bool = False
     judge: Callable[[], Sequence[str]] = field(default=lambda: ())
+    tidy_up: Callable[[], object] = field(default=lambda: None)
 
 
 class Place:
@@ -59,13 +61,15 @@ class Place:
     Attributes:
         work: working folder of the runs: their inputs and outputs.
         cache: the program's cache.
+        other_cache: one for runs that are compared to.
         home: the user's home, in which nothing may appear.
         temporary: for temporary files, of which none may stay.
         weights: file of the tiny network.
     """
 
     def __init__(self, folder: Path, weights: Path) -> None:
-        self.work, self.cache, self.home, self.temporary = (folder / n for n in ("work", "cache", "home", "temporary"))
+        self.work, self.home, self.temporary = (folder / name for name in ("work", "home", "temporary"))
+        self.cache, self.other_cache = folder / "cache", folder / "other cache"
         self.weights = weights
         for each in (folder, self.work, self.home, self.temporary):
             each.mkdir(exist_ok=True)
@@ -108,11 +112,6 @@ def annotations(scan: Scan) -> dict[str, Any]:
     first, second = scan.inside
     classes = [{"name": "first", "positive": [first], "negative": [second]}, {"name": "second", "positive": [second]}]
     return {"coordinate_system": "IJK", "classes": classes}
-
-
-def with_fault(call: Call, **fields: Any) -> Call:
-    """The same run under other circumstances."""
-    return replace(call, **fields)
 
 
 Maker = Callable[[random.Random, Place], Case]

@@ -20,6 +20,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -34,6 +35,7 @@ USED_BY_ALL = (
     "ViTTransferFunction.Logic.weights.state_dict",
 )  # fmt: skip
 """Imported before the first fork, also what the program imports only where it is needed."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _POLL_S = 0.002
 _NOBODY = 65534
 _ENDED_BY_FLUSH = 120
@@ -112,12 +114,15 @@ def _run(calls: Sequence[Call], replies: int) -> list[Outcome]:
 
 def _fork(call: Call, replies: int) -> _Child:
     (out, out_end), (err, err_end) = os.pipe(), os.pipe()
+    # What a program gets before it is one says nothing about it.
+    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     pid = os.fork()
     if pid == 0:
         os.close(replies)
         os.close(out)
         os.close(err)
         _end(lambda: _as_program(call, out_end, err_end))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     os.close(out_end)
     os.close(err_end)
     os.set_blocking(out, False)
@@ -188,11 +193,13 @@ def _as_program(call: Call, stdout: int, stderr: int) -> int:
     if call.program == "compute":
         from ViTTransferFunction.Logic.compute.server import main as serve
 
-        serve(*call.arguments)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        serve(call.arguments[0])
         return 0
     from ViTTransferFunction.CommandLine.vittf import main as vittf
 
     sys.argv[:] = ["vittf", *call.arguments]
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     return vittf(list(call.arguments))
 
 
@@ -202,8 +209,10 @@ def _connect(call: Call, stdout: int, stderr: int) -> None:
         # Written by a process of its own: a pipe has room for little.
         if os.fork() == 0:
             os.close(given)
-            with os.fdopen(giving, "wb") as stream:
+            with suppress(BrokenPipeError), os.fdopen(giving, "wb") as stream:
                 stream.write(call.given.encode())
+                stream.flush()
+                time.sleep(call.given_for_s)
             os._exit(0)
     os.close(giving)
     os.dup2(given, 0)
