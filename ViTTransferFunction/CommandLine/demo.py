@@ -10,9 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
+from ViTTransferFunction.CommandLine.library_output import silenced_libraries
 from ViTTransferFunction.CommandLine.options import load_features
-from ViTTransferFunction.CommandLine.pictures import draw_pictures
+from ViTTransferFunction.CommandLine.pictures import draw_pictures, rendering_path
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
@@ -26,7 +28,8 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights
 
 ANNOTATIONS = Path(__file__).parents[1] / "Resources" / "Annotations" / "ct_chest.json"
-OUTPUT = Path("demo_output")
+SEGMENTATION = Path("demo_output/ct_chest.seg.nrrd")
+PICTURE = Path("demo_output/ct_chest.png")
 GRID = 40
 """Coarser than the default, to take about a minute on two cores."""
 
@@ -34,7 +37,11 @@ GRID = 40
 def main() -> int:
     """Run the demo; returns the exit code."""
     try:
-        run()
+        check_writable(SEGMENTATION)
+        check_writable(PICTURE)
+        check_writable(rendering_path(PICTURE))
+        with silenced_libraries():
+            run()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -52,12 +59,9 @@ def run() -> None:
         segmentation = session.segment([annotated.request for annotated in classes], progress=progress)
         segments = [Segment(annotated.name, annotated.color) for annotated in classes]
         with session.watch.step("save"):
-            output = OUTPUT / "ct_chest.seg.nrrd"
-            write_segmentation(output, segmentation.labels, volume.geometry, segments)
+            write_segmentation(SEGMENTATION, segmentation.labels, volume.geometry, segments)
         with session.watch.step("pictures"):
-            pictures = draw_pictures(
-                OUTPUT / "ct_chest.png", volume, segmentation.labels, segments, classes=classes, progress=progress
-            )
+            pictures = draw_pictures(PICTURE, volume, segmentation.labels, segments, classes=classes, progress=progress)
 
     print("\nSegments")
     for result in segmentation.classes:
@@ -69,7 +73,7 @@ def run() -> None:
     if peak is not None:
         print(f"Peak memory    {peak / 1e9:8.2f} GB")
     print("Files")
-    for path in (output, *pictures):
+    for path in (SEGMENTATION, *pictures):
         print(f"  {path}")
 
 

@@ -55,11 +55,15 @@ def draw_pictures(
         for positive, positions in ((True, annotated.request.positive), (False, annotated.request.negative))
         for position in positions
     ]
-    rendering_path = path.with_name(f"{path.stem}_3d{path.suffix}")
     progress(0, 2, "Drawing pictures")
     save_png(draw_slices(volume, shown, window=bounds, points=points), path)
     progress(1, 2, "Drawing pictures")
     bone = BONE_HU if looks_like_hounsfield_units(volume) else None
-    save_png(render_3d(volume, shown, context_above=bone), rendering_path)
+    save_png(render_3d(volume, shown, context_above=bone), rendering_path(path))
     progress(2, 2, "Drawing pictures")
-    return path, rendering_path
+    return path, rendering_path(path)
+
+
+def rendering_path(path: Path) -> Path:
+    """Where the 3D rendering lies, by the path of the slice picture."""
+    return path.with_name(f"{path.stem}_3d{path.suffix}")

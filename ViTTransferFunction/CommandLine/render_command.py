@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.CommandLine.pictures import draw_pictures
+from ViTTransferFunction.CommandLine.output_paths import check_outputs
+from ViTTransferFunction.CommandLine.pictures import draw_pictures, rendering_path
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.resampling import resample_labels
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
-from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -30,7 +30,10 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     if args.output.suffix.lower() != ".png":
         raise InputError(f"{args.output}: expected a name that ends in .png.")
-    check_writable(args.output)
+    inputs = {"the volume": files_of(args.volume), "the segmentation": files_of(args.segmentation)}
+    if args.annotations:
+        inputs["the annotations"] = [args.annotations]
+    check_outputs({"the picture": args.output, "the 3D picture": rendering_path(args.output)}, inputs)
     volume = read_volume(args.volume)
     labels, geometry, segments = read_segmentation(args.segmentation)
     labels = resample_labels(labels, geometry, volume.geometry)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,9 @@ from ViTTransferFunction.CommandLine.options import (
     opened_session,
     parse_named_paths,
 )
+from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.atomic_file import replacing
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -26,9 +28,14 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, classes_from_markups, read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, check_segmentation_path, write_image, write_segmentation
+from ViTTransferFunction.Logic.files.volume_files import files_of
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
 from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE
+
+DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in range(1, 10))}
+"""Names that stand for devices there, in every folder and with every ending."""
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -54,10 +61,14 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
-    _check_outputs(args)
+    check_segmentation_path(args.output)
+    # What the classes are called, and with it the names of the maps, is known only later.
+    inputs = _inputs(args)
+    check_outputs(_outputs(args), inputs)
     with ProgressBar() as progress:
         session = opened_session(args)
         classes = _read_classes(args, session.volume.geometry)
+        check_outputs(_outputs(args, classes), inputs)
         requests = [annotated.request for annotated in classes]
         check_requests(requests, session.volume.geometry)
         provenance = load_features(session, progress)
@@ -77,13 +88,26 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _check_outputs(args: argparse.Namespace) -> None:
-    check_segmentation_path(args.output)
-    check_writable(args.output)
+def _outputs(args: argparse.Namespace, classes: Sequence[AnnotatedClass] = ()) -> dict[str, Path]:
+    """What is to be written, in the user's words, and where to."""
+    outputs = {"the segmentation": args.output}
     if args.report:
-        check_writable(args.report)
+        outputs["the report"] = args.report
     if args.similarity_dir:
-        check_writable(args.similarity_dir / "map.nii.gz")
+        names = [annotated.name for annotated in classes] or ["map"]
+        outputs |= {f"the map of class '{name}'": _map_path(args.similarity_dir, name) for name in names}
+    return outputs
+
+
+def _inputs(args: argparse.Namespace) -> dict[str, list[Path]]:
+    """What is read, in the user's words, and its files; their options are checked where they are read."""
+    lists = [value.partition("=")[2] for value in (*args.positive, *args.negative)]
+    weights = [args.weights or os.environ.get(WEIGHTS_VARIABLE)]
+    return {
+        "the volume": files_of(args.volume),
+        "the annotations": [Path(path) for path in (args.annotations, *lists) if path],
+        "the weights": [Path(path).expanduser() for path in weights if path],
+    }
 
 
 def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[AnnotatedClass]:
@@ -101,15 +125,19 @@ def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassReque
         return None
 
     def write(request: ClassRequest, full: ClassMap) -> None:
-        with replacing(folder / f"{file_stem(request.name)}.nii.gz") as temporary:
-            write_image(temporary, full.array, geometry)
+        write_image(_map_path(folder, request.name), full.array, geometry)
 
     return write
 
 
+def _map_path(folder: Path, name: str) -> Path:
+    return folder / f"{file_stem(name)}.nii.gz"
+
+
 def file_stem(name: str) -> str:
     """A class's name as a file name that every platform takes."""
-    return "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
+    stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
+    return f"_{stem}" if not stem or stem.upper() in DEVICES_OF_WINDOWS else stem
 
 
 def _print_summary(segmentation: Segmentation, output: Path) -> None:

@@ -1,49 +1,62 @@
-"""Files that are there whole or not at all: written beside their place, then renamed into it."""
+"""Files that are there whole or not at all: written beside their place, flushed to the disk, then renamed into it."""
 
 from __future__ import annotations
 
 import errno
 import os
+import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .errors import InputError
+from .regular_file import mode_of, not_regular
+
+_FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
+"""No room: on the disk, in what this file may take, or in what this user may (which Windows does not know)."""
+
+_NOT_OFFERED = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
+
+_LONGEST_ENDING = 16
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; on success it takes `path`'s place, on failure it is removed.
 
-    The temporary file has the same endings as `path`, since many writers choose their format by it.
+    The temporary file has the same ending as `path`, in lower case, since many writers choose their format by it. It takes its
+    place only after the disk has it: what is reported as written is there after a power failure as well.
 
     Raises:
-        InputError: the folder cannot be written to, or the disk is full.
+        InputError: the folder cannot be written to, the disk is full, or `path` is a folder, a pipe or a device.
     """
+    _check_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".writing-", suffix="".join(path.suffixes))
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".writing-", suffix=_ending(path))
         os.close(handle)
     except OSError as error:
         raise _cannot_write(path, error) from error
     temporary = Path(name)
     try:
         yield temporary
+        _flush(temporary)
         # mkstemp makes files that only their owner may read; give this one the usual rights.
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        # Whatever ended the work is what the user should hear of.
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def check_writable(path: Path) -> None:
     """Raise InputError now if `path` could not be written later, before work is spent on its content. Leaves no trace."""
-    if path.is_dir():
-        raise InputError(f"Cannot write {path}: it is a folder; name a file.")
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    _check_replaceable(path)
+    folder = next(parent for parent in path.absolute().parents if mode_of(parent) is not None)
     try:
         with tempfile.TemporaryFile(dir=folder):
             pass
@@ -52,9 +65,42 @@ def check_writable(path: Path) -> None:
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:
-    if error.errno == errno.ENOSPC:
-        return InputError(f"Cannot write {path}: the disk is full. Free some space or choose another folder.")
+    """The error for a file that the operating system did not take."""
+    if error.errno in _FULL:
+        return InputError(
+            f"Cannot write {path}: the disk is full, or your share of it. Free some space or choose another folder."
+        )
     return InputError(f"Cannot write {path}: {error.strerror or error}. Choose a folder that you can write to.")
+
+
+def _check_replaceable(path: Path) -> None:
+    """A rename would put a file in the place of a device, and fail late where a folder is."""
+    mode = mode_of(path)
+    if mode is None:
+        return
+    if stat.S_ISDIR(mode):
+        raise InputError(f"Cannot write {path}: it is a folder; name a file.")
+    if not stat.S_ISREG(mode):
+        raise not_regular(path)
+    if not os.access(path, os.W_OK):
+        # Renaming would get round the protection, and on Windows fail.
+        raise InputError(f"Cannot write {path}: the file is write-protected. Choose another name.")
+
+
+def _ending(path: Path) -> str:
+    """The last two suffixes, such as `.nii.gz`; cut, as the temporary file's name is longer than the file's."""
+    return "".join(path.suffixes[-2:]).lower()[-_LONGEST_ENDING:]
+
+
+def _flush(path: Path) -> None:
+    """Have the disk take the file. Some file systems notice only now that there is no room."""
+    with path.open("rb+") as file:
+        try:
+            os.fsync(file.fileno())
+        except OSError as error:
+            # Some network shares cannot be asked.
+            if error.errno not in _NOT_OFFERED:
+                raise
 
 
 def _umask() -> int:

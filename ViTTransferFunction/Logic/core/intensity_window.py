@@ -9,6 +9,8 @@ import numpy as np
 from .errors import InputError
 from .volume import Volume, finite_range
 
+_SINGLE = np.finfo(np.float32)
+
 SAMPLE_SIZE = 1_000_000
 """Percentiles are taken over at most about this many voxels, spread evenly: more would only take longer."""
 
@@ -18,14 +20,15 @@ class IntensityWindow:
     """Intensities from `low` to `high` map linearly to [0, 1]; what lies outside is clamped.
 
     Raises:
-        InputError: the bounds are not finite and increasing.
+        InputError: the bounds are not finite and increasing, in single precision: intensities are computed with in that.
     """
 
     low: float
     high: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low < self.high):
+        bounds = np.array([self.low, self.high, self.width], dtype=np.float64)
+        if not (np.abs(bounds) <= _SINGLE.max).all() or self.width < float(_SINGLE.tiny):
             raise InputError(
                 f"The intensity window needs two numbers, the lower first; got {self.low:g} and {self.high:g}. "
                 "Change one, or have them chosen automatically."
@@ -49,6 +52,16 @@ ChannelWindows = tuple[IntensityWindow, IntensityWindow, IntensityWindow]
 CT_SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
 CT_LUNG = IntensityWindow(-1000.0, -200.0)
 CT_BONE = IntensityWindow(0.0, 1000.0)
+
+
+def check_shows_something(window: IntensityWindow, volume: Volume) -> None:
+    """Raise InputError where all of a volume lies on one side of a window, so that it looks the same everywhere."""
+    minimum, maximum = finite_range(volume.array)
+    if window.high <= minimum or maximum <= window.low:
+        raise InputError(
+            f"The intensity window from {window.low:g} to {window.high:g} shows nothing of '{volume.name}', whose intensities "
+            f"are {minimum:g} to {maximum:g}. Change it, or have it chosen automatically."
+        )
 
 
 def looks_like_hounsfield_units(volume: Volume) -> bool:

@@ -23,7 +23,7 @@ class Volume:
 
     Raises:
         InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
-            only one value: there is nothing to tell apart.
+            only one value: there is nothing to tell apart; or its values are beyond single precision.
     """
 
     array: np.ndarray
@@ -73,6 +73,15 @@ class Volume:
             raise InputError(
                 f"'{self.name}' is constant: every finite voxel is {minimum:g}. Expected structures that differ in intensity; "
                 "check that the right volume was loaded."
+            )
+        # All that follows computes in single precision.
+        spread = maximum - minimum
+        if max(abs(minimum), abs(maximum), spread) > float(np.finfo(np.float32).max) or np.float32(minimum) == np.float32(
+            maximum
+        ):
+            raise InputError(
+                f"'{self.name}' has intensities from {minimum:g} to {maximum:g}, which cannot be told apart or held in single "
+                "precision. Save it with other units."
             )
 
 

@@ -14,6 +14,7 @@ from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ..core.regular_file import check_regular_file
 
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine"})
 
@@ -104,6 +105,7 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -
 
 
 def _read_json(path: Path) -> Any:
+    check_regular_file(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

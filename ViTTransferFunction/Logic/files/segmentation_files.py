@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +14,18 @@ from ..core.atomic_file import replacing
 from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
-from .volume_files import image_geometry, last_line, read_image
+from .image_headers import locate_voxels
+from .volume_files import last_line, read_geometry, read_image
 
 LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
+
+MOST_SEGMENTS = 1000
+"""More different numbers than this are intensities, of a volume that was named by mistake."""
+
+LARGEST_SHIFT_VOXELS = 0.01
+"""How far a written voxel may lie from its place: more than the digits of single precision lose, less than can be seen."""
+
+_PROBE_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -47,9 +57,7 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
     """
     check_segmentation_path(path)
     labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16)
-    tags = _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {}
-    with replacing(path) as temporary:
-        write_image(temporary, labels, geometry, tags)
+    write_image(path, labels, geometry, _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {})
 
 
 def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
@@ -60,11 +68,12 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
         their numbers.
 
     Raises:
-        InputError: missing, unreadable, or the segments overlap (Slicer then stores several layers).
+        InputError: missing, unreadable, cut off, not of whole numbers, or the segments overlap (Slicer then stores several
+            layers).
     """
-    image = read_image(path)
-    labels, geometry = sitk.GetArrayFromImage(image), image_geometry(image)
-    by_label = _segments_from_tags(image, path) if _is_slicer_segmentation(path) else _numbered_segments(labels)
+    labels, geometry, tags = read_image(path)
+    _check_whole_numbers(labels, path)
+    by_label = _segments_from_tags(tags, path) if _is_slicer_segmentation(path) else _numbered_segments(labels, path)
     relabelled = np.zeros(labels.shape, dtype=np.uint16)
     for index, label in enumerate(by_label):
         relabelled[labels == label] = index + 1
@@ -72,28 +81,64 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
 
 
 def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str] | None = None) -> None:
-    """Write an array (K, J, I) as a compressed image of any format that SimpleITK knows by its ending.
+    """Write an array (K, J, I) as a compressed image, whole or not at all.
+
+    What was written is read again, as ITK does not notice a full disk: header by ITK, voxels by `StoredVoxels`.
 
     Args:
-        path: where to.
+        path: where to; the ending says the format, one of `LABEL_MAP_ENDINGS`.
         array: voxels.
         geometry: of the voxels.
         tags: key-value pairs for the header, in formats that have such.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: the file cannot be written, or the format cannot hold these voxels in their place.
     """
+    with replacing(path) as temporary:
+        try:
+            _write_by_itk(temporary, array, geometry, tags or {})
+        except (RuntimeError, UnicodeEncodeError) as error:
+            _raise_if_full(temporary)
+            raise InputError(f"Cannot write {path}: {last_line(error).replace(str(temporary), str(path))}") from error
+        if not _is_as_written(temporary, array):
+            _raise_if_full(temporary)
+            raise InputError(f"Cannot write {path}: the disk does not give back what was written to it. Choose another folder.")
+        _check_place(read_geometry(temporary), geometry, path)
+
+
+def _write_by_itk(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str]) -> None:
     image = sitk.GetImageFromArray(array)
     ijk_to_lps = LPS_TO_RAS @ geometry.ijk_to_ras
     image.SetOrigin(ijk_to_lps[:3, 3].tolist())
     image.SetSpacing(geometry.spacing_mm.tolist())
     image.SetDirection((ijk_to_lps[:3, :3] / geometry.spacing_mm).ravel().tolist())
-    for key, value in (tags or {}).items():
+    for key, value in tags.items():
         image.SetMetaData(key, value)
+    sitk.WriteImage(image, str(path), useCompression=True)
+
+
+def _is_as_written(path: Path, array: np.ndarray) -> bool:
     try:
-        sitk.WriteImage(image, str(path), useCompression=True)
-    except RuntimeError as error:
-        raise InputError(f"Cannot write {path}: {last_line(error)}") from error
+        stored = locate_voxels(path)
+        return stored is not None and stored.hold(array)
+    except InputError:
+        return False
+
+
+def _raise_if_full(temporary: Path) -> None:
+    """Where ITK failed to write, or did not notice, the operating system says why: raise its OSError, if it has one."""
+    with temporary.open("ab") as file:
+        file.write(bytes(_PROBE_BYTES))
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _check_place(stored: Geometry, meant: Geometry, path: Path) -> None:
+    """NIfTI, for one, has no place for axes that are not at right angles."""
+    corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * (np.array(meant.shape[::-1]) - 1)
+    off_mm = np.abs(stored.ijk_to_ras_points(corners) - meant.ijk_to_ras_points(corners)).max()
+    if stored.shape != meant.shape or off_mm > LARGEST_SHIFT_VOXELS * meant.spacing_mm.min():
+        raise InputError(f"Cannot write {path}: its format cannot hold where the volume lies. Write .nrrd or .seg.nrrd.")
 
 
 def _is_slicer_segmentation(path: Path) -> bool:
@@ -126,24 +171,37 @@ def _segment_tags(shape: tuple[int, ...], segments: Sequence[Segment]) -> dict[s
     return tags
 
 
-def _segments_from_tags(image: sitk.Image, path: Path) -> dict[int, Segment]:
+def _check_whole_numbers(labels: np.ndarray, path: Path) -> None:
+    if np.issubdtype(labels.dtype, np.floating) and not (np.isfinite(labels).all() and (labels == np.rint(labels)).all()):
+        raise InputError(f"{path} is no label map: it holds values that are no whole numbers. Name a segmentation.")
+
+
+def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segment]:
     """Segments by label, in the file's order."""
-    tags = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
     segments = {}
     index = 0
     while f"Segment{index}_ID" in tags:
         try:
-            red, green, blue = (float(component) for component in tags[f"Segment{index}_Color"].split())
+            color = _color_from_tag(tags[f"Segment{index}_Color"])
             label = int(tags[f"Segment{index}_LabelValue"])
         except (KeyError, ValueError) as error:
             raise InputError(f"{path} is not a complete Slicer segmentation: segment {index} has no usable {error}.") from error
-        segments[label] = Segment(tags.get(f"Segment{index}_Name", str(label)), (red, green, blue))
+        segments[label] = Segment(tags.get(f"Segment{index}_Name", str(label)), color)
         index += 1
     if not segments:
         raise InputError(f"{path} names no segments; expected a segmentation saved by Slicer or by this program.")
     return segments
 
 
-def _numbered_segments(labels: np.ndarray) -> dict[int, Segment]:
+def _color_from_tag(text: str) -> Color:
+    red, green, blue = (float(component) for component in text.split())
+    if not all(0.0 <= component <= 1.0 for component in (red, green, blue)):
+        raise ValueError(f"color {text!r}")
+    return red, green, blue
+
+
+def _numbered_segments(labels: np.ndarray, path: Path) -> dict[int, Segment]:
     values = [int(value) for value in np.unique(labels) if value]
+    if len(values) > MOST_SEGMENTS:
+        raise InputError(f"{path} is no label map: it holds {len(values)} different numbers. Name a segmentation.")
     return {value: Segment(str(value), default_color(index)) for index, value in enumerate(values)}

@@ -1,9 +1,14 @@
-"""Volumes from files: anything SimpleITK reads, or a folder with one DICOM series."""
+"""Volumes from files: NIfTI, NRRD, MetaImage, or a folder with one DICOM series."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import math
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +16,23 @@ import SimpleITK as sitk  # noqa: N813 - the name that its own documentation use
 
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
+from ..core.regular_file import check_regular_file, is_folder
 from ..core.volume import Volume
+from .image_headers import image_ending, image_format, locate_voxels
 
 logger = logging.getLogger(__name__)
 
 LARGEST_SPACING_DEVIATION = 0.01
 """Relative deviation of slice distances above which a DICOM series is not a regular grid."""
+
+RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png")
+"""Endings of files that are no slices: results may be written, and written again, beside a DICOM series."""
+
+SMALLEST_EXTENT_MM = 2.0
+"""A whole body in metres is shorter; what is imaged at one micrometre is longer."""
+
+LARGEST_EXTENT_MM = 1e5
+"""A mouse in micrometres is about as long."""
 
 
 def read_volume(path: Path) -> Volume:
@@ -26,42 +42,136 @@ def read_volume(path: Path) -> Volume:
         path: an image file, or a folder that holds one DICOM series.
 
     Raises:
-        InputError: missing, unreadable, not a scalar 3D image, or nothing to be seen in it (`Volume`).
+        InputError: missing, unreadable, cut off, not a scalar 3D image, not lying anywhere in millimetres, or nothing to be
+            seen in it (`Volume`).
     """
-    if not path.exists():
-        raise InputError(f"There is no file or folder {path}.")
-    image = _read_series(path) if path.is_dir() else _read_file(path)
-    return Volume(sitk.GetArrayFromImage(image), image_geometry(image), name=_name(path))
+    image = _read_series(path) if is_folder(path) else _read_file(path)
+    geometry = _geometry(image, path)
+    _check_millimetres(geometry, path)
+    return Volume(sitk.GetArrayFromImage(image), geometry, name=_name(path))
 
 
-def read_image(path: Path) -> sitk.Image:
-    """Read a scalar 3D image file, of label numbers say. Raises InputError where it is none."""
-    if not path.is_file():
-        raise InputError(f"There is no file {path}.")
-    return _read_file(path)
+def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
+    """Read a scalar 3D image file, of label numbers say.
+
+    Returns:
+        Voxels (K, J, I), where they lie, and the header's key-value pairs.
+
+    Raises:
+        InputError: missing, unreadable, cut off, or not a scalar 3D image.
+    """
+    image = _read_file(path)
+    tags = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
+    return sitk.GetArrayFromImage(image), _geometry(image, path), tags
 
 
-def image_geometry(image: sitk.Image) -> Geometry:
-    """Geometry of a 3D SimpleITK image."""
+def read_geometry(path: Path) -> Geometry:
+    """Where the voxels of an image file lie, from its header alone. Raises InputError as `read_image` does."""
+    with _header_reader(path) as reader:
+        return _geometry(reader, path)
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that `read_volume` would read, as far as that can be told without reading them.
+
+    Raises:
+        InputError: the volume is missing, or its header cannot be used.
+    """
+    if is_folder(path):
+        return [entry for entry in _entries(path) if not entry.name.lower().endswith(RESULTS)]
+    stored = locate_voxels(path)
+    return [path] if stored is None else [path, stored.path]
+
+
+def image_geometry(image: sitk.Image | sitk.ImageFileReader) -> Geometry:
+    """Geometry of a 3D SimpleITK image, or of the one whose header was read."""
     ijk_to_lps = np.eye(4)
     ijk_to_lps[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
     ijk_to_lps[:3, 3] = image.GetOrigin()
     return Geometry(image.GetSize()[::-1], LPS_TO_RAS @ ijk_to_lps)
 
 
-def _read_file(path: Path) -> sitk.Image:
-    reader = sitk.ImageFileReader()
-    reader.SetFileName(str(path))
+def _geometry(image: sitk.Image | sitk.ImageFileReader, path: Path) -> Geometry:
     try:
-        # The header first: what cannot be used is refused before its voxels are read.
-        reader.ReadImageInformation()
+        return image_geometry(image)
+    except ValueError as error:
+        spacing = " × ".join(f"{mm:g}" for mm in image.GetSpacing())
+        raise InputError(
+            f"{path} does not say where it lies: its spacing is {spacing} mm, the directions of its axes "
+            f"{tuple(image.GetDirection())}; expected finite numbers and three different axes. Save it again from its source."
+        ) from error
+
+
+def _check_millimetres(geometry: Geometry, path: Path) -> None:
+    """Other units would be taken for millimetres: distances between points, and millilitres, would all be wrong."""
+    longest_mm = float(geometry.extent_mm.max())
+    if SMALLEST_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
+        return
+    unit = "metres" if longest_mm < SMALLEST_EXTENT_MM else "micrometres"
+    spacing = " × ".join(f"{mm:g}" for mm in geometry.spacing_mm)
+    raise InputError(
+        f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
+        f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."
+    )
+
+
+def _read_file(path: Path) -> sitk.Image:
+    stored = locate_voxels(path)
+    with _header_reader(path) as reader:
         _check_header(reader.GetSize(), reader.GetNumberOfComponents(), path)
+        if stored is not None:
+            voxel_bytes = stored.voxel_bytes or sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent()
+            stored.check_complete(math.prod(reader.GetSize()) * voxel_bytes)
         return reader.Execute()
-    except RuntimeError as error:
-        raise InputError(f"{path} cannot be read as an image: {last_line(error)}") from error
+
+
+@contextmanager
+def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
+    """A reader that has read the header: what cannot be used is refused before its voxels are read."""
+    reader = sitk.ImageFileReader()
+    reader.SetImageIO(image_format(path).reader)
+    with _under_its_own_name(path) as name:
+        try:
+            reader.SetFileName(str(name))
+            reader.ReadImageInformation()
+            yield reader
+        except (RuntimeError, UnicodeEncodeError) as error:
+            raise InputError(f"{path} cannot be read as an image: {last_line(error).replace(str(name), str(path))}") from error
+
+
+@contextmanager
+def _under_its_own_name(path: Path) -> Iterator[Path]:
+    """A path by which ITK reads just the file at `path`.
+
+    Its reader of NIfTI goes by names: beside `s.nii` it takes the voxels of that for those of `s.nii.gz`, and of endings it
+    knows only those that are all in one case.
+    """
+    ending = image_ending(path) or ""
+    if ending not in (".nii", ".nii.gz") or (path.name.endswith(ending) and not _namesake(path).exists()):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="vittf-", ignore_cleanup_errors=True) as folder:
+        alias = Path(folder) / f"image{ending}"
+        try:
+            alias.symlink_to(path.resolve())
+        except OSError:  # Windows lets few users make links.
+            try:
+                shutil.copyfile(path, alias)
+            except OSError as error:
+                raise InputError(f"Cannot read {path} by way of the folder {folder}: {error.strerror or error}.") from error
+        yield alias
+
+
+def _namesake(path: Path) -> Path:
+    """The file whose voxels ITK would take for those of a `.nii.gz` file."""
+    return path.with_name(path.name[: -len(".gz")]) if path.name.endswith(".gz") else path.with_name(f"{path.name}.gz")
 
 
 def _read_series(folder: Path) -> sitk.Image:
+    for entry in _entries(folder):
+        # GDCM would open it, and wait.
+        if not entry.is_dir():
+            check_regular_file(entry)
     series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
     if not series:
         raise InputError(f"The folder {folder} holds no DICOM series. Name an image file, or a folder with DICOM files.")
@@ -80,6 +190,13 @@ def _read_series(folder: Path) -> sitk.Image:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
     _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), folder)
     return image
+
+
+def _entries(folder: Path) -> list[Path]:
+    try:
+        return sorted(entry for entry in folder.iterdir() if entry.exists())
+    except OSError as error:
+        raise InputError(f"Cannot read the folder {folder}: {error.strerror or error}.") from error
 
 
 def _check_header(size: Sequence[int], components: int, path: Path) -> None:
@@ -112,9 +229,10 @@ def _slice_position(file_name: str) -> tuple[float, ...]:
 
 def _name(path: Path) -> str:
     name = path.resolve().name
-    return name[: -len(".nii.gz")] if name.endswith(".nii.gz") else (name if path.is_dir() else path.stem)
+    return name[: -len(".nii.gz")] if name.lower().endswith(".nii.gz") else (name if path.is_dir() else path.stem)
 
 
-def last_line(error: RuntimeError) -> str:
-    """SimpleITK's own sentence, without the C++ source lines above it."""
-    return str(error).strip().splitlines()[-1].strip()
+def last_line(error: Exception) -> str:
+    """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
+    lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
+    return lines[-1] if lines else repr(error)

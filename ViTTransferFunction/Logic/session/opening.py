@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..core.intensity_window import IntensityWindow, check_shows_something
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.device import check_device_name
@@ -26,9 +27,11 @@ def open_session(
         networks: that are open already, where several sessions follow each other.
 
     Raises:
-        InputError: a setting cannot be used.
+        InputError: a setting cannot be used, or shows nothing of the volume.
     """
     features = settings.feature_settings()
+    if settings.window is not None:
+        check_shows_something(IntensityWindow(*settings.window), volume)
     chosen = preset(settings.preset)
     model = pretrained_model(settings.model or identify_model(settings.weights_path) or chosen.model)
     # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.

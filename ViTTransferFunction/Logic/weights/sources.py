@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.progress import Progress, no_progress
+from ..core.regular_file import check_regular_file
 from .download import DownloadFailed, download, sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from .store import check_cached, file_in, file_names, remember, trusted_hashes, weights_folder
@@ -154,6 +155,8 @@ def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
     source = Path(named).expanduser()
     if not source.exists():
         raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
+    if not source.is_dir():
+        check_regular_file(source)
     return source, origin
 
 

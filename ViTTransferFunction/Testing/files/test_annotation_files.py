@@ -94,7 +94,7 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
     (tmp_path / "broken.json").write_text("{")
     with pytest.raises(InputError, match="not valid JSON"):
         read_annotations(tmp_path / "broken.json", GEOMETRY)
-    with pytest.raises(InputError, match="Cannot read"):
+    with pytest.raises(InputError, match="There is no file"):
         read_annotations(tmp_path / "missing.json", GEOMETRY)
 
 

@@ -100,7 +100,7 @@ def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for name, message in (
         ("scan.nrrd", "cannot be read"),
-        ("letter.txt", "cannot be read"),
+        ("letter.txt", "of no known format"),
         ("empty", "no DICOM"),
         ("none", "no file"),
     ):
@@ -213,7 +213,19 @@ def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> Non
     np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])
 
 
-@pytest.mark.parametrize("bounds", [(1.0, 1.0), (2.0, 1.0), (0.0, float("nan")), (float("-inf"), 0.0)])
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        (1.0, 1.0),
+        (2.0, 1.0),
+        (0.0, float("nan")),
+        (float("-inf"), 0.0),
+        (-1e308, 1e308),
+        (0.0, 1e39),
+        (-3e38, 3e38),
+        (0.0, 1e-60),
+    ],
+)
 def test_a_window_needs_two_increasing_bounds(bounds: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="lower first"):
         IntensityWindow(*bounds)

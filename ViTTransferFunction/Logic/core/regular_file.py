@@ -1,0 +1,45 @@
+"""What may be opened: ordinary files. A pipe makes its reader wait for ever, and a device may never end."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+
+from .errors import InputError
+
+
+def check_regular_file(path: Path) -> None:
+    """Raise InputError unless there is an ordinary file at `path`, or a link to one."""
+    mode = mode_of(path)
+    if mode is None:
+        raise InputError(f"There is no file {path}. Check the path.")
+    if stat.S_ISDIR(mode):
+        raise InputError(f"{path} is a folder; name a file.")
+    if not stat.S_ISREG(mode):
+        raise not_regular(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder at `path`. Raises InputError where that cannot be found out."""
+    return stat.S_ISDIR(mode_of(path) or 0)
+
+
+def mode_of(path: Path) -> int | None:
+    """The `st_mode` of what is at `path`, links followed; None where nothing is.
+
+    Raises:
+        InputError: it cannot be found out: the name is too long, links lead in a circle, a folder may not be entered.
+    """
+    try:
+        return path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise InputError(f"Cannot open {path}: {error.strerror or error}. Check the path.") from error
+    except ValueError as error:
+        raise InputError(f"{str(path)!r} is no path: {error}.") from error
+
+
+def not_regular(path: Path) -> InputError:
+    """The error for what is neither file nor folder."""
+    return InputError(f"{path} is a pipe, a device or a socket; expected an ordinary file.")

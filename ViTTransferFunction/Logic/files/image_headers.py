@@ -1,0 +1,241 @@
+"""Headers of the image formats that volumes are read from, as far as they say where the voxels are.
+
+ITK reads the headers for all else. It must not see some of them: it crashes, hangs, or reads another file than was named.
+
+- NIfTI-1: nifti1.h of the NIfTI data format working group; Analyze 7.5 has the same fields where they are read here.
+- MetaImage: the documentation of MetaIO.
+- NRRD: the definition of the format, version 5, of Teem.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.regular_file import check_regular_file
+from .stored_voxels import StoredVoxels
+
+_NIFTI_BYTES = 348
+_LONGEST_HEADER = 1 << 20
+_GZIP = b"\x1f\x8b"
+
+
+@dataclass(frozen=True)
+class ImageFormat:
+    """A format of image files.
+
+    Attributes:
+        reader: the name of ITK's reader.
+        locate: finds the voxels of a file of this format, whose first bytes are given; None: the reader itself notices what is
+            missing. Raises InputError where the header cannot be used.
+    """
+
+    reader: str
+    locate: Callable[[Path, bytes], StoredVoxels | None]
+
+
+def image_format(path: Path) -> ImageFormat:
+    """The format that a file is of, by its ending in any case.
+
+    Raises:
+        InputError: it is none whose completeness can be checked.
+    """
+    ending = image_ending(path)
+    if ending is not None:
+        return _FORMATS[ending]
+    if read_start(path)[128:132] == b"DICM":
+        return ImageFormat("GDCMImageIO", lambda _path, _start: None)
+    known = ", ".join(_FORMATS)
+    raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
+
+
+def image_ending(path: Path) -> str | None:
+    """The ending, in lower case, that says the file's format; None where it says none."""
+    return next((ending for ending in _FORMATS if path.name.lower().endswith(ending)), None)
+
+
+def locate_voxels(path: Path) -> StoredVoxels | None:
+    """Where an image file's voxels are; None where its reader itself notices what is missing.
+
+    Raises:
+        InputError: the file cannot be read, is of no known format, or its header cannot be used.
+    """
+    return image_format(path).locate(path, read_start(path))
+
+
+def read_start(path: Path) -> bytes:
+    """The file's first bytes, with all of its header."""
+    check_regular_file(path)
+    try:
+        with path.open("rb") as file:
+            return file.read(_LONGEST_HEADER)
+    except OSError as error:
+        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+
+
+def _in_nifti(path: Path, start: bytes) -> StoredVoxels:
+    header, compressed = _nifti_header(path, start)
+    order = _byte_order(path, header)
+    if header[344:348] == b"ni1\0":
+        raise InputError(f"{path} is one half of a pair of files; name the .hdr file, or save it as .nii.")
+    if header[344:348] != b"n+1\0":
+        raise InputError(f"{path} is no NIfTI file: its header lacks the signature.")
+    voxel_bytes, offset = _nifti_voxels(path, header, order)
+    offset = max(offset, _NIFTI_BYTES)
+    if compressed:
+        return StoredVoxels(path, compressed=True, skipped=offset, voxel_bytes=voxel_bytes)
+    return StoredVoxels(path, offset, voxel_bytes=voxel_bytes)
+
+
+def _in_nifti_pair(path: Path, start: bytes) -> StoredVoxels:
+    """Header and voxels in files of one name: NIfTI of two files, or Analyze."""
+    header_path = _sibling(path, ".hdr")
+    header = start if header_path == path else read_start(header_path)
+    order = _byte_order(header_path, header)
+    if header[344:348] == b"n+1\0":
+        raise InputError(f"{header_path} says that it holds its voxels itself; give it the ending .nii.")
+    voxel_bytes, offset = _nifti_voxels(header_path, header, order)
+    voxels = _sibling(path, ".img")
+    check_regular_file(voxels)
+    return StoredVoxels(voxels, offset, voxel_bytes=voxel_bytes)
+
+
+def _sibling(path: Path, ending: str) -> Path:
+    """The other file of a pair, whose ending is in the same case."""
+    return path.with_suffix(ending.upper() if path.suffix.isupper() else ending)
+
+
+def _nifti_header(path: Path, start: bytes) -> tuple[bytes, bool]:
+    """The header, and whether the file is compressed."""
+    if not start.startswith(_GZIP):
+        return start, False
+    try:
+        return zlib.decompressobj(zlib.MAX_WBITS | 32).decompress(start, 4 * _NIFTI_BYTES), True
+    except zlib.error as error:
+        raise InputError(f"{path} is damaged: it cannot be unpacked. Copy or save it again.") from error
+
+
+def _byte_order(path: Path, header: bytes) -> str:
+    if len(header) < _NIFTI_BYTES:
+        raise InputError(f"{path} is no NIfTI file: it has {len(header)} bytes, and a header alone has {_NIFTI_BYTES}.")
+    if 540 in struct.unpack_from("<i", header) + struct.unpack_from(">i", header):
+        raise InputError(f"{path} is a NIfTI-2 file; expected NIfTI-1. Save it as that, or as NRRD.")
+    for order in "<>":
+        if struct.unpack_from(order + "i", header) == (_NIFTI_BYTES,):
+            return order
+    raise InputError(f"{path} is no NIfTI file: its header does not begin with its own length.")
+
+
+_NIFTI_TYPES = {1: (2, 256), 2: (4, 512), 4: (8, 16, 768), 8: (64, 1024, 1280)}
+_NIFTI_VOXEL_BYTES = {kind: size for size, kinds in _NIFTI_TYPES.items() for kind in kinds}
+"""By the code of the type. Colours and complex numbers are no volume."""
+
+
+def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[int, int]:
+    """Size of a voxel, and where the first one is; refuses what ITK would replace by a guess."""
+    sizes = struct.unpack_from(order + "8h", header, 40)
+    (kind,) = struct.unpack_from(order + "h", header, 70)
+    spacing = np.array(struct.unpack_from(order + "8f", header, 76))
+    (offset,) = struct.unpack_from(order + "f", header, 108)
+    codes = struct.unpack_from(order + "2h", header, 252)
+    places = np.array(struct.unpack_from(order + "6f", header, 256)), np.array(struct.unpack_from(order + "12f", header, 280))
+    if kind not in _NIFTI_VOXEL_BYTES:
+        raise InputError(f"{path} holds voxels of the type {kind}, which is not known; save it as 16-bit integers, say.")
+    if not 0.0 <= offset < 2.0**31:
+        raise InputError(f"{path} says that its voxels begin at byte {offset:g}; its header is damaged.")
+    axes = max(0, min(sizes[0], 3))
+    if min(sizes[1 : 1 + axes], default=1) < 1:
+        raise InputError(f"{path} is {'×'.join(map(str, sizes[1 : 1 + axes]))} voxels; its header is damaged.")
+    if not np.isfinite(spacing[1 : 1 + axes]).all() or (spacing[1 : 1 + axes] == 0.0).any():
+        raise InputError(
+            f"{path} has the spacing {' × '.join(f'{mm:g}' for mm in spacing[1 : 1 + axes])} mm; its header is damaged. "
+            "Save it again with the spacing that it was taken at."
+        )
+    for name, code, place in zip(("qform", "sform"), codes, places, strict=True):
+        if code > 0 and not np.isfinite(place).all():
+            raise InputError(f"{path}: its header's {name}, which says where it lies, has values that are no numbers.")
+    return _NIFTI_VOXEL_BYTES[kind], int(offset)
+
+
+_META_DATA_FILE = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*([^\r\n]*)\r?\n", re.MULTILINE)
+
+
+def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
+    last_line = _META_DATA_FILE.search(start + b"\n")
+    if last_line is None:
+        raise InputError(f"{path} is no MetaImage: its header has no line 'ElementDataFile = …'.")
+    fields = _fields(start[: last_line.start()], "=")
+    name = last_line[1].decode("utf-8", "surrogateescape").strip()
+    # MetaIO hangs with fewer, and its tables have room for ten.
+    if not re.fullmatch(r"[1-9]|10", fields.get("NDims", "3")):
+        raise InputError(f"{path} says that it has {fields['NDims']} dimensions; expected 3.")
+    if fields.get("BinaryData", "True")[:1] not in ("T", "t", "1"):
+        raise InputError(f"{path} holds its voxels as text; save it with binary ones.")
+    compressed = fields.get("CompressedData", "False")[:1] in ("T", "t", "1")
+    header_size = fields.get("HeaderSize", "0")
+    if name.lower() == "local":
+        if header_size not in ("0", "-1"):
+            raise InputError(f"{path}: 'HeaderSize = {header_size}' contradicts 'ElementDataFile = LOCAL'; save it again.")
+        return StoredVoxels(path, last_line.end(), compressed)
+    # MetaIO makes a number of the part behind %, whatever it is, and crashes.
+    if "%" in name or name.split(maxsplit=1)[:1] == ["LIST"] or not name:
+        raise InputError(f"{path} names its voxels' files by '{name}'; expected the name of one file. Save it as .mha.")
+    if not re.fullmatch(r"-1|\d{1,18}", header_size) or (compressed and header_size != "0"):
+        raise InputError(f"{path}: 'HeaderSize = {header_size}' cannot be used; save it again.")
+    voxels = _named_file(path, name)
+    return StoredVoxels(voxels, None if header_size == "-1" else int(header_size), compressed)
+
+
+def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
+    if not start.startswith(b"NRRD"):
+        raise InputError(f"{path} cannot be read as an image: it is no NRRD file, which would begin with the letters NRRD.")
+    end = re.search(rb"\r?\n\r?\n", start)
+    fields = {key.lower().replace(" ", ""): value for key, value in _fields(start[: end.start() if end else None], ":").items()}
+    name = fields.get("datafile")
+    if name is not None:
+        # Teem takes a minus sign for the standard input.
+        if name == "-" or "%" in name or name.split(maxsplit=1)[:1] == ["LIST"]:
+            raise InputError(f"{path} names its voxels' files by '{name}'; expected the name of one file. Save it as .nrrd.")
+        voxels, first = _named_file(path, name), 0
+    else:
+        if end is None:
+            raise InputError(f"{path} is cut off: its header does not end. Copy or save it again.")
+        voxels, first = path, end.end()
+    plain_or_gzip = {"raw": False, "gzip": True, "gz": True}.get(fields.get("encoding", "").lower())
+    # Teem itself notices what other encodings lack, and what has been put before the voxels is its to skip.
+    if plain_or_gzip is None or {fields.get("lineskip", "0"), fields.get("byteskip", "0")} != {"0"}:
+        return None
+    return StoredVoxels(voxels, first, plain_or_gzip)
+
+
+def _named_file(header: Path, name: str) -> Path:
+    """The file that a header names, which lies beside it unless the name says otherwise."""
+    file = header.parent / name
+    check_regular_file(file)
+    return file
+
+
+def _fields(header: bytes, separator: str) -> dict[str, str]:
+    """Lines `key separator value`."""
+    lines = (line.partition(separator) for line in header.decode("utf-8", "surrogateescape").splitlines())
+    return {key.strip(): value.strip() for key, found, value in lines if found}
+
+
+_FORMATS = {
+    ".nii.gz": ImageFormat("NiftiImageIO", _in_nifti),
+    ".nii": ImageFormat("NiftiImageIO", _in_nifti),
+    ".hdr": ImageFormat("NiftiImageIO", _in_nifti_pair),
+    ".img": ImageFormat("NiftiImageIO", _in_nifti_pair),
+    ".nrrd": ImageFormat("NrrdImageIO", _in_nrrd),
+    ".nhdr": ImageFormat("NrrdImageIO", _in_nrrd),
+    ".mha": ImageFormat("MetaImageIO", _in_meta_image),
+    ".mhd": ImageFormat("MetaImageIO", _in_meta_image),
+}
+"""By the ending. Of other formats that ITK knows (VTK, GIPL, MRC, TIFF, …) it makes a volume even where they were cut off."""
