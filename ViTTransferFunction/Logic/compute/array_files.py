@@ -8,6 +8,7 @@ in one call without the lock, and mapped into memory. Its name lives for the fra
 from __future__ import annotations
 
 import itertools
+import math
 import mmap
 import os
 import shutil
@@ -51,7 +52,7 @@ class ArrayFiles:
                     start = file.seek(-file.tell() % _ALIGNED_BYTES, os.SEEK_CUR)
                     _write(file, _bytes_of(np.ascontiguousarray(array)))
                     described.append({"dtype": array.dtype.str, "shape": array.shape, "start": start})
-        except OSError:
+        except BaseException:
             path.unlink(missing_ok=True)
             raise
         return {"file": path.name, "arrays": described}
@@ -63,10 +64,15 @@ class ArrayFiles:
             OSError: the file is not there, or ends too early.
             ValueError: the description is none.
         """
-        path = self._folder / Path(description["file"]).name
-        content = _content(path)
-        path.unlink()
-        return tuple(_array(content, np.dtype(each["dtype"]), each["shape"], each["start"]) for each in description["arrays"])
+        try:
+            path = self._folder / Path(description["file"]).name
+            content = _content(path)
+            path.unlink()
+            return tuple(
+                _array(content, np.dtype(each["dtype"]), each["shape"], each["start"]) for each in description["arrays"]
+            )
+        except (LookupError, TypeError, AttributeError, OverflowError) as error:
+            raise ValueError(f"not a description of arrays: {str(description)[:100]}") from error
 
     def remove_folder(self) -> None:
         """Delete the folder and what is left in it, as far as that can be done."""
@@ -95,7 +101,9 @@ def _content(path: Path) -> memoryview:
 def _array(content: memoryview, dtype: np.dtype[Any], shape: Sequence[int], start: int) -> np.ndarray:
     if dtype.hasobject:
         raise ValueError(f"arrays of type {dtype} are not exchanged")
-    size = int(np.prod(shape)) * dtype.itemsize
+    size = math.prod(shape) * dtype.itemsize
+    if min(start, *shape, 0) < 0:
+        raise ValueError(f"there are no arrays of shape {shape}, nor any that begin at {start}")
     if not size:
         return np.empty(shape, dtype)
     if start + size > len(content):

@@ -43,6 +43,7 @@ class ComputeClient:
         self._process = ComputeProcess(python_executable)
         self._files = ArrayFiles(self._process.folder)
         self._trouble = ""
+        self._unreadable = False
         self._last_request = 0
         self._outgoing: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._incoming: queue.SimpleQueue[Message] = queue.SimpleQueue()
@@ -70,10 +71,15 @@ class ComputeClient:
 
     def replies(self) -> list[tuple[int, Any]]:
         """What has come since the last call, oldest first: the number of the request, and the reply (`requests`)."""
-        received = []
+        received: list[tuple[int, Any]] = []
         message = self._next()
         while message is not None:
-            number, reply = from_message(message)
+            try:
+                number, reply = from_message(message)
+            except ValueError as error:
+                # Whatever else it says has lost its meaning with this.
+                self._unreadable, self._trouble = True, _could_not_be_read(error)
+                return received
             if isinstance(reply, Started):
                 self._process.own_pid = reply.pid
             else:
@@ -96,6 +102,8 @@ class ComputeClient:
     @property
     def alive(self) -> bool:
         """Whether the process runs and can be talked to, or there is still something that it said."""
+        if self._unreadable:
+            return False
         return not self._incoming.empty() or (self._reader.is_alive() and self._writer.is_alive())
 
     def last_words(self) -> str:
@@ -127,5 +135,9 @@ class ComputeClient:
                 self._reading.set()
                 self._incoming.put(message_of(line, self._files))
                 self._reading.clear()
-        except (OSError, ValueError) as error:
-            self._trouble = f"its answer could not be read: {error}"
+        except (OSError, ValueError, MemoryError) as error:
+            self._trouble = _could_not_be_read(error)
+
+
+def _could_not_be_read(error: Exception) -> str:
+    return f"its answer could not be read: {str(error) or type(error).__name__}"

@@ -67,12 +67,23 @@ def from_message(message: Message) -> tuple[int, Any]:
         InputError: a value in it is not one that its type takes.
         ValueError: it is not a message of ours.
     """
-    return message.content["number"], _decoded(message.content["body"], message.arrays)
+    try:
+        number, body = message.content["number"], _decoded(message.content["body"], message.arrays)
+    except (LookupError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise _stranger(message) from error
+    if not isinstance(number, int) or type(body) not in _TYPES.values():
+        raise _stranger(message)
+    return number, body
 
 
 def holds(message: Message, kind: type) -> bool:
     """Whether a message's request or reply is of this type; nothing is made of it yet."""
-    return bool(message.content["body"]["type"] == kind.__name__)
+    body = message.content.get("body")
+    return isinstance(body, dict) and body.get("type") == kind.__name__
+
+
+def _stranger(message: Message) -> ValueError:
+    return ValueError(f"no request or reply: {str(message.content)[:100]}")
 
 
 def _encoded(value: Any, arrays: list[np.ndarray]) -> Any:

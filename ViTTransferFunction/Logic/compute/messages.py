@@ -33,8 +33,8 @@ def write_message(stream: BinaryIO, message: Message, files: ArrayFiles) -> None
     """
     try:
         described = files.put(message.arrays) if message.arrays else None
-    except OSError as error:
-        raise ArraysNotWritten(str(error)) from error
+    except (OSError, MemoryError) as error:
+        raise ArraysNotWritten(str(error) or "too little memory") from error
     stream.write(json.dumps({"content": message.content, "arrays": described}).encode() + b"\n")
     stream.flush()
 
@@ -58,7 +58,10 @@ def message_of(line: bytes, files: ArrayFiles) -> Message:
         ValueError: the line is no message.
         OSError: its arrays are not there.
     """
-    message = json.loads(line)
+    try:
+        message = json.loads(line)
+    except RecursionError as error:
+        raise ValueError(f"not a message: {line[:100]!r}") from error
     if not isinstance(message, dict) or not isinstance(message.get("content"), dict):
         raise ValueError(f"not a message: {line[:100]!r}")
     described = message.get("arrays")

@@ -17,22 +17,29 @@ from typing import IO, cast
 from ..core.errors import InputError
 
 # The package is made by hand: its own file imports the host program's modules, which the process does not have.
-# Python puts the working folder in front of all others for -c: what lies there must not be taken for a library.
+# What lies in the user's working folder must not be taken for a library. -c puts the working folder in front of all others,
+# and an empty entry of PYTHONPATH, such as a launcher may leave, names it as well: so Python starts in a folder that is empty,
+# forgets it, and only then goes to the user's, to which relative paths refer. (-I would do the first, but hide from Slicer's
+# Python where its own libraries are; -P came with Python 3.11.)
 _BOOTSTRAP = """
-import sys
-sys.path[:] = [folder for folder in sys.path if folder]
+import os, sys
+package_folder, working_folder, private_folder = sys.argv[1:]
+sys.path[:] = [folder for folder in sys.path if folder and os.path.realpath(folder) != os.path.realpath(private_folder)]
+os.chdir(working_folder)
 import types
 package = types.ModuleType("ViTTransferFunction")
-package.__path__ = [sys.argv[1]]
+package.__path__ = [package_folder]
 sys.modules["ViTTransferFunction"] = package
 from ViTTransferFunction.Logic.compute.server import main
-main(sys.argv[2])
+main(private_folder)
 """
 IN_MEMORY = Path("/dev/shm")
 """Linux's file system in memory."""
 ROOM_BYTES = 2 * 2**30
 """A large volume and its label map take half of that."""
-_LAST_WORDS_BYTES = 4000
+_LAST_WORDS_BYTES = 64_000
+_FATAL = "Fatal Python error: "
+"""How Python begins to say where it was when a library stopped the process."""
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
 """Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
 _PATIENCE_S = 0.3
@@ -62,7 +69,8 @@ class ComputeProcess:
         self.folder = _private_folder()
         try:
             self._process = subprocess.Popen(
-                [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), str(self.folder)],
+                [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), _working_folder(), str(self.folder)],
+                cwd=self.folder,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
@@ -98,11 +106,18 @@ class ComputeProcess:
         return self._process.poll() is None
 
     def last_words(self) -> str:
-        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing."""
+        """The last line that the process wrote to its error stream: why it died, if it knew; "" where it said nothing.
+
+        Where a library stopped it, the lines that follow say where Python was, and what the library said goes before.
+        """
         self._errors.seek(0, os.SEEK_END)
         self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
         lines = self._errors.read().decode(errors="replace").splitlines()
         said = [line.strip() for line in lines if line.strip() and not _LAUNCHER_S_LINE.search(line)]
+        fatal = next((index for index, line in enumerate(said) if line.startswith(_FATAL)), None)
+        if fatal is not None:
+            thrown = [line for line in said[max(0, fatal - 1) : fatal] if line.startswith("what():")]
+            return "; ".join([*thrown, said[fatal]])
         return said[-1] if said else ""
 
     def end(self) -> None:
@@ -140,7 +155,16 @@ def _executable(given: str | Path | None) -> str:
             f"Python was not found {f'as {executable}' if executable else 'in Slicer'}, and nothing can be computed without "
             "it. The installation of Slicer is incomplete: install Slicer again."
         )
-    return executable
+    # It is started from another folder.
+    return str(Path(executable).absolute())
+
+
+def _working_folder() -> str:
+    """Where relative paths begin; where it was deleted, wherever the process starts."""
+    try:
+        return str(Path.cwd())
+    except OSError:
+        return "."
 
 
 def _private_folder() -> Path:

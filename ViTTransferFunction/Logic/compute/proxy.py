@@ -292,7 +292,13 @@ class SegmentationProxy:
             self.progress = None
         if isinstance(reply, (GivenUp, Failed)):
             return self._on_nothing(request, reply)
-        return self._handlers[type(request), type(reply)](request, reply)
+        handler = self._handlers.get((type(request), type(reply)))
+        if handler is None:
+            answer = f"{type(reply).__name__} to {type(request).__name__}"
+            return self._on_nothing(
+                request, Failed(f"The computation in the background gave a wrong answer ({answer}). Try again.")
+            )
+        return handler(request, reply)
 
     def _on_progress(self, request: Any, reply: Progressed) -> set[Event]:
         if not isinstance(request, _WAITED_FOR):

@@ -6,6 +6,7 @@ whatever else is.
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import queue
 import sys
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ..core.errors import Cancelled, InputError
+from ..core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 from .array_files import ArrayFiles
 from .codec import from_message, holds, to_message
 from .messages import ArraysNotWritten, Message, read_message, write_message
@@ -32,6 +34,8 @@ def main(folder: str) -> None:
     Args:
         folder: where arrays lie that come and go.
     """
+    # A library that stops the process, as by SIGABRT, says little or nothing by itself.
+    faulthandler.enable()
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # What libraries print must not end up between the replies.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -76,14 +80,17 @@ class Server:
                 self._cancelled |= set(cancel.numbers)
             else:
                 (self._clicks if holds(message, ComputeMaps) else self._others).put(message)
-        # Nobody is left to compute for, not even what is being computed; and maybe nobody to tidy up.
+        self._leave()
+
+    def _leave(self) -> None:
+        """Nobody is left to compute for, not even what is being computed; and maybe nobody to tidy up."""
         self._files.remove_folder()
         os._exit(0)
 
     def _answer(self, messages: queue.SimpleQueue[Message]) -> None:
         while True:
             message = messages.get()
-            number = message.content["number"]
+            number = message.content.get("number", 0)
             if messages is self._others:
                 self._serving = number
             self._reply(number, self._reply_to(message, number))
@@ -98,6 +105,10 @@ class Server:
             return GivenUp()
         except InputError as error:
             return Failed(str(error))
+        except Exception as error:
+            if not is_out_of_memory(error):
+                raise
+            return Failed(OUT_OF_MEMORY)
 
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:
@@ -118,6 +129,8 @@ class Server:
                     "try again."
                 )
                 write_message(self._replies, to_message(number, failed), self._files)
+            except BrokenPipeError:
+                self._leave()
 
 
 def _fatal_if_it_fails(work: Callable[[], None]) -> None:
@@ -125,9 +138,12 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
     try:
         work()
     except BaseException:
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
+        # Also where the reason cannot be written, on a full disk say.
+        try:
+            traceback.print_exc()
+            sys.stderr.flush()
+        finally:
+            os._exit(1)
 
 
 def _lower_priority() -> None:

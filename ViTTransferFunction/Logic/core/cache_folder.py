@@ -4,18 +4,39 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
+
+from .errors import InputError
+from .user_path import user_path
 
 CACHE_VARIABLE = "VITTF_CACHE"
 """Environment variable that moves the cache elsewhere, to a larger disk say."""
 
 
 def cache_folder() -> Path:
-    """Root of the cache: `VITTF_CACHE`, or the platform's folder for a user's caches. It need not exist yet."""
+    """Root of the cache: `VITTF_CACHE`, or the platform's folder for a user's caches. It need not exist yet.
+
+    Raises:
+        InputError: there can be no such folder.
+    """
     chosen = os.environ.get(CACHE_VARIABLE)
-    if chosen:
-        return Path(chosen).expanduser().absolute()
-    return _user_cache_folder() / "vit-transfer-function"
+    try:
+        if chosen:
+            return user_path(chosen, f"the cache folder ({CACHE_VARIABLE})").absolute()
+        return _user_cache_folder() / "vit-transfer-function"
+    except (OSError, RuntimeError) as error:
+        raise InputError(
+            f"There is no folder for the cache ({error}). Set the environment variable {CACHE_VARIABLE} to the path of one."
+        ) from error
+
+
+def make_private(folder: Path) -> None:
+    """Make a folder that nobody but the user can look into. Raises OSError."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # It may have been there already; where it is somebody else's, that is theirs to decide.
+    with suppress(PermissionError):
+        folder.chmod(0o700)
 
 
 def _user_cache_folder() -> Path:

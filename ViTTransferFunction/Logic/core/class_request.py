@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import reprlib
+import unicodedata
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -12,6 +14,9 @@ import numpy as np
 from .errors import InputError
 from .geometry import Geometry
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+
+FARTHEST = 1e9
+"""Of a coordinate, either way, in millimetres or voxels: beyond any scan, and far from what sums of squares can hold."""
 
 
 def no_points() -> np.ndarray:
@@ -49,8 +54,7 @@ class ClassRequest:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.id)
-        if not self.name.strip():
-            raise InputError("A class has an empty name; every class needs one.")
+        check_name(self.name)
         for polarity in ("positive", "negative"):
             object.__setattr__(self, polarity, as_points(getattr(self, polarity), f"{polarity} points of class '{self.name}'"))
         if not len(self.positive):
@@ -59,7 +63,7 @@ class ClassRequest:
         check_size(self.size, self.name)
         check_share(self.proximity, "proximity", self.name)
         if not isinstance(self.refine, bool):
-            raise InputError(f"'refine' of class '{self.name}' is {self.refine!r}; expected true or false.")
+            raise InputError(f"'refine' of class '{self.name}' is {shown(self.refine)}; expected true or false.")
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ClassRequest) and self._values == other._values
@@ -100,33 +104,66 @@ def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None
             )
 
 
+def check_name(name: str) -> None:
+    """Raise InputError unless a class's name says something, and can be written into any file."""
+    if not name.strip():
+        raise InputError("A class has an empty name; every class needs one.")
+    if any(unicodedata.category(character) in ("Cc", "Cs") for character in name):
+        raise InputError(f"The name of class {shown(name)} holds characters that cannot be written; give it another name.")
+
+
 def check_share(value: Any, field_name: str, class_name: str) -> None:
     """Raise InputError unless a field of a class is None or a number from 0 to 1."""
     if value is not None and not (is_number(value) and 0.0 <= value <= 1.0):
-        raise InputError(f"'{field_name}' of class '{class_name}' is {value!r}; expected a number from 0 to 1.")
+        raise InputError(f"'{field_name}' of class '{class_name}' is {shown(value)}; expected a number from 0 to 1.")
 
 
 def check_size(value: Any, class_name: str) -> None:
     """Raise InputError unless a class's size is a number from -3 to 3."""
     if not (is_number(value) and SMALLEST_SIZE <= value <= LARGEST_SIZE):
         raise InputError(
-            f"'size' of class '{class_name}' is {value!r}; expected a number from {SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
+            f"'size' of class '{class_name}' is {shown(value)}; expected a number from {SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
         )
 
 
 def as_points(points: Any, what: str) -> np.ndarray:
     """(N, 3) float64 of whatever says positions. Raises InputError, which calls them `what`, where that is impossible."""
-    try:
-        array = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty((0, 0))
-    if array.size == 0 and np.ndim(points) <= 2 and not len(points):
+    if isinstance(points, (list, tuple)):
+        if not all(_is_position(point) for point in points):
+            raise _no_points(what)
+        points = np.array([[float(coordinate) for coordinate in point] for point in points], dtype=np.float64).reshape(-1, 3)
+    if not isinstance(points, np.ndarray) or points.dtype.kind not in "iuf":
+        raise _no_points(what)
+    array = np.array(points, dtype=np.float64)
+    if array.size == 0 and array.ndim <= 2 and not len(array):
         return no_points()
-    if array.ndim != 2 or array.shape[1] != 3 or not np.isfinite(array).all():
-        raise InputError(f"The {what} are not a list of finite [x, y, z] positions.")
+    if array.ndim != 2 or array.shape[1] != 3 or not (np.abs(array) <= FARTHEST).all():
+        raise _no_points(what)
     return array
+
+
+def _is_position(point: Any) -> bool:
+    """Whether a value out of a file, or a row of an array, is a position. Numbers that a float cannot hold are none."""
+    if isinstance(point, np.ndarray):
+        return point.shape == (3,) and point.dtype.kind in "iuf"
+    return (
+        isinstance(point, (list, tuple))
+        and len(point) == 3
+        and all(is_number(value) and abs(value) <= FARTHEST for value in point)
+    )
+
+
+def _no_points(what: str) -> InputError:
+    return InputError(
+        f"The {what} are not a list of finite [x, y, z] positions: three numbers each, none beyond ±{FARTHEST:g}."
+    )
 
 
 def is_number(value: Any) -> bool:
     """Whether a value out of a file is a number, which true and false are not."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+
+
+def shown(value: Any) -> str:
+    """A value out of a file as a message quotes it: the beginning, where it is long."""
+    return reprlib.repr(value)

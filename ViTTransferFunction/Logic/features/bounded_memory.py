@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
+from ..core.out_of_memory import is_out_of_memory
 from .buffer_pool import BufferPool
 
 if TYPE_CHECKING:
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
 
 logger = logging.getLogger(__name__)
-
-_SIGNS_OF_TOO_LITTLE_MEMORY = ("out of memory", "not enough memory", "can't allocate memory")
-"""Only CUDA has an exception of its own for it; Apple's devices and processors raise a RuntimeError that says so."""
 
 
 class BoundedMemory:
@@ -74,8 +72,3 @@ class BoundedMemory:
                 "Close other programs, choose a faster preset or a smaller grid, or crop the volume to what you need."
             ) from error
         logger.warning("Out of memory on %s%s", device, self.trouble)
-
-
-def is_out_of_memory(error: Exception) -> bool:
-    """Whether the error says that memory ran out, on whatever device."""
-    return isinstance(error, MemoryError) or any(sign in str(error).lower() for sign in _SIGNS_OF_TOO_LITTLE_MEMORY)

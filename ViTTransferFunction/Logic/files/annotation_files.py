@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, as_points, check_share, is_number, no_points
+from ..core.class_request import ClassRequest, as_points, check_name, check_share, is_number, no_points, shown
 from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
@@ -74,16 +76,19 @@ def read_markups(path: Path) -> np.ndarray:
     """
     content = _read_json(path)
     try:
-        markups = content["markups"]
-        points = [
-            transform_points(_markups_to_ras(markup, path), np.array([point["position"]], dtype=float))[0]
-            for markup in markups
-            for point in markup["controlPoints"]
-            if point.get("positionStatus", "defined") == "defined"
+        lists = [
+            transform_points(_markups_to_ras(markup, path), as_points(_placed(markup["controlPoints"]), f"points of {path}"))
+            for markup in content["markups"]
         ]
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(f"{path} is not a Slicer markups file (.mrk.json): {error!r} while reading its points.") from error
-    return as_points(points, f"points of {path}")
+    except (LookupError, TypeError, AttributeError) as error:
+        raise InputError(
+            f"{path} is not a Slicer markups file (.mrk.json): {error!r:.100} while reading its points."
+        ) from error
+    return np.concatenate([no_points(), *lists])
+
+
+def _placed(points: list[dict[str, Any]]) -> list[Any]:
+    return [point["position"] for point in points if point.get("positionStatus", "defined") == "defined"]
 
 
 def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -> list[AnnotatedClass]:
@@ -107,21 +112,44 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -
 def _read_json(path: Path) -> Any:
     check_regular_file(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        if path.exists() and not path.is_file():
+            raise InputError(f"{path} is not a file; name a file with annotations.")
+        # Notepad puts a mark in front.
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}).") from error
     except ValueError as error:
+        raise InputError(f"Cannot read {str(path)!r}: {error}.") from error
+    try:
+        return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
+    except RecursionError as error:
+        raise InputError(f"{path} is not a file with annotations: its brackets are nested too deeply.") from error
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"{path} is not valid JSON: {error}.") from error
+
+
+def _without_repetition(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A dictionary of pairs. Of two fields of one name, JSON would silently keep the second, and points would be lost."""
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        name, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"{path}: the field {shown(name)} stands twice in one place; join them, or remove one.")
+    return fields
 
 
 def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Path) -> AnnotatedClass:
     unknown = sorted(entry.keys() - CLASS_FIELDS)
     if unknown:
         raise InputError(
-            f"{path}: class {index + 1} has an unknown field '{unknown[0]}'; known: {', '.join(sorted(CLASS_FIELDS))}."
+            f"{path}: class {index + 1} has an unknown field {shown(unknown[0])}; known: {', '.join(sorted(CLASS_FIELDS))}."
         )
     if not isinstance(entry.get("name"), str):
         raise InputError(f"{path}: class {index + 1} has no name; expected a text under 'name'.")
+    check_name(entry["name"])
     fields = {key: value for key, value in entry.items() if value is not None}
     name = fields.pop("name")
     color, opacity = _as_color(fields.pop("color", default_color(index)), name), fields.pop("opacity", 1.0)
@@ -136,8 +164,8 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
 
 def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np.ndarray:
     matrices = {"RAS": np.eye(4), "LPS": LPS_TO_RAS, "IJK": geometry.ijk_to_ras}
-    if coordinate_system not in matrices:
-        raise InputError(f'{path}: \'coordinate_system\' is {coordinate_system!r}; expected "RAS", "LPS" or "IJK".')
+    if not isinstance(coordinate_system, str) or coordinate_system not in matrices:
+        raise InputError(f'{path}: \'coordinate_system\' is {shown(coordinate_system)}; expected "RAS", "LPS" or "IJK".')
     return matrices[coordinate_system]
 
 
@@ -146,7 +174,7 @@ def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
     # Early files of the format number the systems.
     matrices = {"LPS": LPS_TO_RAS, "RAS": np.eye(4), "1": LPS_TO_RAS, "0": np.eye(4)}
     if str(system) not in matrices:
-        raise InputError(f"{path}: unknown coordinate system {system!r}; expected LPS or RAS.")
+        raise InputError(f"{path}: unknown coordinate system {shown(system)}; expected LPS or RAS.")
     return matrices[str(system)]
 
 
@@ -156,7 +184,7 @@ def _as_size(size: Any, name: str) -> Any:
         return size
     if size not in NAMED_SIZES:
         raise InputError(
-            f"The size of class '{name}' is {size!r}; expected {' or '.join(map(repr, NAMED_SIZES))}, or a number from "
+            f"The size of class '{name}' is {shown(size)}; expected {' or '.join(map(repr, NAMED_SIZES))}, or a number from "
             f"{SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
         )
     return NAMED_SIZES[size]
@@ -172,4 +200,4 @@ def _as_color(color: Any, name: str) -> Color:
             pass  # Not hexadecimal: falls through to the one error message below.
     elif isinstance(color, (list, tuple)) and len(color) == 3 and all(is_number(c) and 0.0 <= c <= 1.0 for c in color):
         return float(color[0]), float(color[1]), float(color[2])
-    raise InputError(f"The color of class '{name}' is {color!r}; expected [red, green, blue] from 0 to 1, or \"#rrggbb\".")
+    raise InputError(f"The color of class '{name}' is {shown(color)}; expected [red, green, blue] from 0 to 1, or \"#rrggbb\".")

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.progress import Progress, no_progress
 from ..core.regular_file import check_regular_file
+from ..core.user_path import user_path
 from .download import DownloadFailed, download, sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from .store import check_cached, file_in, file_names, remember, trusted_hashes, weights_folder
@@ -120,10 +122,14 @@ def offered_models() -> list[str]:
 
     Another model is here where `VITTF_WEIGHTS` or the cache has its file.
     """
-    folders = [weights_folder()]
-    if named := os.environ.get(WEIGHTS_VARIABLE):
-        source = Path(named).expanduser()
-        folders.append(source if source.is_dir() else source.parent)
+    folders = []
+    # A folder that there cannot be holds none; when weights are needed, a message says so.
+    with suppress(InputError):
+        folders.append(weights_folder())
+    with suppress(InputError):
+        source, _ = _given_source(None)
+        if source is not None:
+            folders.append(source if source.is_dir() else source.parent)
     return [
         model.name
         for model in PRETRAINED_MODELS.values()
@@ -152,7 +158,7 @@ def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
     named = path if path is not None else os.environ.get(WEIGHTS_VARIABLE)
     if not named:
         return None, origin
-    source = Path(named).expanduser()
+    source = user_path(named, f"a weights file ({origin})")
     if not source.exists():
         raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
     if not source.is_dir():

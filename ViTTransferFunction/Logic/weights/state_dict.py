@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.out_of_memory import is_out_of_memory
 from .safetensors_file import is_safetensors, read_safetensors
 from .transformers_names import has_transformers_names, with_published_names
 
@@ -25,7 +26,7 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     `mask_token`, which files of DINOv2 and DINOv3 carry for training and no forward pass uses, is left out. Nothing else is.
 
     Raises:
-        InputError: the file cannot be read, or holds anything but a dictionary of tensors.
+        InputError: the file cannot be read, or holds anything but a dictionary of tensors, or values that are not finite.
     """
     import torch
 
@@ -36,6 +37,8 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
             f"Cannot read the weights file {path} ({error.strerror or error}). Check its permissions, or choose another file."
         ) from error
     except _DAMAGED as error:
+        if is_out_of_memory(error):
+            raise
         raise InputError(
             f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "
             "PyTorch, or a safetensors file: the file is damaged, is something else under this name, or carries code, which "
@@ -86,6 +89,21 @@ def _check_is_state_dict(content: object, path: Path) -> None:
             f"{path} holds entries that are not named tensors ({', '.join(others[:4])}); expected the backbone's tensors only. "
             "A training checkpoint, with optimiser and heads, is another download than the backbone."
         )
+    broken = next((name for name, tensor in content.items() if not _is_finite(tensor)), None)
+    if broken is not None:
+        raise InputError(f"{path} holds values that are not finite numbers (in '{broken}'): the file is damaged. Get it again.")
+
+
+def _is_finite(tensor: Tensor) -> bool:
+    """Whether a tensor is dense and holds finite numbers alone."""
+    import torch
+
+    try:
+        # Strides of 0 can make a few bytes look like terabytes.
+        dense = tensor.numel() <= tensor.untyped_storage().nbytes()
+        return dense and bool(torch.isfinite(tensor).all())
+    except RuntimeError:
+        return False  # Sparse or quantised.
 
 
 def _first_sentence(error: Exception) -> str:

@@ -35,7 +35,6 @@ USED_BY_ALL = (
     "ViTTransferFunction.Logic.weights.state_dict",
 )  # fmt: skip
 """Imported before the first fork, also what the program imports only where it is needed."""
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _POLL_S = 0.002
 _NOBODY = 65534
 _ENDED_BY_FLUSH = 120
@@ -113,18 +112,17 @@ def _run(calls: Sequence[Call], replies: int) -> list[Outcome]:
 
 
 def _fork(call: Call, replies: int) -> _Child:
-    (out, out_end), (err, err_end) = os.pipe(), os.pipe()
-    # What a program gets before it is one says nothing about it.
-    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    (out, out_end), (err, err_end), (ready, ready_end) = os.pipe(), os.pipe(), os.pipe()
     pid = os.fork()
     if pid == 0:
-        os.close(replies)
-        os.close(out)
-        os.close(err)
-        _end(lambda: _as_program(call, out_end, err_end))
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-    os.close(out_end)
-    os.close(err_end)
+        for end in (replies, out, err, ready):
+            os.close(end)
+        _end(lambda: _as_program(call, out_end, err_end, ready_end))
+    for end in (out_end, err_end, ready_end):
+        os.close(end)
+    # A signal before the program is one says nothing about it.
+    os.read(ready, 1)
+    os.close(ready)
     os.set_blocking(out, False)
     os.set_blocking(err, False)
     return _Child(call, pid, out, err, time.monotonic(), {out: bytearray(), err: bytearray()})
@@ -169,6 +167,8 @@ def _end(run: Callable[[], int]) -> None:
     except BaseException:
         traceback.print_exc()
         code = 1
+    # Whoever interrupts what is done, interrupts Python.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading._shutdown()  # type: ignore[attr-defined]
     atexit._run_exitfuncs()
     try:
@@ -179,7 +179,7 @@ def _end(run: Callable[[], int]) -> None:
     os._exit(code)
 
 
-def _as_program(call: Call, stdout: int, stderr: int) -> int:
+def _as_program(call: Call, stdout: int, stderr: int, ready: int) -> int:
     """In the child: become the program, with all that the call asks for. Returns its exit code, if it gets that far."""
     _connect(call, stdout, stderr)
     os.chdir(call.folder)
@@ -190,16 +190,15 @@ def _as_program(call: Call, stdout: int, stderr: int) -> int:
         Path(call.folder).rmdir()
     _limit(call)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.close(ready)
     if call.program == "compute":
         from ViTTransferFunction.Logic.compute.server import main as serve
 
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
         serve(call.arguments[0])
         return 0
     from ViTTransferFunction.CommandLine.vittf import main as vittf
 
     sys.argv[:] = ["vittf", *call.arguments]
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     return vittf(list(call.arguments))
 
 
@@ -224,8 +223,8 @@ def _connect(call: Call, stdout: int, stderr: int) -> None:
     os.dup2(stdout, 1)
     os.dup2(stderr, 2)
     if call.encoding:
-        for stream, errors in ((sys.stdout, "strict"), (sys.stderr, "backslashreplace")):
-            stream.reconfigure(encoding=call.encoding, errors=errors)  # type: ignore[union-attr]
+        sys.stdout = os.fdopen(1, "w", encoding=call.encoding, closefd=False)
+        sys.stderr = os.fdopen(2, "w", encoding=call.encoding, errors="backslashreplace", buffering=1, closefd=False)
 
 
 def _limit(call: Call) -> None:

@@ -19,11 +19,11 @@ from ViTTransferFunction.Testing.attack.cases import INPUT_OPTIONS, OUTPUT_OPTIO
 from ViTTransferFunction.Testing.attack.scans import Scan
 
 LONGEST_SENTENCE = 1500
-INTERRUPTED = 130
-TERMINATED = 143
+REFUSED, INTERRUPTED, TERMINATED = 2, 130, 143
+"""Exit codes."""
 _PROGRESS = re.compile(r"^[^|]*\d+%\|[^|]*\|[^\[\]]*\[[^\]]*\] ?|^\d+it \[[^\]]*\] ?")
 _OURS = re.compile(r"^WARNING: (?!In )")
-_FOREIGN = re.compile(r"Traceback|itk::|0x[0-9a-f]{6,}|\.cxx|\.hxx|Warning:|Exception ignored|object at ")
+_JARGON = re.compile(r"0x[0-9a-f]{6,}|\.[ch]xx|object at |\.writing-|<class ")
 
 OF_LIBRARIES = (".cache", ".config")
 """Matplotlib and the system's fonts keep their own cache in a user's home."""
@@ -78,31 +78,34 @@ def _said_wrong(call: Call, outcome: Outcome, step: Step) -> list[str]:
     allowed = step.codes
     if call.signal_name:
         allowed |= {"SIGKILL": {-9}, "SIGINT": {INTERRUPTED}, "SIGTERM": {TERMINATED}}[call.signal_name]
-    lines = said(outcome.stderr) if call.program == "vittf" else []
-    wrong = [f"{outcome}, expected {' or '.join(map(str, sorted(allowed)))}"] if outcome.code not in allowed else []
-    wrong += [f"says {line[:200]!r}" for line in lines if _FOREIGN.search(line)]
-    if call.program == "vittf" and outcome.code == 0:
-        wrong += [f"says {line[:200]!r}" for line in lines if not _OURS.match(line)]
-    if call.program == "vittf" and outcome.code in (1, 2):
-        wrong += _sentence_wrong([line for line in lines if not _OURS.match(line)])
-    return wrong
+    wrong = [] if outcome.code in allowed else [f"{outcome}, expected {' or '.join(map(str, sorted(allowed)))}"]
+    return wrong if call.program == "compute" else [*wrong, *_lines_wrong(said(outcome.stderr), outcome.code)]
+
+
+def _lines_wrong(lines: Sequence[str], code: int) -> list[str]:
+    """One failure for an error stream that says anything but our own warnings and, where it is due, one sentence."""
+    if any("Traceback" in line for line in lines):
+        return [f"a traceback: {lines[-1][:200]}"]
+    if lines and lines[0].startswith("usage: "):
+        # Python's own parser of arguments says how the command is used, and then what is wrong.
+        return [] if code == REFUSED and re.match(r"vittf.*: error: ", lines[-1]) else [f"says {lines[-1][:200]!r}"]
+    sentences = [line for line in lines if not _OURS.match(line)]
+    if code == INTERRUPTED:
+        return [] if len(sentences) == 1 else [f"says {len(sentences)} lines, expected one"]
+    if code != REFUSED:
+        return [f"says {len(sentences)} lines, such as {sentences[0][:200]!r}"] if sentences else []
+    others = [line for line in sentences if not line.startswith("error: ")]
+    if len(sentences) != 1 or others:
+        return [f"says {len(sentences)} lines, expected 'error: …' alone: {' / '.join(line[:150] for line in others[:2])}"]
+    if _JARGON.search(sentences[0]):
+        return [f"says {sentences[0][:300]!r}"]
+    return [f"says a sentence of {len(sentences[0])} characters"] if len(sentences[0]) > LONGEST_SENTENCE else []
 
 
 def said(stderr: str) -> list[str]:
     """The lines of an error stream, without progress bars."""
     lines = (_PROGRESS.sub("", line) for line in re.split(r"[\r\n]+", stderr))
     return [line for line in lines if line.strip()]
-
-
-def _sentence_wrong(lines: Sequence[str]) -> list[str]:
-    # Python's own parser of arguments says how the command is used, and then what is wrong.
-    if lines and lines[0].startswith("usage: "):
-        return [] if re.match(r"vittf.*: error: ", lines[-1]) else [f"says {lines[-1][:200]!r}"]
-    if len(lines) != 1 or not lines[0].startswith("error: "):
-        return [f"says {len(lines)} lines, expected 'error: …' alone: {' / '.join(line[:100] for line in lines[:4])}"]
-    if len(lines[0]) > LONGEST_SENTENCE:
-        return [f"says a sentence of {len(lines[0])} characters"]
-    return []
 
 
 def option(call: Call, *names: str) -> list[str]:

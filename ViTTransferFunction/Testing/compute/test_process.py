@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
+from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.stub_process import one_reply_of_labels, stub_executable
 
 # What Slicer's PythonSlicer does: it starts another program, waits, and complains if that did not end by itself.
@@ -150,12 +152,47 @@ def test_a_process_that_cannot_be_started_is_reported_and_nothing_is_left(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("python_path", ["", os.pathsep, "."], ids=["usual", "with an empty entry", "with a relative entry"])
 def test_programs_in_the_working_folder_are_not_taken_for_libraries(
+    python_path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
+) -> None:
+    for name in ("sitecustomize", "types", "numpy", "scipy", "queue", "torch"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('run from the working folder')")
+    monkeypatch.setenv("PYTHONPATH", python_path)
+    monkeypatch.chdir(tmp_path)
+    client = start()
+    client.request(Prepare(SessionSettings()))
+    polls_until(lambda: bool(client.replies()) or not client.alive)
+    assert client.alive, client.last_words()
+
+
+@pytest.mark.slow
+def test_relative_paths_begin_where_the_user_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient], spheres: Spheres
+) -> None:
+    (tmp_path / "mine.pt").write_bytes(b"no weights")
+    monkeypatch.chdir(tmp_path)
+    client = start()
+    client.request(TakeVolume(spheres[0].array, spheres[0].geometry, "spheres"))
+    client.request(Prepare(SessionSettings(weights_path="mine.pt")))
+    replies: list[tuple[int, Any]] = []
+
+    def answered() -> bool:
+        replies.extend(client.replies())
+        return len(replies) == 2 or not client.alive
+
+    polls_until(answered)
+    assert "mine.pt is not a weights file" in replies[-1][1].message
+
+
+@pytest.mark.slow
+def test_a_working_folder_that_was_deleted_does_no_harm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
 ) -> None:
-    for name in ("types", "numpy", "scipy", "queue"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('run from the working folder')")
-    monkeypatch.chdir(tmp_path)
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
     client = start()
     client.request(Prepare(SessionSettings()))
     polls_until(lambda: bool(client.replies()) or not client.alive)

@@ -2,40 +2,52 @@
 
 from __future__ import annotations
 
+import errno
+import hashlib
+import logging
 import os
 import shutil
+import zipfile
 from collections import namedtuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 
 
-def features_named(key: str, seed: int = 0) -> FeatureVolume:
+def key(name: str) -> str:
+    """A key as caches have them."""
+    return hashlib.sha256(name.encode()).hexdigest()
+
+
+def features_named(name: str, seed: int = 0) -> FeatureVolume:
     array = np.random.default_rng(seed).random((4, 5, 6, 8)).astype(np.float16)
     matrix = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
-    return FeatureVolume(array, Geometry((4, 5, 6), matrix), key)
+    return FeatureVolume(array, Geometry((4, 5, 6), matrix), key(name))
 
 
 @pytest.fixture
-def cache(tmp_path: Path) -> FeatureCache:
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FeatureCache:
+    monkeypatch.setattr(cache_module, "_told", set())
     return FeatureCache(tmp_path / "features")
 
 
 def test_what_was_stored_comes_back_exactly(cache: FeatureCache) -> None:
     stored = features_named("a")
     cache.put(stored)
-    found = cache.get("a")
+    found = cache.get(key("a"))
     assert found is not None
     assert found.array.dtype == np.float16
     np.testing.assert_array_equal(found.array, stored.array)
     np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
-    assert cache.get("b") is None
+    assert cache.get(key("b")) is None
 
 
 def test_stored_features_hold_no_pickles(cache: FeatureCache) -> None:
@@ -48,9 +60,139 @@ def test_stored_features_hold_no_pickles(cache: FeatureCache) -> None:
 @pytest.mark.parametrize("content", [b"", b"not features", b"PK\x03\x04 half a file"])
 def test_damaged_features_are_removed_and_count_as_absent(cache: FeatureCache, content: bytes) -> None:
     cache.folder.mkdir(parents=True)
-    (cache.folder / "a.npz").write_bytes(content)
-    assert cache.get("a") is None
+    (cache.folder / f"{key('a')}.npz").write_bytes(content)
+    assert cache.get(key("a")) is None
     assert not list(cache.folder.iterdir())
+
+
+def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: FeatureCache) -> None:
+    stored = features_named("a")
+    cache.put(stored)
+    path = cache.folder / f"{key('a')}.npz"
+    sound = path.read_bytes()
+    random = np.random.default_rng(0)
+    # All of the archive's own bytes, and some of the features'.
+    archive = {*range(400), *range(len(sound) - 1000, len(sound))}
+    lost = 0
+    for position in sorted(archive | set(random.integers(0, len(sound), 300).tolist())):
+        flipped = bytearray(sound)
+        flipped[position] ^= 1 << int(random.integers(8))
+        path.write_bytes(flipped)
+        found = cache.get(key("a"))
+        lost += found is None
+        if found is not None:
+            np.testing.assert_array_equal(found.array, stored.array)
+            np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
+    assert lost > 800
+
+
+def test_features_of_a_smaller_shape_than_their_file_has_are_not_used(cache: FeatureCache) -> None:
+    cache.put(features_named("a"))
+    path = cache.folder / f"{key('a')}.npz"
+    path.write_bytes(path.read_bytes().replace(b"(4, 5, 6, 8)", b"(4, 5, 2, 8)"))
+    assert cache.get(key("a")) is None
+
+
+def test_an_entry_that_is_a_folder_or_leads_nowhere_counts_as_absent(cache: FeatureCache) -> None:
+    (cache.folder / f"{key('a')}.npz").mkdir(parents=True)
+    (cache.folder / f"{key('b')}.npz").symlink_to("nowhere")
+    for name in ("a", "b"):
+        assert cache.get(key(name)) is None
+        assert key(name) not in cache
+    assert (cache.entries(), cache.size_bytes(), cache.clear()) == ([], 0, 0)
+    cache.put(features_named("b"))
+    assert cache.get(key("b")) is not None
+
+
+def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_else_happens(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache_module, "_told", set())
+    (tmp_path / "file").write_text("")
+    cache = FeatureCache(tmp_path / "file" / "features")
+    for name in ("a", "b"):
+        cache.check_room(1)
+        cache.put(features_named(name))
+        assert cache.get(key(name)) is None
+    assert (cache.entries(), cache.clear()) == ([], 0)
+    (message,) = caplog.messages
+    assert "cannot be kept" in message
+    assert "VITTF_CACHE" in message
+
+
+def test_a_read_only_folder_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(100, 100, 0))
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    cache.check_room(10**6)
+
+
+def test_a_disk_that_fills_meanwhile_loses_no_work(
+    cache: FeatureCache, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez", full)
+    cache.put(features_named("a"))
+    assert not list(cache.folder.iterdir())
+    assert "the disk is full" in caplog.text
+
+
+@pytest.mark.parametrize("step", ["read", "touch", "list"])
+def test_what_another_process_removes_meanwhile_is_gone(
+    cache: FeatureCache, step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.put(features_named("a"))
+    path = cache.folder / f"{key('a')}.npz"
+
+    def before(owner: object, name: str) -> None:
+        """Remove the file just before `name` is called."""
+        original = getattr(owner, name)
+
+        def called(*arguments: Any, **options: Any) -> Any:
+            path.unlink(missing_ok=True)
+            return original(*arguments, **options)
+
+        monkeypatch.setattr(owner, name, called)
+
+    if step == "read":
+        before(zipfile, "ZipFile")
+    elif step == "touch":
+        before(os, "utime")
+    else:
+        before(Path, "lstat")
+    cache.get(key("a"))
+    assert (cache.entries(), cache.clear()) == ([], 0)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_features_that_are_no_numbers_are_not_kept(cache: FeatureCache, value: float, caplog: pytest.LogCaptureFixture) -> None:
+    features = features_named("a")
+    features.array[3, 4, 5, 7] = value
+    with caplog.at_level(logging.WARNING):
+        cache.put(features)
+    assert key("a") not in cache
+    assert "not numbers" in caplog.text
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has other permissions")
+def test_only_the_user_can_read_what_is_kept(cache: FeatureCache) -> None:
+    cache.folder.mkdir(parents=True, mode=0o755)
+    cache.put(features_named("a"))
+    assert cache.folder.stat().st_mode & 0o777 == 0o700
+    assert [path.stat().st_mode & 0o777 for path in cache.folder.iterdir()] == [0o600]
+
+
+def test_clearing_removes_nothing_but_what_was_written_here(cache: FeatureCache) -> None:
+    cache.put(features_named("a"))
+    (cache.folder / ".writing-12345678.npz").write_bytes(b"half")
+    theirs = ("mine.npz", "notes.txt", f"{key('b')}.npz.bak", f"{key('b')}.nii.gz")
+    for name in theirs:
+        (cache.folder / name).write_bytes(b"theirs")
+    cache.clear()
+    assert sorted(path.name for path in cache.folder.iterdir()) == sorted(theirs)
 
 
 def test_an_interrupted_write_leaves_nothing_behind(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,13 +207,13 @@ def test_an_interrupted_write_leaves_nothing_behind(cache: FeatureCache, monkeyp
 
 
 def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureCache) -> None:
-    for age, key in enumerate(("newest", "middle", "oldest")):
-        cache.put(features_named(key))
-        os.utime(cache.folder / f"{key}.npz", (1e9 - age, 1e9 - age))
-    cache.get("oldest")  # Use makes it the most recent.
+    for age, name in enumerate(("newest", "middle", "oldest")):
+        cache.put(features_named(name))
+        os.utime(cache.folder / f"{key(name)}.npz", (1e9 - age, 1e9 - age))
+    cache.get(key("oldest"))  # Use makes it the most recent.
     cache.limit_bytes = int(3.5 * cache.size_bytes() / 3)
     cache.put(features_named("another"))
-    assert {entry.key for entry in cache.entries()} == {"another", "oldest", "newest"}
+    assert {entry.key for entry in cache.entries()} == {key("another"), key("oldest"), key("newest")}
 
 
 def test_size_is_shown_and_clearing_frees_it(cache: FeatureCache) -> None:

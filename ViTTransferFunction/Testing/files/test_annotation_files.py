@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +86,35 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(colour="red"), "unknown field 'colour'"),
         (one_class(name=" "), "empty name"),
         (one_class(name=7), "class 1 has no name"),
+        (one_class(positive=[[1, 2, 3], [1, 2]]), "not a list of finite"),
+        (one_class(positive=[[1, 2, 3], 4]), "not a list of finite"),
+        (one_class(positive=[[1, 2, [3]]]), "not a list of finite"),
+        (one_class(positive=[["1", "2", "3"]]), "not a list of finite"),
+        (one_class(positive=[[True, 2, 3]]), "not a list of finite"),
+        (one_class(positive=[[None, 2, 3]]), "not a list of finite"),
+        (one_class(positive=[[10**400, 2, 3]]), "not a list of finite"),
+        (one_class(positive=[[1e300, 2, 3]]), "not a list of finite"),
+        (one_class(positive={}), "not a list of finite"),
+        (one_class(positive=[{}]), "not a list of finite"),
+        (one_class(negative=[[[1, 2, 3]]]), "not a list of finite"),
+        (one_class(iso=10**400), "'iso' of class 'liver' is 1000"),
+        (one_class(iso=[0.5]), "'iso' of class 'liver'"),
+        (one_class(size=10**400), "'size' of class 'liver' is 1000"),
+        (one_class(size=float("nan")), "'size' of class 'liver' is nan"),
+        (one_class(size={}), "'size' of class 'liver'"),
+        (one_class(color=[10**400, 0, 0]), "color of class 'liver'"),
+        (one_class(color={"red": 1}), "color of class 'liver'"),
+        (one_class(opacity="1"), "'opacity' of class 'liver'"),
+        (one_class(name=["liver"]), "class 1 has no name"),
+        (one_class(name="\ud800"), r"class '\\ud800' holds characters that cannot be written"),
+        (one_class(name="liver\nSegment1_Name:=x"), "holds characters that cannot be written"),
+        (one_class(**{"\ud800": 1}), "unknown field"),
+        ({"coordinate_system": ["RAS"], "classes": []}, "'coordinate_system' is \\['RAS'\\]"),
+        ({"coordinate_system": {}, "classes": []}, "'coordinate_system' is {}"),
+        ({"coordinate_system": "RAS", "classes": {"name": "a"}}, "not an annotation file"),
+        ({"coordinate_system": "RAS", "classes": [[]]}, "not an annotation file"),
+        (None, "not an annotation file"),
+        ("RAS", "not an annotation file"),
     ],
 )
 def test_an_unusable_annotation_file_is_refused_with_what_is_wrong(tmp_path: Path, content: Any, message: str) -> None:
@@ -96,6 +128,54 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
         read_annotations(tmp_path / "broken.json", GEOMETRY)
     with pytest.raises(InputError, match="There is no file"):
         read_annotations(tmp_path / "missing.json", GEOMETRY)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"", "not valid JSON"),
+        (b"[" * 100_000, "nested too deeply"),
+        (b'{"a":' * 100_000, "nested too deeply"),
+        (b'{"classes": ' + b"9" * 5000 + b"}", "not valid JSON"),
+        (b"\xff\xfe{\x00}\x00", "not a text in UTF-8"),
+        (b"\x00", "not valid JSON"),
+        (b'{"classes": [], "classes": []}', "'classes' stands twice"),
+        (
+            b'{"coordinate_system": "RAS", "classes": [{"name": "a", "positive": [[1, 2, 3]], "positive": []}]}',
+            "'positive' stands",
+        ),
+        (b'{"coordinate_system": "RAS", "classes": [{"name": "a", "positive": [[1e400, 2, 3]]}]}', "not a list of finite"),
+    ],
+)
+@pytest.mark.parametrize("read", [lambda path: read_annotations(path, GEOMETRY), read_markups])
+def test_text_that_holds_no_annotations_is_refused_in_a_short_sentence(
+    tmp_path: Path, text: bytes, message: str, read: Callable[[Path], Any]
+) -> None:
+    path = tmp_path / "a.json"
+    path.write_bytes(text)
+    with pytest.raises(InputError) as refused:
+        read(path)
+    assert re.search(message, str(refused.value)) or read is read_markups
+    assert len(str(refused.value)) < 300 + len(str(path))
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    path.write_bytes(b"\xef\xbb\xbf" + json.dumps(one_class()).encode())
+    assert read_annotations(path, GEOMETRY)[0].name == "liver"
+
+
+@pytest.mark.parametrize("name", ["folder", "x" * 300, "a\0b", "fifo"])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(InputError, match=r"is not a file|Cannot read"):
+        read_annotations(tmp_path / name, GEOMETRY)
+
+
+def test_names_of_all_scripts_are_kept(tmp_path: Path) -> None:
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(name="肝臓 🫀 Ü")), GEOMETRY)
+    assert annotated.name == "肝臓 🫀 Ü"
 
 
 def markups(points: list[dict[str, Any]], **fields: Any) -> dict[str, Any]:
@@ -124,7 +204,28 @@ def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> Non
         classes_from_markups({"liver": path}, {"kidney": path})
 
 
-@pytest.mark.parametrize("content", [{}, [], {"markups": [{}]}, markups([{}]), markups([{"position": [1]}])])
+@pytest.mark.parametrize(
+    "content",
+    [
+        {},
+        [],
+        None,
+        {"markups": 3},
+        {"markups": [{}]},
+        {"markups": ["controlPoints"]},
+        markups([{}]),
+        markups([[]]),  # type: ignore[list-item]
+        markups([{"position": [1]}]),
+        markups([{"position": [1, 2, 3]}, {"position": [1, 2]}]),
+        markups([{"position": [1, 2, 3, 4, 5, 6]}]),
+        markups([{"position": [10**400, 2, 3]}]),
+        markups([{"position": [float("nan"), 2, 3]}]),
+        markups([{"position": "123"}]),
+        markups([{"position": {"x": 1}}]),
+        markups([{"position": [1, 2, 3]}], coordinateSystem=["LPS"]),
+        {"markups": [{"controlPoints": 3}]},
+    ],
+)
 def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
-    with pytest.raises(InputError, match="not a Slicer markups file"):
+    with pytest.raises(InputError, match=r"not a Slicer markups file|not a list of finite|unknown coordinate system"):
         read_markups(write(tmp_path / "l.mrk.json", content))

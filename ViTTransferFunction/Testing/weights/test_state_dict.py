@@ -102,6 +102,33 @@ def test_a_training_checkpoint_is_refused_with_its_entries(a_file: Path) -> None
         load_state_dict(a_file)
 
 
+@pytest.mark.parametrize(
+    "tensor",
+    [
+        torch.tensor([1.0, float("nan")]),
+        torch.tensor([1.0, float("-inf")]),
+        torch.ones(1).expand(10**15),
+        torch.eye(3).to_sparse(),
+    ],
+    ids=["nan", "infinite", "a petabyte of one number", "sparse"],
+)
+def test_tensors_of_anything_but_finite_numbers_are_refused(a_file: Path, tensor: torch.Tensor) -> None:
+    a_file.write_bytes(_bytes_of(TENSORS | {"norm.bias": tensor}))
+
+    with pytest.raises(InputError, match=r"not finite numbers \(in 'norm\.bias'\)|not a weights file"):
+        load_state_dict(a_file)
+
+
+def test_a_lack_of_memory_is_not_taken_for_damage(a_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def out_of_memory(*_: object, **__: object) -> None:
+        raise RuntimeError("DefaultCPUAllocator: can't allocate memory: you tried to allocate 90000000 bytes")
+
+    a_file.write_bytes(SAVED)
+    monkeypatch.setattr(torch, "load", out_of_memory)
+    with pytest.raises(RuntimeError, match="can't allocate memory"):
+        load_state_dict(a_file)
+
+
 def test_a_missing_file_is_named(a_file: Path) -> None:
     with pytest.raises(InputError, match=r"Cannot read the weights file .*weights\.pth"):
         load_state_dict(a_file)

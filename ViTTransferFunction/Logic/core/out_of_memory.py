@@ -1,0 +1,32 @@
+"""When memory runs out: how that is recognised, and what is said then."""
+
+from __future__ import annotations
+
+import errno
+
+OUT_OF_MEMORY = (
+    "There is too little memory for this. Close other programs, choose a faster preset or a smaller grid, or crop the volume "
+    "to what you need."
+)
+"""What a front end says, instead of where it happened."""
+
+_SIGNS = (
+    "out of memory",
+    "not enough memory",
+    "can't allocate memory",
+    "cannot allocate memory",
+    "failed to allocate memory",
+    "bad_alloc",
+    "bad allocation",
+    "can't start new thread",
+    "paging file is too small",
+)
+"""Only Python, NumPy and CUDA have exceptions of their own for it. Apple's devices, PyTorch on processors, SimpleITK, and the
+system where it loads a library or makes room for a thread's stack, raise another that says so."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether the error says that memory ran out, on whatever device."""
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+        return True
+    return any(sign in str(error).lower() for sign in _SIGNS)

@@ -1,0 +1,60 @@
+"""Paths as users write them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ViTTransferFunction.Logic.core.cache_folder import cache_folder
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.user_path import user_path
+from ViTTransferFunction.Logic.weights.sources import find_weights, offered_models
+
+NO_PATHS = ["~nosuchuser/weights.pt", "x" * 300, "a/" * 3000, "loop/a"]
+
+
+@pytest.fixture(autouse=True)
+def a_loop_of_links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "loop").symlink_to("loop")
+    monkeypatch.chdir(tmp_path)
+
+
+def test_the_home_folder_is_spelled_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    assert user_path("~/a.pt", "a weights file") == tmp_path / "a.pt"
+
+
+@pytest.mark.parametrize("text", [*NO_PATHS, "a\0b"])
+def test_what_can_be_no_path_is_refused_in_a_short_sentence(text: str) -> None:
+    with pytest.raises(InputError, match="cannot be a weights file") as refused:
+        user_path(text, "a weights file")
+    assert len(str(refused.value)) < 400
+
+
+@pytest.mark.parametrize("text", NO_PATHS)
+def test_weights_at_no_possible_path_are_refused_when_they_are_needed(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="given path"):
+        find_weights("dinov2_vits14", text)
+    monkeypatch.setenv("VITTF_WEIGHTS", text)
+    with pytest.raises(InputError, match="VITTF_WEIGHTS"):
+        find_weights("dinov2_vits14")
+    assert "dinov2_vits14" in offered_models()
+
+
+def test_a_cache_at_no_possible_path_is_refused_and_models_are_offered_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VITTF_CACHE", "~nosuchuser")
+    with pytest.raises(InputError, match="VITTF_CACHE"):
+        cache_folder()
+    assert "dinov2_vits14" in offered_models()
+
+
+def test_a_relative_cache_in_a_folder_that_was_deleted_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    monkeypatch.setenv("VITTF_CACHE", "cache")
+    with pytest.raises(InputError, match="no folder for the cache"):
+        cache_folder()
