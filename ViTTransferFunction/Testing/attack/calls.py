@@ -6,8 +6,8 @@ import signal
 from dataclasses import dataclass, field
 from typing import Literal
 
-PATIENCE_S = 30.0
-"""What runs longer hangs: on an idle machine the longest case takes about three seconds."""
+PATIENCE_S = 120.0
+"""What runs longer hangs: long, since a busy machine is no hang; on an idle one the longest case takes about five."""
 ROOM_BYTES = 2 * 1024**3
 """Memory that a run may take beyond what the loaded libraries have: a header that lies must not exhaust the machine."""
 

@@ -1,0 +1,33 @@
+"""The session under actions that hypothesis chooses; `session_machine` says what holds."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import hypothesis
+import pytest
+from hypothesis.stateful import run_state_machine_as_test
+
+from ViTTransferFunction.Testing.attack.session_machine import Desk, machine_at
+from ViTTransferFunction.Testing.support.spheres import Spheres
+
+EXAMPLES, STEPS = 12, 20
+
+
+@pytest.mark.slow
+def test_whatever_is_done_points_undo_and_segments_hold_and_nothing_is_left(
+    slicer_app: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # VTK prints exceptions of observers and goes on.
+    raised: list[Any] = []
+    monkeypatch.setattr(sys, "excepthook", lambda *exception: raised.append(exception))
+    desk = Desk(slicer_app, spheres)
+    try:
+        run_state_machine_as_test(
+            machine_at(desk),
+            settings=hypothesis.settings(max_examples=EXAMPLES, stateful_step_count=STEPS, deadline=None),
+        )
+    finally:
+        desk.session.close()
+    assert raised == []
