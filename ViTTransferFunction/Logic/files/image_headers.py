@@ -26,6 +26,8 @@ _NIFTI_BYTES = 348
 _LONGEST_HEADER = 1 << 20
 _GZIP = b"\x1f\x8b"
 
+DICOM_START_BYTES = 132
+
 
 @dataclass(frozen=True)
 class ImageFormat:
@@ -50,7 +52,7 @@ def image_format(path: Path) -> ImageFormat:
     ending = image_ending(path)
     if ending is not None:
         return _FORMATS[ending]
-    if read_start(path)[128:132] == b"DICM":
+    if is_dicom_start(read_start(path, DICOM_START_BYTES)):
         return ImageFormat("GDCMImageIO", lambda _path, _start: None)
     known = ", ".join(_FORMATS)
     raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
@@ -70,12 +72,21 @@ def locate_voxels(path: Path) -> StoredVoxels | None:
     return image_format(path).locate(path, read_start(path))
 
 
-def read_start(path: Path) -> bytes:
-    """The file's first bytes, with all of its header."""
+def is_dicom_start(start: bytes) -> bool:
+    """Whether a file's first `DICOM_START_BYTES` are those of DICOM."""
+    return start[128:] == b"DICM"
+
+
+def read_start(path: Path, count: int = _LONGEST_HEADER) -> bytes:
+    """The file's first bytes: by default as many as hold all of a header.
+
+    Raises:
+        InputError: it is no ordinary file, or cannot be read.
+    """
     check_regular_file(path)
     try:
         with path.open("rb") as file:
-            return file.read(_LONGEST_HEADER)
+            return file.read(count)
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
 

@@ -103,7 +103,8 @@ def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping
         if not _is_as_written(temporary, array):
             _raise_if_full(temporary)
             raise InputError(f"Cannot write {path}: the disk does not give back what was written to it. Choose another folder.")
-        _check_place(read_geometry(temporary), geometry, path)
+        if not _lies_in_its_place(temporary, geometry):
+            raise InputError(f"Cannot write {path}: its format cannot hold where the volume lies. Write .nrrd or .seg.nrrd.")
 
 
 def _write_by_itk(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping[str, str]) -> None:
@@ -133,12 +134,15 @@ def _raise_if_full(temporary: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _check_place(stored: Geometry, meant: Geometry, path: Path) -> None:
+def _lies_in_its_place(path: Path, meant: Geometry) -> bool:
     """NIfTI, for one, has no place for axes that are not at right angles."""
+    try:
+        stored = read_geometry(path)
+    except InputError:
+        return False
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * (np.array(meant.shape[::-1]) - 1)
     off_mm = np.abs(stored.ijk_to_ras_points(corners) - meant.ijk_to_ras_points(corners)).max()
-    if stored.shape != meant.shape or off_mm > LARGEST_SHIFT_VOXELS * meant.spacing_mm.min():
-        raise InputError(f"Cannot write {path}: its format cannot hold where the volume lies. Write .nrrd or .seg.nrrd.")
+    return stored.shape == meant.shape and bool(off_mm <= LARGEST_SHIFT_VOXELS * meant.spacing_mm.min())
 
 
 def _is_slicer_segmentation(path: Path) -> bool:

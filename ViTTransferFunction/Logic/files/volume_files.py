@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.regular_file import check_regular_file, is_folder
 from ..core.volume import Volume
-from .image_headers import image_ending, image_format, locate_voxels
+from .image_headers import DICOM_START_BYTES, image_ending, image_format, is_dicom_start, locate_voxels, read_start
 
 logger = logging.getLogger(__name__)
 
@@ -181,6 +181,7 @@ def _read_series(folder: Path) -> sitk.Image:
         raise InputError(
             f"The folder {folder} holds {len(series)} DICOM series: {listing}. Put the one to use in a folder of its own."
         )
+    _warn_of_unread_files(folder, files[series[0]])
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames(files[series[0]])
     try:
@@ -207,6 +208,18 @@ def _check_header(size: Sequence[int], components: int, path: Path) -> None:
         raise InputError(
             f"{path} is a {kind}; expected a scalar 3D volume. Choose one channel or time point and save it alone."
         )
+
+
+def _warn_of_unread_files(folder: Path, files: tuple[str, ...]) -> None:
+    """GDCM passes over a slice that was cut off; at the end of a series, nothing else tells of it."""
+    read = {Path(name).name for name in files}
+    unread = [entry.name for entry in _entries(folder) if entry.name not in read and _is_dicom(entry)]
+    if unread:
+        logger.warning("%s: DICOM files without a slice that can be read: %d, such as %s.", folder, len(unread), unread[0])
+
+
+def _is_dicom(path: Path) -> bool:
+    return path.is_file() and path.name != "DICOMDIR" and is_dicom_start(read_start(path, DICOM_START_BYTES))
 
 
 def _warn_of_irregular_slices(files: tuple[str, ...], folder: Path) -> None:

@@ -1,0 +1,116 @@
+"""Files that are there whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.errors import InputError
+
+PIPES = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes among its files")
+
+
+def test_a_file_takes_its_place_only_when_it_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "new folder" / "result.txt"
+    with replacing(path) as temporary:
+        temporary.write_text("half")
+        assert not path.exists()
+    assert [entry.name for entry in path.parent.iterdir()] == ["result.txt"]
+    assert path.read_text() == "half"
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "x"), RuntimeError("x"), KeyboardInterrupt()])
+def test_whatever_ends_the_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path, error: BaseException) -> None:
+    path = tmp_path / "result.txt"
+    path.write_text("old")
+
+    def fail(temporary: Path) -> None:
+        temporary.write_text("new")
+        raise error
+
+    with pytest.raises((InputError, RuntimeError, KeyboardInterrupt)), replacing(path) as temporary:
+        fail(temporary)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result.txt"]
+    assert path.read_text() == "old"
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EFBIG])
+def test_a_disk_that_is_full_only_when_it_is_flushed_is_told(
+    tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="the disk is full"), replacing(tmp_path / "result.txt") as temporary:
+        temporary.write_text("new")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_network_share_that_cannot_be_flushed_is_no_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_offered(_: int) -> None:
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
+
+    monkeypatch.setattr(os, "fsync", not_offered)
+    with replacing(tmp_path / "result.txt") as temporary:
+        temporary.write_text("new")
+    assert (tmp_path / "result.txt").read_text() == "new"
+
+
+@pytest.mark.parametrize(
+    ("name", "ending"),
+    [
+        ("Case 1.5 T.NII.GZ", ".nii.gz"),
+        ("a.b.c.Seg.Nrrd", ".seg.nrrd"),
+        ("report", ""),
+        (f"{'x' * 100}.{'y' * 140}.nrrd", ".nrrd"),
+    ],
+)
+def test_the_temporary_file_has_the_ending_in_lower_case_and_a_name_that_is_not_too_long(
+    tmp_path: Path, name: str, ending: str
+) -> None:
+    with replacing(tmp_path / name) as temporary:
+        assert temporary.name.endswith(ending)
+        assert len(temporary.name) < 40
+        temporary.write_text("new")
+    assert [entry.name for entry in tmp_path.iterdir()] == [name]
+
+
+@PIPES
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_a_pipe_a_device_or_a_folder_is_no_place_for_a_file(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "result.txt"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/null")
+    else:
+        path.mkdir()
+    before = path.lstat()
+    for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
+        with pytest.raises(InputError, match=r"a pipe, a device or a socket|is a folder"):
+            attempt()
+    assert path.lstat() == before
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 0)() == 0, reason="the administrator may write to everything")
+def test_a_write_protected_file_is_not_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "result.txt"
+    path.write_text("old")
+    path.chmod(0o444)
+    with pytest.raises(InputError, match="write-protected"):
+        check_writable(path)
+
+
+def test_a_name_that_no_file_can_have_is_refused_beforehand(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        check_writable(tmp_path / ("a" * 300))
+    loop = tmp_path / "loop"
+    loop.symlink_to(loop)
+    with pytest.raises(InputError):
+        check_writable(loop / "result.txt")
