@@ -1,6 +1,7 @@
 """`vittf`: segment, fill the feature cache, draw, and manage weights, without a screen.
 
-Exit codes: 0 success; 2 something given cannot be used, with one line that says what; 130 interrupted.
+Exit codes: 0 success; 2 something given cannot be used, or there is too little memory or no room for the output, with one line
+that says what; 130 interrupted. Where nobody reads the output any more, the work is done all the same.
 """
 
 from __future__ import annotations
@@ -9,27 +10,62 @@ import argparse
 import logging
 import os
 import sys
+from pathlib import Path
 
 from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
+from ViTTransferFunction.CommandLine.console import unfailing_console
 from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit code."""
+    with unfailing_console() as output:
+        code = _run(arguments)
+        output.flush()
+        if output.trouble is not None and not isinstance(output.trouble, BrokenPipeError):
+            print(f"error: The output could not be written: {output.trouble.strerror}.", file=sys.stderr)
+            code = code or 2
+    return code
+
+
+def _run(arguments: list[str] | None) -> int:
     # Read when PyTorch loads. Where another program uses a core, spinning while waiting makes it many times slower.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
     args = build_parser().parse_args(arguments)
     try:
-        with silenced_libraries(args.verbose):
-            return args.run(args)
+        _check_surroundings(args)
+        # Within as well, since silencing makes another error stream.
+        with silenced_libraries(args.verbose), unfailing_console():
+            return int(args.run(args))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("interrupted; nothing was left half-written", file=sys.stderr)
         return 130
+    except Exception as error:
+        if is_out_of_memory(error):
+            print(f"error: {OUT_OF_MEMORY}", file=sys.stderr)
+        elif isinstance(error, OSError):
+            print(f"error: {error.filename or 'A file'} cannot be used: {error.strerror or error}.", file=sys.stderr)
+        else:
+            raise
+        return 2
+
+
+def _check_surroundings(args: argparse.Namespace) -> None:
+    """Raise InputError where no path can be looked up at all, or one holds a character that no path may hold."""
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise InputError("The current folder was deleted; go to another one.") from error
+    words = [word for value in vars(args).values() for word in (value if isinstance(value, list) else [value])]
+    for word in words:
+        if isinstance(word, (str, Path)) and "\0" in str(word):
+            raise InputError(f"{str(word)[:200]!r} holds a null character; no path may.")
 
 
 def build_parser() -> argparse.ArgumentParser:

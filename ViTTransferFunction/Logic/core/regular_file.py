@@ -35,9 +35,9 @@ def mode_of(path: Path) -> int | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise InputError(f"Cannot open {path}: {error.strerror or error}. Check the path.") from error
+        raise InputError(f"Cannot open {str(path)[:200]}: {error.strerror or error}. Check the path.") from error
     except ValueError as error:
-        raise InputError(f"{str(path)!r} is no path: {error}.") from error
+        raise InputError(f"{str(path)[:200]!r} is no path: {error}.") from error
 
 
 def not_regular(path: Path) -> InputError:

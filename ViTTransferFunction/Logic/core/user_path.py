@@ -5,24 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 
 from .errors import InputError
+from .regular_file import mode_of
 
 
 def user_path(text: str | Path, what: str) -> Path:
-    """A path whose `~` is spelled out. Whether anything is there is for the caller to see, but that can be asked.
+    """A path whose `~` is spelled out, and that can be looked up; whether anything is there is for the caller to see.
 
     Args:
         text: as the user wrote it.
         what: what the user named by it, as the message calls it.
 
     Raises:
-        InputError: there is no such home folder, or no file could have this name.
+        InputError: there is no such home folder, or nothing could be found under this name.
     """
     try:
         path = Path(text).expanduser()
-        path.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        return path
-    except (OSError, RuntimeError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{str(text)[:200]!r} cannot be {what}: {reason}. Check the path.") from error
+    except RuntimeError as error:
+        raise InputError(f"{text} cannot be {what}: there is no such home folder. Write the whole path.") from error
+    mode_of(path)
     return path

@@ -112,16 +112,12 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -
 def _read_json(path: Path) -> Any:
     check_regular_file(path)
     try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{path} is not a file; name a file with annotations.")
         # Notepad puts a mark in front.
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}).") from error
-    except ValueError as error:
-        raise InputError(f"Cannot read {str(path)!r}: {error}.") from error
     try:
         return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
     except RecursionError as error:
