@@ -51,7 +51,7 @@ def attack(forked: ForkedCalls, seed: int, number: int, keep: Path | None = None
         case = make_case(seed, number, place)
         try:
             outcomes, failures = _run(case, forked, place)
-            failures += [*case.judge(), *(_unlike(case) if case.alike and not failures else ())]
+            failures += [*case.judge(outcomes), *(_unlike(case) if case.alike and not failures else ())]
         finally:
             case.tidy_up()
         return Verdict(case.kind, ", ".join(map(str, outcomes)), failures, _story(case, outcomes))

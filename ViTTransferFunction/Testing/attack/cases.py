@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ViTTransferFunction.Testing.attack.calls import Call
+from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 from ViTTransferFunction.Testing.attack.scans import Scan
 
 OUTPUT_OPTIONS = ("-o", "--output", "--report", "--similarity-dir")
@@ -24,11 +24,13 @@ class Step:
     Attributes:
         calls: the runs.
         codes: exit codes that are right.
+        late: whether it may turn out late that a run cannot be finished; what it has written until then is whole, and stays.
         before: done to the files first.
     """
 
     calls: tuple[Call, ...]
     codes: frozenset[int] = DONE_OR_REFUSED
+    late: bool = False
     before: Callable[[], object] = lambda: None
 
 
@@ -42,7 +44,7 @@ class Case:
         steps: done one after the other.
         scan: where the truth about the volume is known, the labels' grid is compared to it.
         alike: whether all label maps that come out must be the same.
-        judge: a further look at the files when all is done; says what is wrong.
+        judge: a further look at the files when all is done, and at how the runs ended; says what is wrong.
         tidy_up: done at the end, whatever happened.
     """
 
@@ -51,7 +53,7 @@ class Case:
     steps: Sequence[Step]
     scan: Scan | None = None
     alike: bool = False
-    judge: Callable[[], Sequence[str]] = field(default=lambda: ())
+    judge: Callable[[Sequence[Outcome]], Iterable[str]] = field(default=lambda _: ())
     tidy_up: Callable[[], object] = field(default=lambda: None)
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import random
+import stat
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,9 +28,9 @@ def a_quota(chance: random.Random, place: Place) -> Case:
     limited = place.segment("scan.nrrd", *further, output=output, largest_file_bytes=largest)
     steps = [
         Step((sound,), DONE),
-        Step((limited,), before=lambda: _age(chance, place.work / output)),
+        Step((limited,), late=True, before=lambda: _age(chance, place.work / output)),
     ]
-    return Case("full disk", f"{output}, no file beyond {largest} bytes", steps, scan, judge=lambda: _old_or_new(place, output))
+    return Case("full disk", f"{output}, no file beyond {largest} bytes", steps, scan, judge=lambda _: _old_or_new(place, output))
 
 
 def a_full_disk(chance: random.Random, place: Place) -> Case:
@@ -54,10 +56,10 @@ def a_full_disk(chance: random.Random, place: Place) -> Case:
         if disk.is_mount():
             subprocess.run(["umount", "--lazy", disk], check=True)
 
-    steps = [Step((sound,), DONE), Step((limited,), before=fill)]
+    steps = [Step((sound,), DONE), Step((limited,), late=True, before=fill)]
     what = f"{output}, {free_pages} pages free {'for the cache' if of_cache else ''}"
     return Case(
-        "full disk", what, steps, scan, judge=lambda: _old_or_new(place, str(path.relative_to(place.work))) if not of_cache else (),
+        "full disk", what, steps, scan, judge=lambda _: _old_or_new(place, str(path.relative_to(place.work))) if not of_cache else (),
         tidy_up=tidy_up,
     )  # fmt: skip
 
@@ -98,6 +100,8 @@ def a_folder_without_rights(chance: random.Random, place: Place) -> Case:
             (closed / "cache" / "features").mkdir(parents=True)
             (closed / "cache" / "features").chmod(0o555)
     codes = REFUSED if what in ("output", "old output", "report", "maps") else DONE
+    if what == "cache without entry":
+        codes = DONE | REFUSED  # Whoever names such a folder has made a mistake.
     closed.chmod(0 if what == "cache without entry" else 0o555)
     if what == "home":
         environment |= {"HOME": str(closed), "VITTF_CACHE": ""}
@@ -114,14 +118,14 @@ def a_console(chance: random.Random, place: Place) -> Case:
         call = place.call(*chance.choice((["weights", "list"], ["cache", "info"], ["cache", "clear"], ["--help"])))
     what = chance.choice(("closed", "full", "ascii", "cp437", "cp1252", "folder is gone"))
     if what == "folder is gone":
-        gone = place.work / "gone"
+        gone = place.work.parent / "gone"
         gone.mkdir()
         absolute = [str(place.work / part) if (place.work / part).exists() else part for part in call.arguments]
         chosen = tuple(chance.choice((absolute, list(call.arguments))))
         call = replace(call, arguments=chosen, folder=str(gone), folder_is_gone=True)
-        return Case("console", what, [Step((call,))], judge=lambda: [] if not gone.exists() else ["the folder is back"])
+        return Case("console", what, [Step((call,))], judge=lambda _: [] if not gone.exists() else ["the folder is back"])
     fault = {"console": what} if what in ("closed", "full") else {"encoding": what}
-    return Case("console", what, [Step((replace(call, **fault),))], scan)  # type: ignore[arg-type]
+    return Case("console", what, [Step((replace(call, **fault),), late=True)], scan)  # type: ignore[arg-type]
 
 
 def a_signal(chance: random.Random, place: Place) -> Case:
@@ -166,4 +170,11 @@ def the_same_again(chance: random.Random, place: Place) -> Case:
         Step((place.segment("scan.nrrd", *further, *grid, output=f"out{n}{end}", environment={"VITTF_CACHE": cache}),), DONE)
         for n, (cache, end) in enumerate(zip(caches, (".nii.gz", ".nrrd", ".mha"), strict=True))
     ]
-    return Case("the same again", " ".join([*further, *grid]), steps, scan, alike=True)
+    what = " ".join([*further, *grid])
+    return Case("the same again", what, steps, scan, alike=True, judge=lambda _: _others_may_read(place.cache))
+
+
+def _others_may_read(cache: Path) -> Iterator[str]:
+    for path in cache.rglob("*"):
+        if rights := stat.S_IMODE(path.stat().st_mode) & 0o077:
+            yield f"others have rights {rights:o} on {path.name} in the cache"

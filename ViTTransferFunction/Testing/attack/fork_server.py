@@ -27,6 +27,8 @@ from pathlib import Path
 from ViTTransferFunction.Testing.attack.calls import PATIENCE_S, ROOM_BYTES, Call, Outcome
 
 USED_BY_ALL = (
+    "encodings.ascii", "encodings.cp1252", "encodings.cp437", "encodings.idna", "encodings.utf_8_sig",
+    "multiprocessing.synchronize",
     "numpy", "scipy.ndimage", "scipy.optimize", "scipy.sparse.linalg", "scipy.spatial", "SimpleITK", "torch", "torch.nn.functional", "tqdm", "vtk",
     "vtkmodules.util.numpy_support",
     "ViTTransferFunction.CommandLine.vittf", "ViTTransferFunction.Logic.compute.server",
@@ -222,9 +224,9 @@ def _connect(call: Call, stdout: int, stderr: int) -> None:
         stdout = os.open("/dev/full", os.O_WRONLY)
     os.dup2(stdout, 1)
     os.dup2(stderr, 2)
-    if call.encoding:
-        sys.stdout = os.fdopen(1, "w", encoding=call.encoding, closefd=False)
-        sys.stderr = os.fdopen(2, "w", encoding=call.encoding, errors="backslashreplace", buffering=1, closefd=False)
+    # As Python makes them; those of the parent know what its own were connected to.
+    sys.stdout = os.fdopen(1, "w", encoding=call.encoding or "utf-8", closefd=False)
+    sys.stderr = os.fdopen(2, "w", encoding=call.encoding or "utf-8", errors="backslashreplace", buffering=1, closefd=False)
 
 
 def _limit(call: Call) -> None:

@@ -114,7 +114,7 @@ def _two_maps_of_one_name(chance: random.Random, place: Place, scan: Scan) -> Ca
     place.write_clicks(scan, classes=entries)
     step = Step((place.segment("scan.nrrd", "--similarity-dir", "maps"),))
 
-    def one_map_for_each_class() -> list[str]:
+    def one_map_for_each_class(_: object) -> list[str]:
         if not (place.work / "out.nii.gz").exists():
             return []
         maps = {path.name.lower() for path in (place.work / "maps").iterdir()}
@@ -150,7 +150,7 @@ def other_commands(chance: random.Random, place: Place) -> Case:
     kept = {path: path.read_bytes() for path in place.cache.rglob("*") if path.is_file()} if place.cache.exists() else {}
     call = place.call(*arguments, environment=environment)
 
-    def others_are_kept() -> list[str]:
+    def others_are_kept(_: object) -> list[str]:
         return [f"removed or changed {path.name} in the cache" for path, was in kept.items() if _content(path) != was]
 
     codes = frozenset({0, 2})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ViTTransferFunction.Logic.compute.requests import (
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Testing.attack.calls import Call
+from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 from ViTTransferFunction.Testing.attack.cases import Case, Place, Step
 from ViTTransferFunction.Testing.attack.damage import change_json, damage_file
 from ViTTransferFunction.Testing.attack.scans import Scan, make_scan
@@ -60,8 +61,9 @@ def changed_requests(chance: random.Random, place: Place) -> Case:
         given_for_s=chance.choice((0.0, 0.1, 0.5)),
     )  # fmt: skip
 
-    def nothing_is_left() -> list[str]:
-        return [f"left {len(list(folder.iterdir()))} files of arrays"] if folder.exists() else []
+    def nothing_is_left(outcomes: Sequence[Outcome]) -> list[str]:
+        # Who talks to it tidies up where it could not.
+        return [f"left {len(list(folder.iterdir()))} files of arrays"] if folder.exists() and not outcomes[0].code else []
 
     return Case("protocol", f"{what}: {lines[min(at, len(lines) - 1)][:200]}", [Step((call,), ENDED)], judge=nothing_is_left)
 

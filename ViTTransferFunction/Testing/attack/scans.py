@@ -163,7 +163,7 @@ def meta(fields: Mapping[str, str], content: bytes) -> bytes:
 
 
 def write_dicom(folder: Path, scan: Scan, series: str = "1.2.826.0.1.3680043.2.1125.1", first: int = 0) -> list[Path]:
-    """Write a series, a file each slice; the voxels as int16."""
+    """Write a series, a file each slice; the voxels as int16. A left-handed scan comes back with its slices in reverse."""
     folder.mkdir(parents=True, exist_ok=True)
     image = sitk.Cast(scan.image(), sitk.sitkInt16)
     writer = sitk.ImageFileWriter()

@@ -41,11 +41,8 @@ class Desk:
             add_segment(self.theirs, name, spheres[1] == label, spheres[0].geometry.ijk_to_ras)
         self.of_others = self.about_others()
         self.session.set_segmentation(self.theirs)
-        # What is made once and stays, as the overlay's colours.
-        self.session.annotations.add_class()
-        self.session.annotations.add_points(self.session.classes[0].id, centre_ras(spheres, 1), positive=True)
+        self.show_everything()
         self.clear()
-        self.at_rest = self.counts()
 
     def about_others(self) -> list[dict[str, Any]]:
         """All that must not change about the segments of others."""
@@ -54,6 +51,14 @@ class Desk:
     def counts(self) -> tuple[int, int]:
         """How many nodes the scene has, and how many observers the session."""
         return self.scene.GetNumberOfNodes(), self.session.observer_count
+
+    def show_everything(self) -> None:
+        """So that what is made once, and stays, is there."""
+        state = self.session.annotations.add_class()
+        self.session.annotations.add_points(state.id, centre_ras(self.spheres, 1), positive=True)
+        for mode in ("similarity", "transfer function"):
+            self.session.parameters.set("rendering", mode)
+            self.session.wait(PATIENCE_S)
 
     def clear(self) -> None:
         """Take back all that was done but for undo, and come to rest."""
@@ -78,6 +83,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
         @initialize()
         def open(self) -> None:
             self.session, self.annotations = desk.session, desk.session.annotations
+            self.at_rest = desk.counts()
             self.add_class()
             self.add_points(0, True, (0.0, 0.0, 0.0), 1)
 
@@ -141,7 +147,10 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
         @rule(at=which, positive=st.booleans())
         def delete_list(self, at: int, positive: bool) -> None:
             node = self.annotations.points_node(self.class_at(at), positive)
+            display = node.GetDisplayNode()
             self.can_be_taken_back(lambda: desk.scene.RemoveNode(node))
+            # Whoever deletes a list in Slicer deletes what displays it.
+            desk.scene.RemoveNode(display)
 
         @precondition(lambda self: self.session.classes)
         @rule(at=which, step=st.sampled_from((-1, 1)), wheel=st.booleans())
@@ -246,8 +255,8 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
 
         def teardown(self) -> None:
             desk.clear()
-            assert desk.counts() == desk.at_rest
-            self_errors = desk.session.take_error()
-            assert self_errors is None or "There is nothing to segment" in self_errors, self_errors
+            assert desk.counts() == self.at_rest
+            error = desk.session.take_error()
+            assert error is None or "There is nothing to segment" in error, error
 
     return SessionMachine

@@ -42,7 +42,8 @@ def a_sound_volume(chance: random.Random, place: Place) -> Case:
     further = chance.choice(([], [], ["--report", "r.json"], ["--similarity-dir", "maps"], ["--refine", "none"]))
     call = place.segment(name, *further, output=chance.choice(OUTPUTS))
     what = f"{name}, {scan.array.dtype}, {'×'.join(map(str, scan.array.shape[::-1]))} of {scan.spacing} mm"
-    return Case("sound volume", what, [Step((call,), DONE)], scan)
+    known = _right_handed(scan) or name != "series"
+    return Case("sound volume", what, [Step((call,), DONE)], scan if known else None)
 
 
 def a_damaged_volume(chance: random.Random, place: Place) -> Case:
@@ -198,7 +199,7 @@ def write_volume(chance: random.Random, folder: Path, scan: Scan, formats: tuple
         else:
             (folder / "scan.mha").write_bytes(meta(meta_fields(scan), content))
         return f"scan.{as_format}"
-    _write_dicom(folder, scan)
+    write_dicom(folder / "series", scan)
     return "series"
 
 
@@ -212,10 +213,6 @@ def _write_nrrd(folder: Path, scan: Scan, as_format: str) -> str:
         fields["encoding"] = "gzip"
     (folder / "scan.nrrd").write_bytes(nrrd(fields, scan.array))
     return "scan.nrrd"
-
-
-def _write_dicom(folder: Path, scan: Scan) -> None:
-    write_dicom(folder / "series", scan)
 
 
 def a_dicom_folder(chance: random.Random, place: Place) -> Case:
@@ -253,7 +250,12 @@ def a_dicom_folder(chance: random.Random, place: Place) -> Case:
         codes = REFUSED
     elif what == "a file of it":
         name, codes = f"series/{paths[0].name}", REFUSED
-    return Case("DICOM", what, [Step((_segment_anything(chance, place, name),), codes)], scan if what == "sound" else None)
+    return Case("DICOM", what, [Step((_segment_anything(chance, place, name),), codes)], scan if what == "sound" and _right_handed(scan) else None)
+
+
+
+def _right_handed(scan: Scan) -> bool:
+    return bool(np.linalg.det(scan.direction) > 0)
 
 
 def _lying_nifti(chance: random.Random, folder: Path, scan: Scan) -> tuple[str, str]:
