@@ -23,7 +23,7 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def add_feature_options(parser: argparse.ArgumentParser) -> None:
     """Add the volume and everything that decides its features."""
-    parser.add_argument("volume", metavar="VOLUME", type=Path, help="an image that SimpleITK reads, or a DICOM folder")
+    parser.add_argument("volume", metavar="VOLUME", type=Path, help="a NIfTI, NRRD or MetaImage file, or a DICOM folder")
     parser.add_argument("--model", metavar="NAME", help=f"pretrained model: {', '.join(PRETRAINED_MODELS)}")
     parser.add_argument("--weights", metavar="PATH", help="weights file (else VITTF_WEIGHTS, the cache, or a download)")
     presets = "; ".join(f"{name}: {entry.meaning}" for name, entry in PRESETS.items())

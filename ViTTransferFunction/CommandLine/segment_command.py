@@ -20,7 +20,7 @@ from ViTTransferFunction.CommandLine.options import (
 )
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -62,9 +62,11 @@ def add_arguments(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     check_segmentation_path(args.output)
-    # What the classes are called, and with it the names of the maps, is known only later.
     inputs = _inputs(args)
     check_outputs(_outputs(args), inputs)
+    if args.similarity_dir:
+        # What the classes are called, and so the names of the maps, is known only later.
+        check_writable(args.similarity_dir / "map.nii.gz")
     with ProgressBar() as progress:
         session = opened_session(args)
         classes = _read_classes(args, session.volume.geometry)
@@ -89,13 +91,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _outputs(args: argparse.Namespace, classes: Sequence[AnnotatedClass] = ()) -> dict[str, Path]:
-    """What is to be written, in the user's words, and where to."""
+    """What is to be written, in the user's words, and where to; of maps those of `classes`."""
     outputs = {"the segmentation": args.output}
     if args.report:
         outputs["the report"] = args.report
     if args.similarity_dir:
-        names = [annotated.name for annotated in classes] or ["map"]
-        outputs |= {f"the map of class '{name}'": _map_path(args.similarity_dir, name) for name in names}
+        for name in (annotated.name for annotated in classes):
+            outputs[f"the map of class '{name}'"] = _map_path(args.similarity_dir, name)
     return outputs
 
 
@@ -106,8 +108,15 @@ def _inputs(args: argparse.Namespace) -> dict[str, list[Path]]:
     return {
         "the volume": files_of(args.volume),
         "the annotations": [Path(path) for path in (args.annotations, *lists) if path],
-        "the weights": [Path(path).expanduser() for path in weights if path],
+        "the weights": [_expanded(Path(path)) for path in weights if path],
     }
+
+
+def _expanded(path: Path) -> Path:
+    try:
+        return path.expanduser()
+    except RuntimeError:  # There is no such user.
+        return path
 
 
 def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[AnnotatedClass]:

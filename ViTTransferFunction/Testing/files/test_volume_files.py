@@ -80,10 +80,10 @@ def test_a_series_with_a_missing_slice_is_read_with_a_warning(
 def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
     tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
 ) -> None:
-    files = sorted(real_volume("torso_dicom").iterdir(), key=lambda file: sitk.ReadImage(str(file)).GetOrigin()[2])
+    files = [Path(name) for name in sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(real_volume("torso_dicom")))]
     for file in files:
         content = file.read_bytes()
-        (tmp_path / file.name).write_bytes(content if file != files[-1] else content[: len(content) // 2])
+        (tmp_path / file.name).write_bytes(content if file != files[-1] else content[:3000])
     with caplog.at_level(logging.WARNING):
         assert read_volume(tmp_path).shape[0] == len(files) - 1
     assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text
