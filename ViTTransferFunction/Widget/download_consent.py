@@ -33,7 +33,8 @@ def download_question(download: WeightsDownload) -> str:
         "Model: {model} ({homepage})\n"
         "Licence: {licence}\n"
         "Download: {size}, once, from {site}\n"
-        "Kept as: {target}\n\n"
+        "Kept as: {target}\n"
+        "SHA-256: {sha256}\n\n"
         "Nothing is uploaded: your images stay on this computer. Without a network, press Cancel, get the file on another "
         "computer from {url}, and choose it under Advanced, Weights.\n\n"
         "For research use only. This is not a medical device: do not base diagnosis or treatment on its results."
@@ -44,5 +45,6 @@ def download_question(download: WeightsDownload) -> str:
         size=size(download.size_mb * 1e6),
         site=urlsplit(download.url).hostname,
         target=download.target,
+        sha256=download.sha256 or _("not published; the file that comes is trusted, and no other from then on"),
         url=download.url,
     )

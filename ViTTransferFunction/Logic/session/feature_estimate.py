@@ -16,6 +16,7 @@ class WeightsDownload:
         url: where they come from.
         target: the file that they become.
         size_mb: megabytes (10⁶ bytes) of the file.
+        sha256: hexadecimal hash that the file must have; None where nobody publishes it, and the first file's counts.
     """
 
     model: str
@@ -24,6 +25,7 @@ class WeightsDownload:
     url: str
     target: str
     size_mb: int
+    sha256: str | None
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..features.networks import Networks
 from ..features.progressive import progressive_features
 from ..features.settings import FeatureSettings, feature_key
 from ..weights.models import PretrainedModel
-from ..weights.sources import WeightsFile, WeightsUnavailable, find_weights
+from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
 from .feature_estimate import FeatureEstimate, WeightsDownload
 
@@ -55,6 +55,7 @@ class FeatureSource:
         device_name: one of `DEVICE_NAMES`, to compute on.
         cache: where features are kept between sessions.
         networks: that are open already.
+        trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
 
     Attributes:
         provenance: where the features come from that were got last; None before.
@@ -69,6 +70,7 @@ class FeatureSource:
         device_name: str,
         cache: FeatureCache,
         networks: Networks,
+        trust: Trust | None = None,
     ) -> None:
         self._volume = volume
         self._settings = settings
@@ -77,6 +79,7 @@ class FeatureSource:
         self._device_name = device_name
         self._cache = cache
         self._networks = networks
+        self._trust = trust
         self.provenance: FeatureProvenance | None = None
 
     def estimate(self) -> FeatureEstimate:
@@ -110,7 +113,7 @@ class FeatureSource:
         """
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
-            weights = find_weights(self._model.name, self._weights_path, progress=progress)
+            weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
         cached = self._cache.get(self._key(weights))
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
@@ -150,7 +153,7 @@ class FeatureSource:
         if model.url is None:
             return None
         target = weights_folder() / model.file_name
-        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb)
+        return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb, model.sha256)
 
     @property
     def _size_bytes(self) -> int:

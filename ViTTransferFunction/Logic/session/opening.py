@@ -8,7 +8,7 @@ from ..features.cache import FeatureCache
 from ..features.device import check_device_name
 from ..features.networks import Networks
 from ..weights.models import pretrained_model
-from ..weights.sources import identify_model
+from ..weights.sources import Trust, identify_model
 from .feature_source import FeatureSource
 from .presets import preset
 from .segmentation_session import SegmentationSession
@@ -16,7 +16,11 @@ from .settings import SessionSettings
 
 
 def open_session(
-    volume: Volume, settings: SessionSettings, cache: FeatureCache | None = None, networks: Networks | None = None
+    volume: Volume,
+    settings: SessionSettings,
+    cache: FeatureCache | None = None,
+    networks: Networks | None = None,
+    trust: Trust | None = None,
 ) -> SegmentationSession:
     """A session on a volume; its features are still to be loaded (`SegmentationSession.load_features`).
 
@@ -25,6 +29,7 @@ def open_session(
         settings: what the user chose.
         cache: where features are kept between sessions; None: the user's cache folder.
         networks: that are open already, where several sessions follow each other.
+        trust: asked about downloaded weights whose hash nobody publishes (`find_weights`).
 
     Raises:
         InputError: a setting cannot be used, or shows nothing of the volume.
@@ -37,6 +42,6 @@ def open_session(
     # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
     check_device_name(settings.device)
     source = FeatureSource(
-        volume, features, model, settings.weights_path, settings.device, cache or FeatureCache(), networks or Networks()
+        volume, features, model, settings.weights_path, settings.device, cache or FeatureCache(), networks or Networks(), trust
     )
     return SegmentationSession(volume, chosen, source)

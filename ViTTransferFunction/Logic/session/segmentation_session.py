@@ -17,6 +17,7 @@ from ..core.class_request import ClassRequest, check_requests
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.iso_proposals import IsoProposals
+from ..core.point_thinning import thinned
 from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
@@ -143,6 +144,7 @@ class SegmentationSession:
         Any thread may ask, also while another loads finer features or segments.
         """
         # Rules keep from click to click what can be used again.
+        requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
             features, rule = self._features_and_rule
             geometry = features.geometry
@@ -169,6 +171,7 @@ class SegmentationSession:
         whatever the class's size, so that a larger size never makes the structure smaller. `between` is called between steps,
         and may raise `Cancelled`.
         """
+        requests = thinned(requests, self.volume.geometry)
         request = requests[index]
         with self.watch.step("refinement"):
             wanted = method if request.refine else "none"
@@ -208,11 +211,12 @@ class SegmentationSession:
 
         def maps() -> Iterator[tuple[np.ndarray, float]]:
             progress(0, len(requests), SEGMENTING)
-            low_maps = self.low_resolution_maps(requests)
+            telling = thinned(requests, self.volume.geometry)
+            low_maps = self.low_resolution_maps(telling)
             for index, request in enumerate(requests):
                 # In between as well: a click that comes now should not have to wait long.
                 between = partial(progress, index, len(requests), SEGMENTING)
-                full = self.refined_map(low_maps[index], requests, index, method, between)
+                full = self.refined_map(low_maps[index], telling, index, method, between)
                 between()
                 if on_map:
                     on_map(request, full)

@@ -1,4 +1,4 @@
-"""Files that arrive whole and checked, or not at all."""
+"""Files that arrive whole and checked, over an encrypted connection, or not at all."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import contextlib
 import hashlib
 import http.client
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 from ..core.atomic_file import replacing
 from ..core.errors import InputError
@@ -16,6 +18,9 @@ from ..core.progress import Progress, no_progress
 _TIMEOUT_S = 10.0
 """Longest silence of the network, on connecting as on reading, before it counts as broken."""
 _BLOCK = 1 << 20
+_MOST_BYTES = 4 * 2**30
+_SCHEMES = frozenset({"https"})
+"""Who sits in between can read and change what comes by any other; a hash alone would not show what is fetched to others."""
 
 
 class DownloadFailed(InputError):
@@ -23,14 +28,23 @@ class DownloadFailed(InputError):
 
 
 def download(
-    url: str, target: Path, *, expected_sha256: str | None = None, what: str = "Downloading", progress: Progress = no_progress
+    url: str,
+    target: Path,
+    *,
+    expected_sha256: str | None = None,
+    accept: Callable[[str], bool] = lambda sha256: True,
+    most_bytes: int = _MOST_BYTES,
+    what: str = "Downloading",
+    progress: Progress = no_progress,
 ) -> str:
     """Download `url` to `target`, which appears only when it is complete and its hash is the expected one.
 
     Args:
-        url: the file's address.
+        url: the file's address, by HTTPS, as is any that it redirects to.
         target: where it goes; its folder is created, an older file there is replaced.
-        expected_sha256: hexadecimal hash that the file must have; None accepts any.
+        expected_sha256: hexadecimal hash that the file must have; None where it is not known.
+        accept: asked then whether a file of this hash is to be kept.
+        most_bytes: a longer file is not what is wanted, and is not waited for.
         what: name of this work in `progress`.
         progress: called with bytes; may raise to cancel.
 
@@ -39,15 +53,17 @@ def download(
 
     Raises:
         DownloadFailed: the network did not deliver the whole file.
-        InputError: the file has another hash, or cannot be written.
+        InputError: the file has another hash, or one that was not accepted, or cannot be written.
     """
     with _open(url) as response, replacing(target) as part:
-        sha256 = _stream_to(part, response, what, progress)
+        sha256 = _stream_to(part, response, most_bytes, what, progress)
         if expected_sha256 is not None and sha256 != expected_sha256:
             raise InputError(
                 f"{url} delivered a file with SHA-256 {sha256}, expected {expected_sha256}; it was not kept. Something on the "
                 "way may have changed it: try another network, or get it from someone who has it and check its hash."
             )
+        if expected_sha256 is None and not accept(sha256):
+            raise InputError(f"{url} delivered a file with SHA-256 {sha256}, which was not accepted, and not kept.")
     return sha256
 
 
@@ -71,10 +87,11 @@ def sha256_of(path: Path) -> str:
 
 @contextlib.contextmanager
 def _open(url: str) -> Iterator[http.client.HTTPResponse]:
+    _check_scheme(url)
     # Some hosts refuse the default "Python-urllib".
     request = urllib.request.Request(url, headers={"User-Agent": "vit-transfer-function"})
     try:
-        response = urllib.request.urlopen(request, timeout=_TIMEOUT_S)
+        response = urllib.request.build_opener(_CheckedRedirects).open(request, timeout=_TIMEOUT_S)
     except (OSError, http.client.HTTPException) as error:
         raise DownloadFailed(f"{url} could not be opened ({str(error).strip('<>')})") from error
     with response:
@@ -84,19 +101,42 @@ def _open(url: str) -> Iterator[http.client.HTTPResponse]:
         yield response
 
 
-def _stream_to(part: Path, response: http.client.HTTPResponse, what: str, progress: Progress) -> str:
+class _CheckedRedirects(urllib.request.HTTPRedirectHandler):
+    def redirect_request(
+        self, req: urllib.request.Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
+    ) -> urllib.request.Request | None:
+        _check_scheme(newurl)
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def _check_scheme(url: str) -> None:
+    if urlsplit(url).scheme not in _SCHEMES:
+        raise DownloadFailed(f"{url} is not an https address, and nothing is fetched by any other")
+
+
+def _stream_to(part: Path, response: http.client.HTTPResponse, most_bytes: int, what: str, progress: Progress) -> str:
     digest = hashlib.sha256()
-    done, total = 0, int(response.headers.get("Content-Length", 0))
+    done, total = 0, _announced_bytes(response)
     with part.open("wb") as stream:
         for block in _blocks(response):
+            done += len(block)
+            if max(done, total) > most_bytes:
+                raise DownloadFailed(f"{response.url} delivers {max(done, total)} bytes or more, expected {most_bytes} at most")
             stream.write(block)
             digest.update(block)
-            done += len(block)
             progress(done, max(done, total), what)
     # Python's own check for an early end covers only some ways of reading.
     if done < total:
         raise DownloadFailed(f"{response.url} broke off after {done} of {total} bytes")
+    if not done:
+        raise DownloadFailed(f"{response.url} answered with an empty file")
     return digest.hexdigest()
+
+
+def _announced_bytes(response: http.client.HTTPResponse) -> int:
+    """What the header says; 0 where it says nothing of use."""
+    announced = response.headers.get("Content-Length", "")
+    return int(announced) if announced.isdecimal() and len(announced) < 20 else 0
 
 
 def _blocks(response: http.client.HTTPResponse) -> Iterator[bytes]:

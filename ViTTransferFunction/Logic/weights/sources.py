@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,12 @@ from .store import check_cached, file_in, file_names, remember, trusted_hashes, 
 
 WEIGHTS_VARIABLE = "VITTF_WEIGHTS"
 """Environment variable that names a weights file, or a folder of them."""
+
+Trust = Callable[[PretrainedModel, str], bool]
+"""Whether a file is to be used, from now on, as a model's weights: the model, and the file's hexadecimal SHA-256."""
+
+_SIZE_TOLERANCE = 2
+"""Sizes are rounded, and may change with a new release of the file; by more than this factor, it is another file."""
 
 _logger = logging.getLogger(__name__)
 
@@ -48,6 +55,7 @@ def find_weights(
     path: str | Path | None = None,
     *,
     allow_download: bool = True,
+    trust: Trust | None = None,
     progress: Progress = no_progress,
     cache_dir: Path | None = None,
 ) -> WeightsFile:
@@ -60,6 +68,8 @@ def find_weights(
         model_name: a key of `PRETRAINED_MODELS`.
         path: the user's own file, or a folder with it. A file of unknown hash is accepted, and its hash logged.
         allow_download: whether the network may be used.
+        trust: asked about a downloaded file whose hash is neither published nor known from before; without it, such weights
+            are not downloaded.
         progress: called with bytes while downloading; may raise to cancel, which leaves nothing behind.
         cache_dir: root of the cache; None for the user's.
 
@@ -69,12 +79,17 @@ def find_weights(
     """
     model = pretrained_model(model_name)
     return _given_file(model, path) or fetch_weights(
-        model_name, allow_download=allow_download, progress=progress, cache_dir=cache_dir
+        model_name, allow_download=allow_download, trust=trust, progress=progress, cache_dir=cache_dir
     )
 
 
 def fetch_weights(
-    model_name: str, *, allow_download: bool = True, progress: Progress = no_progress, cache_dir: Path | None = None
+    model_name: str,
+    *,
+    allow_download: bool = True,
+    trust: Trust | None = None,
+    progress: Progress = no_progress,
+    cache_dir: Path | None = None,
 ) -> WeightsFile:
     """The weights of a model out of the cache, which is filled from the network if need be.
 
@@ -92,8 +107,13 @@ def fetch_weights(
         raise _unavailable(model, target, "their publisher gives them only to those who agree to its licence")
     if model.url is None:
         raise _unavailable(model, target, "nobody publishes them as a file")
+    # A remembered hash outlives its file: what is downloaded in its place must be the same.
+    expected = next(iter(trusted_hashes(model, target)), None)
+    if expected is None and trust is None:
+        look = f"'vittf weights get {model.name}' shows that of the file and asks whether to trust it"
+        raise _unavailable(model, target, f"their publisher names no SHA-256; {look}")
     try:
-        return _download(model, model.url, target, progress)
+        return _download(model, model.url, target, expected, trust, progress)
     except DownloadFailed as error:
         raise _unavailable(model, target, str(error)) from error
 
@@ -183,10 +203,18 @@ def _model_of_hash(sha256: str) -> str | None:
     return next((model.name for model in PRETRAINED_MODELS.values() if model.is_published(sha256)), None)
 
 
-def _download(model: PretrainedModel, url: str, target: Path, progress: Progress) -> WeightsFile:
-    # A remembered hash outlives its file: what is downloaded in its place must be the same.
-    expected = next(iter(trusted_hashes(model, target)), None)
-    sha256 = download(url, target, expected_sha256=expected, what=f"Downloading {model.name}", progress=progress)
+def _download(
+    model: PretrainedModel, url: str, target: Path, expected: str | None, trust: Trust | None, progress: Progress
+) -> WeightsFile:
+    sha256 = download(
+        url,
+        target,
+        expected_sha256=expected,
+        accept=lambda sha256: trust is not None and trust(model, sha256),
+        most_bytes=_SIZE_TOLERANCE * model.size_mb * 10**6,
+        what=f"Downloading {model.name}",
+        progress=progress,
+    )
     if expected is None:
         remember(model, target, sha256)
     return WeightsFile(target, sha256, model, f"downloaded from {url}")

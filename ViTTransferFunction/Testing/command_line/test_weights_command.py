@@ -5,12 +5,16 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import hashlib
+import io
+import types
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ViTTransferFunction.CommandLine import weights_command
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.store import weights_folder
 
@@ -75,3 +79,46 @@ def test_removing_names_what_was_removed(cached: Path, capsys: pytest.CaptureFix
 def test_an_unknown_model_is_left_to_the_one_place_that_shows_errors(action: str) -> None:
     with pytest.raises(InputError, match="Unknown model 'resnet50'"):
         vittf("weights", action, "resnet50")
+
+
+class TestAModelWhoseHashNobodyPublishes:
+    @pytest.fixture(autouse=True)
+    def delivered(self, cached: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Its file is not here, and what is downloaded has the hash `SHA256`."""
+
+        def download(url: str, target: Path, *, accept: Callable[[str], bool], **_: object) -> str:
+            if not accept(SHA256):
+                raise InputError("not accepted")
+            target.write_bytes(WEIGHTS)
+            return SHA256
+
+        cached.unlink()
+        monkeypatch.setitem(PRETRAINED_MODELS, NAME, dataclasses.replace(PRETRAINED_MODELS[NAME], sha256=None))
+        monkeypatch.setattr(sources, "download", download)
+
+    def test_where_nobody_can_be_asked_the_command_that_trusts_it_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("sys.stdin", io.StringIO())
+        with pytest.raises(InputError, match=f"vittf weights get {NAME} --sha256 {SHA256}"):
+            vittf("weights", "get", NAME)
+
+    def test_the_hash_that_was_named_is_trusted_and_no_other(self) -> None:
+        with pytest.raises(InputError, match="not accepted"):
+            vittf("weights", "get", NAME, "--sha256", "0" * 64)
+        assert vittf("weights", "get", NAME, "--sha256", SHA256.upper()) == 0
+
+    @pytest.mark.parametrize(("answer", "trusted"), [("y", True), ("Yes", True), ("", False), ("n", False)])
+    def test_the_user_sees_the_hash_and_is_asked(self, answer: str, trusted: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+        questions: list[str] = []
+
+        def answers(question: str) -> str:
+            questions.append(question)
+            return answer
+
+        monkeypatch.setattr("sys.stdin", types.SimpleNamespace(isatty=lambda: True))
+        monkeypatch.setattr("builtins.input", answers)
+        if trusted:
+            assert vittf("weights", "get", NAME) == 0
+        else:
+            with pytest.raises(InputError, match="not accepted"):
+                vittf("weights", "get", NAME)
+        assert SHA256 in questions[0]

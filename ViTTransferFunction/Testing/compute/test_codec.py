@@ -46,7 +46,9 @@ BODIES = [
     requests.CoarseFeatures(),
     requests.GivenUp(),
     requests.Failed("'CT' is constant."),
-    FeatureEstimate(False, None, 10**10, WeightsDownload("dino", "Apache-2.0", "home", "https://meta", "/cache/dino.pth", 88)),
+    FeatureEstimate(
+        False, None, 10**10, WeightsDownload("dino", "Apache-2.0", "home", "https://meta", "/cache/dino.pth", 88, None)
+    ),
 ]
 
 

@@ -60,6 +60,17 @@ def test_the_larger_the_size_the_larger_the_structure(session: SegmentationSessi
     assert voxels[0] < 0.9 * voxels[-1]
 
 
+@pytest.mark.slow
+def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
+    session: SegmentationSession, spheres: Spheres
+) -> None:
+    make_spheres_1_and_2_alike(session)
+    voxels = np.argwhere(np.isin(spheres[1], (1, 2)))[:, ::-1]
+    within = np.random.default_rng(0).uniform(-0.4, 0.4, (50_000, 3)) + voxels[np.arange(50_000) % len(voxels)]
+    requests = [ClassRequest("spheres", spheres[0].geometry.ijk_to_ras_points(within))]
+    assert dice(session.segment(requests).labels == 1, np.isin(spheres[1], (1, 2))) > 0.9
+
+
 def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
     """Make them equal to the network, so that a click on one finds both."""
     source = session.features.source

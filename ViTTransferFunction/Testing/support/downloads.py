@@ -11,4 +11,5 @@ DOWNLOAD = WeightsDownload(
     url="https://dl.fbaipublicfiles.com/dinov2/dinov2_vits14_pretrain.pth",
     target="/cache/weights/dinov2_vits14_pretrain.pth",
     size_mb=88,
+    sha256="b938bf1bc15cd2ec0feacfe3a1bb553fe8ea9ca46a7e1d8d00217f29aef60cd9",
 )

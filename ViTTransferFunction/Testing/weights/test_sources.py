@@ -8,12 +8,15 @@ import hashlib
 import http.server
 import logging
 import threading
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.weights import download as download_module
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
@@ -31,6 +34,8 @@ class Site(http.server.ThreadingHTTPServer):
     content_type = "application/octet-stream"
     status = 200
     announced_beyond_content = 0
+    announced: str | None = None
+    redirects_to: str | None = None
     requests = 0
 
     @property
@@ -48,7 +53,10 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         site.requests += 1
         self.send_response(site.status)
         self.send_header("Content-Type", site.content_type)
-        self.send_header("Content-Length", str(len(site.content) + site.announced_beyond_content))
+        if site.redirects_to is not None:
+            self.send_header("Location", site.redirects_to)
+        usual = str(len(site.content) + site.announced_beyond_content)
+        self.send_header("Content-Length", usual if site.announced is None else site.announced)
         self.end_headers()
         self.wfile.write(site.content)
 
@@ -56,9 +64,15 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Keep the test's output clean."""
 
 
+def trusting(model: PretrainedModel, sha256: str) -> bool:
+    return True
+
+
 @pytest.fixture
 def site(monkeypatch: pytest.MonkeyPatch) -> Iterator[Site]:
     monkeypatch.setenv("no_proxy", "127.0.0.1")
+    # It has no certificate.
+    monkeypatch.setattr(download_module, "_SCHEMES", {"https", "http"})
     with Site(("127.0.0.1", 0), _Handler) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
@@ -97,7 +111,7 @@ def _files(folder: Path) -> list[str]:
 
 class TestDownload:
     def test_the_file_arrives_whole_and_says_where_it_came_from(self, hashed: PretrainedModel, folder: Path) -> None:
-        weights = find_weights(NAME)
+        weights = find_weights(NAME, trust=trusting)
 
         assert weights.path == folder / "dino_deitsmall8_pretrain.pth"
         assert weights.path.read_bytes() == WEIGHTS
@@ -105,7 +119,7 @@ class TestDownload:
         assert weights.origin == f"downloaded from {hashed.url}"
 
     def test_the_second_time_it_is_in_the_cache(self, hashed: PretrainedModel, site: Site) -> None:
-        find_weights(NAME)
+        find_weights(NAME, trust=trusting)
 
         assert find_weights(NAME, allow_download=False).origin == "cache"
         assert site.requests == 1
@@ -114,7 +128,7 @@ class TestDownload:
     def test_progress_counts_its_bytes(self) -> None:
         reports: list[tuple[int, int, str]] = []
 
-        find_weights(NAME, progress=lambda done, total, what: reports.append((done, total, what)))
+        find_weights(NAME, trust=trusting, progress=lambda done, total, what: reports.append((done, total, what)))
 
         assert reports[-1] == (len(WEIGHTS), len(WEIGHTS), "Downloading dino_vits8")
         assert [done for done, _, _ in reports] == sorted(done for done, _, _ in reports)
@@ -123,7 +137,7 @@ class TestDownload:
         site.content = b"something else"
 
         with pytest.raises(InputError, match=f"expected {hashed.sha256}; it was not kept"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         assert _files(folder) == []
 
@@ -132,14 +146,14 @@ class TestDownload:
         site.announced_beyond_content = 1
 
         with pytest.raises(WeightsUnavailable, match="broke off after 3500000 of 3500001 bytes"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         assert _files(folder) == []
 
     @pytest.mark.usefixtures("unhashed")
     def test_a_cancelled_download_leaves_nothing(self, folder: Path) -> None:
         with pytest.raises(Cancelled):
-            find_weights(NAME, progress=cancel_at_once)
+            find_weights(NAME, trust=trusting, progress=cancel_at_once)
 
         assert _files(folder) == []
 
@@ -148,16 +162,78 @@ class TestDownload:
         site.content, site.content_type = b"<html>Log in</html>", "text/html; charset=utf-8"
 
         with pytest.raises(WeightsUnavailable, match="web page instead of the file"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         assert _files(folder) == []
+
+    @pytest.mark.parametrize("url", ["http://example.org/w.pth", "ftp://example.org/w.pth", "file:///etc/passwd", "w.pth"])
+    def test_nothing_is_fetched_but_by_https(self, url: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        _publish(monkeypatch, url=url, sha256=None)
+
+        with pytest.raises(WeightsUnavailable, match="is not an https address"):
+            find_weights(NAME, trust=trusting)
+
+        assert _files(folder) == []
+
+    @pytest.mark.usefixtures("unhashed")
+    @pytest.mark.parametrize("address", ["http://example.org/w.pth", "ftp://example.org/w.pth", "file:///etc/passwd"])
+    def test_a_redirect_to_anything_but_https_is_not_followed(
+        self, address: str, site: Site, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        site.status, site.redirects_to = 302, address
+        original = urllib.request.OpenerDirector.open
+
+        def opened(opener: urllib.request.OpenerDirector, *arguments: Any, **options: Any) -> Any:
+            # The site itself is reached; from there on, no exception is made for it.
+            monkeypatch.setattr(download_module, "_SCHEMES", {"https"})
+            return original(opener, *arguments, **options)
+
+        monkeypatch.setattr(urllib.request.OpenerDirector, "open", opened)
+        with pytest.raises(WeightsUnavailable, match=f"{address} is not an https address|is not allowed"):
+            find_weights(NAME, trust=trusting)
+
+        assert _files(folder) == []
+
+    @pytest.mark.usefixtures("unhashed")
+    def test_an_empty_file_is_not_taken_for_weights(self, site: Site, folder: Path) -> None:
+        site.content = b""
+
+        with pytest.raises(WeightsUnavailable, match="empty file"):
+            find_weights(NAME, trust=trusting)
+
+        assert _files(folder) == []
+
+    @pytest.mark.usefixtures("unhashed")
+    @pytest.mark.parametrize("announced", ["-5", "many", "", "1e30", "9" * 5000, "3499999, 3499999"])
+    def test_a_length_that_makes_no_sense_is_not_believed(self, announced: str, site: Site) -> None:
+        site.announced = announced
+
+        assert find_weights(NAME, trust=trusting).path.read_bytes() == WEIGHTS
+
+    @pytest.mark.parametrize("announced", [str(10**15), str(len(WEIGHTS))])
+    def test_far_more_than_the_model_has_is_not_waited_for(
+        self, announced: str, site: Site, unhashed: PretrainedModel, folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setitem(PRETRAINED_MODELS, NAME, dataclasses.replace(unhashed, size_mb=1))
+        site.announced = announced
+
+        with pytest.raises(WeightsUnavailable, match="expected 2000000 at most"):
+            find_weights(NAME, trust=trusting)
+
+        assert _files(folder) == []
+
+    def test_a_part_that_passes_for_the_whole_is_not_the_file(self, site: Site, hashed: PretrainedModel) -> None:
+        site.announced = str(len(WEIGHTS) - 1)
+
+        with pytest.raises(InputError, match=f"expected {hashed.sha256}; it was not kept"):
+            find_weights(NAME)
 
     @pytest.mark.usefixtures("unhashed")
     def test_a_site_without_the_file_is_quoted(self, site: Site) -> None:
         site.status = 404
 
         with pytest.raises(WeightsUnavailable, match="HTTP Error 404: Not Found"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
     def test_without_network_the_message_says_where_to_get_it_and_where_to_put_it(
         self, monkeypatch: pytest.MonkeyPatch, folder: Path
@@ -166,7 +242,7 @@ class TestDownload:
         model = _publish(monkeypatch, url="http://127.0.0.1:9/weights.pth", sha256=None)
 
         with pytest.raises(WeightsUnavailable) as error:
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         for part in (model.url, "Apache-2.0", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS"):
             assert str(part) in str(error.value)
@@ -196,7 +272,7 @@ class TestDownload:
             raise OSError(errno.ENOSPC, "No space left on device")
 
         with pytest.raises(InputError, match="disk is full"):
-            find_weights(NAME, progress=disk_is_full)
+            find_weights(NAME, trust=trusting, progress=disk_is_full)
 
         assert _files(folder) == []
 
@@ -207,42 +283,67 @@ class TestDownload:
         folder.parent.write_text("a file where the cache's folder should be")
 
         with pytest.raises(InputError, match="Cannot write"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
 
 class TestTrust:
+    def test_without_a_published_hash_nothing_is_downloaded_unless_somebody_looks_at_it(
+        self, unhashed: PretrainedModel, site: Site
+    ) -> None:
+        with pytest.raises(WeightsUnavailable, match=f"'vittf weights get {unhashed.name}' shows"):
+            find_weights(NAME)
+
+        assert site.requests == 0
+
+    def test_the_hash_is_shown_and_a_file_that_is_not_wanted_is_not_kept(self, unhashed: PretrainedModel, folder: Path) -> None:
+        asked: list[tuple[PretrainedModel, str]] = []
+
+        def refuses(model: PretrainedModel, sha256: str) -> bool:
+            asked.append((model, sha256))
+            return False
+
+        with pytest.raises(InputError, match=f"{SHA256}, which was not accepted"):
+            find_weights(NAME, trust=refuses)
+
+        assert asked == [(unhashed, SHA256)]
+        assert _files(folder) == []
+
+    @pytest.mark.usefixtures("hashed")
+    def test_where_a_hash_is_published_nobody_is_asked(self) -> None:
+        assert find_weights(NAME, trust=lambda *_: False).sha256 == SHA256
+
     def test_the_first_hash_is_shown_and_remembered(
         self, unhashed: PretrainedModel, folder: Path, caplog: pytest.LogCaptureFixture
     ) -> None:
         with caplog.at_level(logging.WARNING):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         assert SHA256 in caplog.text
         assert (folder / f"{unhashed.file_name}.sha256").read_text() == f"{SHA256}  {unhashed.file_name}\n"
 
     def test_a_file_that_changed_since_is_refused(self, unhashed: PretrainedModel, folder: Path) -> None:
-        find_weights(NAME)
+        find_weights(NAME, trust=trusting)
         (folder / unhashed.file_name).write_bytes(b"changed")
 
         with pytest.raises(InputError, match=f"expected {SHA256}.*vittf weights remove dino_vits8"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
     def test_a_later_download_must_be_the_same_file(self, unhashed: PretrainedModel, site: Site, folder: Path) -> None:
-        find_weights(NAME).path.unlink()
+        find_weights(NAME, trust=trusting).path.unlink()
         site.content = b"changed"
 
         with pytest.raises(InputError, match=f"expected {SHA256}"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
         assert _files(folder) == [f"{unhashed.file_name}.sha256"]
 
     @pytest.mark.usefixtures("unhashed")
     def test_removing_the_weights_forgets_the_hash(self, site: Site) -> None:
-        find_weights(NAME)
+        find_weights(NAME, trust=trusting)
         remove_weights(NAME)
         site.content = b"published again"
 
-        assert find_weights(NAME).path.read_bytes() == b"published again"
+        assert find_weights(NAME, trust=trusting).path.read_bytes() == b"published again"
 
     @pytest.mark.usefixtures("unhashed")
     @pytest.mark.parametrize("file_name", ["dino_deitsmall8_pretrain.pth", "dino_vits8.pt", "dino_vits8.pth"])
@@ -260,7 +361,7 @@ class TestTrust:
         (folder / f"{hashed.file_name}.sha256").write_text(hashlib.sha256(other).hexdigest())
 
         with pytest.raises(InputError, match=f"expected {SHA256}"):
-            find_weights(NAME)
+            find_weights(NAME, trust=trusting)
 
 
 class TestCache:
@@ -269,19 +370,19 @@ class TestCache:
 
     @pytest.mark.usefixtures("hashed")
     def test_what_was_fetched_is_listed(self) -> None:
-        path = find_weights(NAME).path
+        path = find_weights(NAME, trust=trusting).path
 
         assert [(e.path, e.sha256, e.intact) for e in list_weights() if e.path is not None] == [(path, SHA256, True)]
 
     @pytest.mark.usefixtures("hashed")
     def test_a_damaged_file_is_listed_as_such(self) -> None:
-        find_weights(NAME).path.write_bytes(b"damaged")
+        find_weights(NAME, trust=trusting).path.write_bytes(b"damaged")
 
         assert [entry.intact for entry in list_weights() if entry.path is not None] == [False]
 
     @pytest.mark.usefixtures("unhashed")
     def test_removing_leaves_nothing_of_the_model_and_everything_else(self, folder: Path) -> None:
-        find_weights(NAME)
+        find_weights(NAME, trust=trusting)
         (folder / "dino_vits16.pt").write_bytes(b"another model's")
 
         assert len(remove_weights(NAME)) == 2

@@ -79,6 +79,7 @@ def test_what_a_download_is_and_that_this_is_research_is_said_before_it(host: Ho
         "dinov2_vits14 (https://github.com/facebookresearch/dinov2)",
         "Licence: Apache-2.0",
         "88 MB",
+        "SHA-256: b938bf1bc15c",
         "from dl.fbaipublicfiles.com",
         "/cache/weights/dinov2_vits14_pretrain.pth",
         "choose it under Advanced, Weights",
