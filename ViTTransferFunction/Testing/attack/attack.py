@@ -24,13 +24,13 @@ class Verdict:
 
     Attributes:
         kind: of the case.
-        outcome: of its runs, in a few words.
+        outcomes: of its runs, in a word or two.
         failures: what is wrong; empty where all is well.
         story: what was done and said, for who looks into it.
     """
 
     kind: str
-    outcome: str
+    outcomes: Sequence[str]
     failures: Sequence[str]
     story: str
 
@@ -54,7 +54,7 @@ def attack(forked: ForkedCalls, seed: int, number: int, keep: Path | None = None
             failures += [*case.judge(outcomes), *(_unlike(case) if case.alike and not failures else ())]
         finally:
             case.tidy_up()
-        return Verdict(case.kind, ", ".join(map(str, outcomes)), failures, _story(case, outcomes))
+        return Verdict(case.kind, [str(outcome) for outcome in outcomes], failures, _story(case, outcomes))
     finally:
         if keep is None:
             _delete(folder)
