@@ -1,7 +1,7 @@
 """`vittf`: segment, fill the feature cache, draw, and manage weights, without a screen.
 
 Exit codes: 0 success; 2 something given cannot be used, or there is too little memory or no room for the output, with one line
-that says what; 130 interrupted. Where nobody reads the output any more, the work is done all the same.
+that says what; 130 interrupted, 143 asked to end (SIGTERM). Where nobody reads the output any more, the work is done all the same.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ViTTransferFunction.CommandLine import cache_command, features_command, render_command, segment_command, weights_command
 from ViTTransferFunction.CommandLine.console import unfailing_console
+from ViTTransferFunction.CommandLine.interruption import TERMINATED, Terminated, ending_on_request, interruption_behind
 from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
@@ -34,19 +35,21 @@ def _run(arguments: list[str] | None) -> int:
     # Read when PyTorch loads. Where another program uses a core, spinning while waiting makes it many times slower.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
-    args = build_parser().parse_args(arguments)
     try:
-        _check_surroundings(args)
-        # Within as well, since silencing makes another error stream.
-        with silenced_libraries(args.verbose), unfailing_console():
-            return int(args.run(args))
+        with ending_on_request():
+            args = build_parser().parse_args(arguments)
+            _check_surroundings(args)
+            # Within as well, since silencing makes another error stream.
+            with silenced_libraries(args.verbose), unfailing_console():
+                return int(args.run(args))
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("interrupted; nothing was left half-written", file=sys.stderr)
-        return 130
-    except Exception as error:
+    except (KeyboardInterrupt, Exception) as error:
+        interruption = interruption_behind(error)
+        if interruption is not None:
+            print("interrupted; nothing was left half-written", file=sys.stderr)
+            return TERMINATED if isinstance(interruption, Terminated) else 130
         if is_out_of_memory(error):
             print(f"error: {OUT_OF_MEMORY}", file=sys.stderr)
         elif isinstance(error, OSError):

@@ -61,11 +61,14 @@ class FeatureCache:
         path = self._path(key)
         try:
             array, ijk_to_ras = read_arrays(path)
+            if not array.size or not _all_finite(array):
+                raise ValueError("the features hold values that are not numbers, or none at all")
             features = FeatureVolume(array, Geometry(array.shape[:3], ijk_to_ras), key)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError) as error:
-            logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, error)
+            reason = " ".join(str(error).split())
+            logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, reason)
             with suppress(OSError):
                 path.unlink()
             return None
@@ -84,7 +87,7 @@ class FeatureCache:
         Features that are not finite are not stored. Where the folder cannot be written to, or the disk is full, a warning says
         so once.
         """
-        if not all(np.isfinite(layer).all() for layer in features.array):
+        if not _all_finite(features.array):
             logger.warning("The features hold values that are not numbers; they are not kept in the cache.")
             return
         path = self._path(features.key)
@@ -176,6 +179,11 @@ class CacheEntry:
     key: str
     size_bytes: int
     last_used_s: float
+
+
+def _all_finite(array: np.ndarray) -> bool:
+    """Layer by layer: features are large."""
+    return all(bool(np.isfinite(layer).all()) for layer in array)
 
 
 def read_arrays(path: Path) -> tuple[np.ndarray, np.ndarray]:

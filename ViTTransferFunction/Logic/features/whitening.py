@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.resampling import sample_at
 from .feature_volume import FeatureVolume
@@ -73,6 +74,9 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
         features: as extracted.
         statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
             the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+
+    Raises:
+        InputError: the features are to be whitened and do not vary.
     """
     transform = _fit_transform(features.array, statistics)
     cells = features.array.reshape(-1, features.channels)
@@ -101,6 +105,11 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
+    if not len(order):
+        raise InputError(
+            "The features are the same everywhere in this volume, so nothing can be told apart. Check that the weights are "
+            "those of a trained network, and that the volume shows something."
+        )
     projection = directions[:, order] / np.sqrt(variances[order])
     return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
 

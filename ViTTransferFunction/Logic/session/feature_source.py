@@ -17,7 +17,7 @@ from ..features.extraction import extract_features, features_size_bytes
 from ..features.feature_volume import FeatureVolume
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
-from ..features.settings import FeatureSettings, feature_key
+from ..features.settings import FeatureSettings, feature_key, grid_shape
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
@@ -114,7 +114,7 @@ class FeatureSource:
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
             weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
-        cached = self._cache.get(self._key(weights))
+        cached = self._cached(self._key(weights))
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
         )
@@ -130,6 +130,12 @@ class FeatureSource:
             features = extract_features(self._volume, network, self._settings, progress)
             yield features
         self._cache.put(features)
+
+    def _cached(self, key: str) -> FeatureVolume | None:
+        """The cached features, unless somebody put others in their place."""
+        cached = self._cache.get(key)
+        fits = cached is not None and cached.geometry.shape == grid_shape(self._volume.geometry, self._settings)
+        return cached if fits else None
 
     @cached_property
     def _device(self) -> torch.device:

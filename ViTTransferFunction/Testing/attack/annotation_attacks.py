@@ -115,4 +115,7 @@ def point_list(scan: Scan, which: int) -> dict[str, Any]:
     position = (scan.ijk_to_lps @ [*scan.inside[which], 1]).tolist()
     point = {"id": "1", "label": "F-1", "position": position, "selected": True, "positionStatus": "defined"}
     markup = {"type": "Fiducial", "coordinateSystem": "LPS", "coordinateUnits": "mm", "controlPoints": [point]}
-    return {"@schema": "https://raw.githubusercontent.com/slicer/slicer/master/markups-schema-v1.0.3.json#", "markups": [markup]}
+    return {
+        "@schema": "https://raw.githubusercontent.com/slicer/slicer/master/markups-schema-v1.0.3.json#",
+        "markups": [markup],
+    }

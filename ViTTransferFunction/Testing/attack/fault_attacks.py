@@ -30,7 +30,9 @@ def a_quota(chance: random.Random, place: Place) -> Case:
         Step((sound,), DONE),
         Step((limited,), late=True, before=lambda: _age(chance, place.work / output)),
     ]
-    return Case("full disk", f"{output}, no file beyond {largest} bytes", steps, scan, judge=lambda _: _old_or_new(place, output))
+    return Case(
+        "full disk", f"{output}, no file beyond {largest} bytes", steps, scan, judge=lambda _: _old_or_new(place, output)
+    )
 
 
 def a_full_disk(chance: random.Random, place: Place) -> Case:
@@ -113,7 +115,9 @@ def a_console(chance: random.Random, place: Place) -> Case:
     """Nobody reads what is printed, there is no room for it, or it cannot be said in the console's letters."""
     scan = write_scan(chance, place)
     place.write_clicks(scan, classes=[{"name": chance.choice(("Glühwein", "肝臓", "plain")), "positive": [scan.inside[0]]}])
-    call = place.segment(chance.choice(("scan.nrrd", "scan.nrrd", "fehlt-ü患.nrrd")), output=chance.choice(("out.nii", "ü患.nii")))
+    call = place.segment(
+        chance.choice(("scan.nrrd", "scan.nrrd", "fehlt-ü患.nrrd")), output=chance.choice(("out.nii", "ü患.nii"))
+    )
     if chance.random() < 0.25:
         call = place.call(*chance.choice((["weights", "list"], ["cache", "info"], ["cache", "clear"], ["--help"])))
     what = chance.choice(("closed", "full", "ascii", "cp437", "cp1252", "folder is gone"))

@@ -92,7 +92,7 @@ def _lines_wrong(lines: Sequence[str], code: int) -> list[str]:
         # Python's own parser of arguments says how the command is used, and then what is wrong.
         return [] if code == REFUSED and re.match(r"vittf.*: error: ", lines[-1]) else [f"says {lines[-1][:200]!r}"]
     sentences = [line for line in lines if not _OURS.match(line)]
-    if code == INTERRUPTED:
+    if code in (INTERRUPTED, TERMINATED):
         return [] if len(sentences) == 1 else [f"says {len(sentences)} lines, expected one"]
     if code != REFUSED:
         return [f"says {len(sentences)} lines, such as {sentences[0][:200]!r}"] if sentences else []

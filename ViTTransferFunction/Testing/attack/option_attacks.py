@@ -51,7 +51,9 @@ def options(chance: random.Random, place: Place) -> Case:
     if chance.random() < 0.25:
         arguments += ["--window", chance.choice(NUMBERS), chance.choice(NUMBERS)]
     if chance.random() < 0.1:
-        arguments += chance.choice((["--keep-all-components"], ["--verbose"], ["--nonsense"], ["extra"], ["--help"], ["--grid"]))
+        arguments += chance.choice(
+            (["--keep-all-components"], ["--verbose"], ["--nonsense"], ["extra"], ["--help"], ["--grid"])
+        )
     arguments = [argument.replace("\x00", "") for argument in arguments]
     return Case("options", " ".join(arguments[2:])[:200], [Step((place.call(*arguments),))], scan)
 

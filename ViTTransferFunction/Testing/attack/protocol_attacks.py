@@ -41,11 +41,15 @@ def changed_requests(chance: random.Random, place: Place) -> Case:
     folder.mkdir()
     lines = [_line(number, request, folder) for number, request in enumerate(_requests(make_scan(chance)), start=1)]
     at = chance.randrange(len(lines))
-    what = chance.choice(("changed", "changed", "changed", "no JSON", "long", "twice", "left out", "arrays damaged", "arrays gone"))
+    what = chance.choice(
+        ("changed", "changed", "changed", "no JSON", "long", "twice", "left out", "arrays damaged", "arrays gone")
+    )
     if what == "changed":
         lines[at] = json.dumps(change_json(json.loads(lines[at]), chance))
     elif what == "no JSON":
-        lines[at] = chance.choice(("", "{", "null", "[]", "x" * 100, "[" * 50_000, '{"content": {}}', '{"content": {"number": 1}}'))
+        lines[at] = chance.choice(
+            ("", "{", "null", "[]", "x" * 100, "[" * 50_000, '{"content": {}}', '{"content": {"number": 1}}')
+        )
     elif what == "long":
         lines[at] = json.dumps({"content": {"number": 1, "body": {"type": "Prepare", "values": {"x": "a" * 300_000}}}})
     elif what == "twice":

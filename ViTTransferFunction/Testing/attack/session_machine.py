@@ -10,6 +10,7 @@ import vtk
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import class_nodes, read_class
 from ViTTransferFunction.Testing.support.scenes import add_segment, open_spheres, segment_masks
 from ViTTransferFunction.Testing.support.segments import everything_about
@@ -173,7 +174,16 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
             ),
         )
         def set_class(self, at: int, fields: dict[str, Any]) -> None:
-            self.annotations.set_class(self.class_at(at), **fields)
+            before = self.session.classes
+            try:
+                self.annotations.set_class(self.class_at(at), **fields)
+            except InputError:
+                assert self.session.classes == before
+
+        @precondition(lambda self: self.session.classes)
+        @rule(at=which, name=st.text(max_size=5))
+        def rename_list(self, at: int, name: str) -> None:
+            self.annotations.points_node(self.class_at(at), True).SetName(name)
 
         @rule(steps=st.integers(1, 4))
         def undo_and_redo(self, steps: int) -> None:

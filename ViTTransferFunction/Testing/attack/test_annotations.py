@@ -40,7 +40,10 @@ classes = st.fixed_dictionaries(
     },
 )
 files = st.fixed_dictionaries(
-    {"coordinate_system": st.sampled_from(["IJK", "RAS", "LPS"]) | anything, "classes": st.lists(classes, max_size=3) | anything}
+    {
+        "coordinate_system": st.sampled_from(["IJK", "RAS", "LPS"]) | anything,
+        "classes": st.lists(classes, max_size=3) | anything,
+    }
 )
 
 

@@ -16,4 +16,6 @@ def test_whatever_is_given_a_run_is_done_or_refused_in_a_sentence_and_all_else_i
     forked: ForkedCalls, number: int
 ) -> None:
     verdict = attack(forked, SEED, number)
-    assert not verdict.failures, f"{verdict.failures}\n{verdict.story}\nAgain: python dev.py attack --seed {SEED} --first {number} --cases 1"
+    assert not verdict.failures, (
+        f"{verdict.failures}\n{verdict.story}\nAgain: python dev.py attack --seed {SEED} --first {number} --cases 1"
+    )

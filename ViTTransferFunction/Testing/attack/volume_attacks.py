@@ -250,8 +250,12 @@ def a_dicom_folder(chance: random.Random, place: Place) -> Case:
         codes = REFUSED
     elif what == "a file of it":
         name, codes = f"series/{paths[0].name}", REFUSED
-    return Case("DICOM", what, [Step((_segment_anything(chance, place, name),), codes)], scan if what == "sound" and _right_handed(scan) else None)
-
+    return Case(
+        "DICOM",
+        what,
+        [Step((_segment_anything(chance, place, name),), codes)],
+        scan if what == "sound" and _right_handed(scan) else None,
+    )
 
 
 def _right_handed(scan: Scan) -> bool:
