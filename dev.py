@@ -7,8 +7,10 @@
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
     python dev.py screenshots    draw the pictures of the README; arguments go to it, `--help` names them
     python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
+    python dev.py lock     write locked-requirements.txt anew, after a change of constraints.txt or pyproject.toml
 
-Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt.
+Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt; on Linux with
+Python 3.11, as in continuous integration, only files whose hashes locked-requirements.txt names.
 Only the standard library is used here, since nothing else is there yet.
 """
 
@@ -16,9 +18,12 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
+import platform
 import subprocess
 import sys
+import tempfile
 import venv
 from pathlib import Path
 
@@ -26,6 +31,12 @@ ROOT = Path(__file__).resolve().parent
 ENVIRONMENT = ROOT / ".venv"
 PYTHON = ENVIRONMENT / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 OLDEST_PYTHON = (3, 10)
+CONSTRAINTS, LOCK = "constraints.txt", "locked-requirements.txt"
+LOCKED_FOR = ("linux", "x86_64", (3, 11))
+PACKAGE_INDEX = "https://pypi.org/simple"
+CPU_BUILDS = "https://download.pytorch.org/whl/cpu/torch/"
+"""PyTorch's builds for processors alone, a fraction of the size of those that the package index has for Linux; pip finds them
+where the variable PIP_FIND_LINKS names this address, or a folder with the file."""
 
 
 def main() -> int:
@@ -37,7 +48,7 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    every = (demo, test, lint, attack, bench, screenshots, rooms)
+    every = (demo, test, lint, attack, bench, screenshots, rooms, lock)
     commands = {command.__name__: command for command in every}
     parser.add_argument("command", choices=list(commands))
     command, rest = parser.parse_known_args()
@@ -102,20 +113,77 @@ def set_up(*extras: str) -> None:
     if not PYTHON.exists():
         print(f"Creating {ENVIRONMENT}", flush=True)
         venv.create(ENVIRONMENT, with_pip=True)
-    target = f".[{','.join(extras)}]" if extras else "."
-    print(f"Installing {target} (PyTorch and VTK: a few minutes on the first run)", flush=True)
+    print("Installing the requirements (PyTorch and VTK: a few minutes on the first run)", flush=True)
+    if not (locked_for_this_computer() and install_locked()):
+        target = f".[{','.join(extras)}]" if extras else "."
+        install("--constraint", CONSTRAINTS, "--editable", target)
+    stamp.write_text(wanted)
+
+
+def locked_for_this_computer() -> bool:
+    """Whether the lock is for this computer's kind."""
+    return (sys.platform, platform.machine(), sys.version_info[:2]) == LOCKED_FOR
+
+
+def install_locked() -> bool:
+    """Install the files that the lock names and the project; whether that is all that is needed."""
+    install("--require-hashes", "--no-deps", "--requirement", LOCK)
+    install("--no-deps", "--no-build-isolation", "--editable", ".")
+    # Where only PyTorch's build for NVIDIA cards was to be had, it lacks libraries that nothing here uses.
+    check = subprocess.run([PYTHON, "-m", "pip", "check"], cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
+    return check.returncode == 0
+
+
+def install(*arguments: str) -> None:
+    """Let pip install into the environment; ends the program if it cannot."""
     # Somebody who watches sees pip's progress; a log does without.
     quiet = [] if sys.stdout.isatty() else ["--quiet"]
-    options = ["--disable-pip-version-check", *quiet, "--constraint", "constraints.txt", "--editable", target]
-    installed = subprocess.run([PYTHON, "-m", "pip", "install", *options], cwd=ROOT, check=False)
+    command: list[str | Path] = [PYTHON, "-m", "pip", "install", "--disable-pip-version-check", *quiet, *arguments]
+    installed = subprocess.run(command, cwd=ROOT, check=False)
     if installed.returncode:
         sys.exit(f"pip could not install the requirements (exit code {installed.returncode}); its message stands above.")
-    stamp.write_text(wanted)
+
+
+def lock(arguments: list[str]) -> int:
+    """Write the lock: the version of everything that the tests and checks need, and the hash of its file."""
+    if not locked_for_this_computer():
+        print("The lock is of Linux on x86-64 with Python 3.11, and can only be made there.", file=sys.stderr)
+        return 2
+    with tempfile.TemporaryDirectory() as folder:
+        # A pip of today learns what a package needs without fetching it.
+        venv.create(folder, with_pip=True)
+        python = Path(folder) / "bin" / "python"
+        subprocess.run([python, "-m", "pip", "install", "--quiet", "--upgrade", "pip"], check=True)
+        wanted = ("setuptools>=77", ".[test,lint]")
+        chosen = resolved(python, "--constraint", CONSTRAINTS, *wanted)
+        (torch,) = (requirement for requirement in chosen if requirement.startswith("torch=="))
+        published = resolved(python, "--isolated", "--index-url", PACKAGE_INDEX, "--no-deps", torch)
+    if chosen[torch] == published[torch]:
+        print(f"PyTorch's build for processors was not found; set PIP_FIND_LINKS={CPU_BUILDS}", file=sys.stderr)
+        return 2
+    hashes = {requirement: sorted({sha256, published.get(requirement, sha256)}) for requirement, sha256 in chosen.items()}
+    lines = [" \\\n    ".join([name, *(f"--hash=sha256:{each}" for each in of)]) for name, of in sorted(hashes.items())]
+    head = "# Made by `python dev.py lock`. Of torch: the build of the package index, and the one for processors alone.\n"
+    (ROOT / LOCK).write_text(head + "\n".join(lines) + "\n")
+    return 0
+
+
+def resolved(python: Path, *arguments: str) -> dict[str, str]:
+    """What pip would install, as `name==version`, and the hexadecimal SHA-256 of each file; the project itself left out."""
+    options = ["--dry-run", "--ignore-installed", "--quiet", "--report", "-"]
+    command: list[str | Path] = [python, "-m", "pip", "install", *options, *arguments]
+    report = json.loads(subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True).stdout)
+    files = [(entry["metadata"], entry["download_info"].get("archive_info")) for entry in report["install"]]
+    return {
+        f"{about['name'].lower()}=={about['version'].partition('+')[0]}": file["hashes"]["sha256"]
+        for about, file in files
+        if file
+    }
 
 
 def requirements_digest() -> str:
     """Changes whenever what is to be installed changes."""
-    return hashlib.sha256(b"".join((ROOT / name).read_bytes() for name in ("pyproject.toml", "constraints.txt"))).hexdigest()
+    return hashlib.sha256(b"".join((ROOT / name).read_bytes() for name in ("pyproject.toml", CONSTRAINTS, LOCK))).hexdigest()
 
 
 def run(*arguments: str) -> int:
