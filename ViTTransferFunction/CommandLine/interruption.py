@@ -30,7 +30,7 @@ def ending_on_request() -> Iterator[None]:
 
 
 def interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """The interruption that an error is, or was raised while handling: closing a half-written archive complains, for example."""
+    """The interruption that an error is, or was raised while handling: closing a half-written archive complains, say."""
     behind: BaseException | None = error
     while behind is not None and not isinstance(behind, KeyboardInterrupt):
         behind = behind.__context__

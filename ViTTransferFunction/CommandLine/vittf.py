@@ -1,7 +1,8 @@
 """`vittf`: segment, fill the feature cache, draw, and manage weights, without a screen.
 
 Exit codes: 0 success; 2 something given cannot be used, or there is too little memory or no room for the output, with one line
-that says what; 130 interrupted, 143 asked to end (SIGTERM). Where nobody reads the output any more, the work is done all the same.
+that says what; 130 interrupted, 143 asked to end (SIGTERM). Where nobody reads the output any more, the work is done all the
+same.
 """
 
 from __future__ import annotations

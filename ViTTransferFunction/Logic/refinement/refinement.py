@@ -71,7 +71,9 @@ def refine(
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
-        refined[box] = _solved(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
+        solved = _solved(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
+        # It solves for deviations from a mean, and adding that may round to a hair below 0.
+        np.clip(solved, 0.0, 1.0, out=refined[box])
     else:
         refined[box] = _filtered(target, intensities, window, spacing_mm)
     return refined

@@ -61,7 +61,8 @@ def a_full_disk(chance: random.Random, place: Place) -> Case:
     steps = [Step((sound,), DONE), Step((limited,), late=True, before=fill)]
     what = f"{output}, {free_pages} pages free {'for the cache' if of_cache else ''}"
     return Case(
-        "full disk", what, steps, scan, judge=lambda _: _old_or_new(place, str(path.relative_to(place.work))) if not of_cache else (),
+        "full disk", what, steps, scan, judge=lambda _: _old_or_new(place,
+        str(path.relative_to(place.work))) if not of_cache else (),
         tidy_up=tidy_up,
     )  # fmt: skip
 

@@ -29,7 +29,8 @@ from ViTTransferFunction.Testing.attack.calls import PATIENCE_S, ROOM_BYTES, Cal
 USED_BY_ALL = (
     "encodings.ascii", "encodings.cp1252", "encodings.cp437", "encodings.idna", "encodings.utf_8_sig",
     "multiprocessing.synchronize",
-    "numpy", "scipy.ndimage", "scipy.optimize", "scipy.sparse.linalg", "scipy.spatial", "SimpleITK", "torch", "torch.nn.functional", "tqdm", "vtk",
+    "numpy", "scipy.ndimage", "scipy.optimize", "scipy.sparse.linalg", "scipy.spatial", "SimpleITK", "torch",
+    "torch.nn.functional", "tqdm", "vtk",
     "vtkmodules.util.numpy_support",
     "ViTTransferFunction.CommandLine.vittf", "ViTTransferFunction.Logic.compute.server",
     "ViTTransferFunction.Logic.features.vision_transformer", "ViTTransferFunction.Logic.refinement.bilateral_solver",
@@ -176,7 +177,7 @@ def _end(run: Callable[[], int]) -> None:
     try:
         sys.stdout.flush()
     except (OSError, ValueError) as error:
-        print(f"Exception ignored while flushing sys.stdout: {error!r}", file=sys.stderr)
+        sys.stderr.write(f"Exception ignored while flushing sys.stdout: {error!r}\n")
         code = _ENDED_BY_FLUSH
     os._exit(code)
 
@@ -206,15 +207,14 @@ def _as_program(call: Call, stdout: int, stderr: int, ready: int) -> int:
 
 def _connect(call: Call, stdout: int, stderr: int) -> None:
     given, giving = os.pipe()
-    if call.given:
-        # Written by a process of its own: a pipe has room for little.
-        if os.fork() == 0:
-            os.close(given)
-            with suppress(BrokenPipeError), os.fdopen(giving, "wb") as stream:
-                stream.write(call.given.encode())
-                stream.flush()
-                time.sleep(call.given_for_s)
-            os._exit(0)
+    # Written by a process of its own: a pipe has room for little.
+    if call.given and os.fork() == 0:
+        os.close(given)
+        with suppress(BrokenPipeError), os.fdopen(giving, "wb") as stream:
+            stream.write(call.given.encode())
+            stream.flush()
+            time.sleep(call.given_for_s)
+        os._exit(0)
     os.close(giving)
     os.dup2(given, 0)
     if call.console == "closed":

@@ -25,7 +25,7 @@ class ForkedCalls:
 
     def __init__(self) -> None:
         # One thread each: a child has no threads of its parent's.
-        single = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS")}
+        single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "ITK_GLOBAL_DEFAULT_NUMBER_OF_THREADS"), "1")
         self._process = subprocess.Popen(
             [sys.executable, "-m", "ViTTransferFunction.Testing.attack.fork_server"],
             cwd=ROOT,

@@ -46,7 +46,7 @@ def snapshot(folder: Path) -> Snapshot:
 def _described(path: Path) -> str:
     status = path.lstat()
     if stat.S_ISLNK(status.st_mode):
-        return f"link to {os.readlink(path)}"
+        return f"link to {path.readlink()}"
     if stat.S_ISREG(status.st_mode):
         return f"file {hashlib.sha256(path.read_bytes()).hexdigest()}"
     return {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe"}.get(stat.S_IFMT(status.st_mode), "device")

@@ -12,7 +12,8 @@ from ViTTransferFunction.Testing.attack.scans import Scan
 
 REFUSED = frozenset({2})
 NUMBERS = (
-    "0", "-1", "1", "3", "4", "7", "128", "129", "1e9", "1e400", "nan", "inf", "-inf", "", " ", "x", "0x10", "१२", "1_0", "--", "-",
+    "0", "-1", "1", "3", "4", "7", "128", "129", "1e9", "1e400", "nan", "inf", "-inf", "", " ", "x", "0x10", "१२", "1_0",
+    "--", "-",
     "9" * 400, "5.5", "1e-320", "-1e308", "1e308", "100", "\u00a05",
 )  # fmt: skip
 PATHS = (
@@ -20,7 +21,8 @@ PATHS = (
     "pipe", "pipe.nrrd", "nul.nii", "out", "out.", ".nii", ".nii.gz",
     ".seg.nrrd", "out.png", "out.dcm", "out.nii.gz.nii.gz", "missing/deep/out.nii.gz", "clicks.json/out.nii.gz", "out.nrrd/",
     "out\n.nii", "out\x1b[31m.nii", "%s%n.mha", "%d.nii.gz", "患者.nii.gz", "\udcff.nii.gz", "out .nii", "out.nii ", "con.mha",
-    "out.NII", "out.Nii.Gz", "OUT.SEG.NRRD", "out.MHA", "out.nhdr", "out.mhd", "out.seg.nrrd.gz", "out.vtk", "out.img", "out.hdr",
+    "out.NII", "out.Nii.Gz", "OUT.SEG.NRRD", "out.MHA", "out.nhdr", "out.mhd", "out.seg.nrrd.gz", "out.vtk", "out.img",
+    "out.hdr",
 )  # fmt: skip
 
 
@@ -35,7 +37,8 @@ def options(chance: random.Random, place: Place) -> Case:
         "--grid": NUMBERS,
         "--preset": ("preview", "fast", "balanced", "paper", "", "best", "\x1b", "a" * 3000),
         "--model": ("tiny", "dino_vits8", "dinov2_vits14", "dinov3_vits16", "", "x", "../x", "a" * 3000),
-        "--weights": (str(place.weights), "missing.pt", "folder", "scan.nrrd", "", ".", "/dev/zero", "/dev/null", "~nosuchuser/w"),
+        "--weights": (str(place.weights), "missing.pt", "folder", "scan.nrrd", "", ".", "/dev/zero", "/dev/null",
+        "~nosuchuser/w"),
         "--device": ("cpu", "auto", "cuda", "mps", "", "cpu:0", "meta"),
         "--refine": ("bilateral", "guided", "none", "", "x"),
         "--report": (*PATHS, "r.json"),
@@ -62,8 +65,10 @@ def windows(chance: random.Random, place: Place) -> Case:
     """Intensity windows off the data, without width, and of extreme width."""
     scan = write_scan(chance, place)
     low, high = chance.choice((
-        ("0", "100"), ("1000", "2000"), ("-2000", "-1000"), ("0", "1e-30"), ("0", "1e38"), ("-1e308", "1e308"), ("-1e39", "1e39"),
-        ("5", "5"), ("6", "5"), ("nan", "1"), ("-inf", "inf"), ("0", "inf"), ("1e16", "2e16"), ("-3.4e38", "3.4e38"), ("59", "61"),
+        ("0", "100"), ("1000", "2000"), ("-2000", "-1000"), ("0", "1e-30"), ("0", "1e38"), ("-1e308", "1e308"), ("-1e39",
+        "1e39"),
+        ("5", "5"), ("6", "5"), ("nan", "1"), ("-inf", "inf"), ("0", "inf"), ("1e16", "2e16"), ("-3.4e38", "3.4e38"), ("59",
+        "61"),
     ))  # fmt: skip
     call = place.segment("scan.nrrd", "--window", low, high)
     return Case("windows", f"{low} to {high}", [Step((call,))], scan)

@@ -18,7 +18,8 @@ def pictures(chance: random.Random, place: Place) -> Case:
     """Most are refused, since drawing takes seconds."""
     scan = write_scan(chance, place)
     what = chance.choice((
-        "sound", "empty", "elsewhere", "float", "negative", "NaN", "damaged", "the volume", "no file", "the output", "not a picture",
+        "sound", "empty", "elsewhere", "float", "negative", "NaN", "damaged", "the volume", "no file", "the output",
+        "not a picture",
         "annotations of others", "large numbers", "Segment tags",
     ))  # fmt: skip
     labels = (scan.array > 30).astype(np.uint8) + (scan.array > 90)

@@ -1,7 +1,7 @@
 """Attack the program with as many generated cases as wanted: `python dev.py attack --cases N --seed S`.
 
-Most cases are runs of `vittf`; some talk to the compute process; for every fiftieth case there is one of a user who does anything
-in any order in Slicer's scene, where that is installed. Prints each failure with the command that shows it again, and counts by
+Most cases are runs of `vittf`; some talk to the compute process; for every fifty there is one of a user who does anything in
+any order in Slicer's scene, where that is installed. Prints each failure with the command that shows it again, and counts by
 kind and outcome. Exit code 1 where there is a failure.
 """
 

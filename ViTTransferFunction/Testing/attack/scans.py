@@ -31,6 +31,9 @@ META_TYPES = {
     "int8": "MET_CHAR", "uint16": "MET_USHORT", "uint32": "MET_UINT",
 }  # fmt: skip
 
+SMALLEST_EDGE_MM = 3.0
+"""Shorter scans are taken for ones in metres."""
+
 
 @dataclass(frozen=True, eq=False)
 class Scan:
@@ -83,6 +86,8 @@ def make_scan(chance: random.Random, dtypes: tuple[str, ...] = tuple(NIFTI_TYPES
     first, second = ([size // 2 for size in sizes] for _ in range(2))
     first[axis], second[axis] = 0, sizes[axis] - 1
     spacing = np.array([chance.choice((0.1, 0.5, 0.7, 1.0, 2.0, 3.0, 5.0, 12.0)) for _ in range(3)])
+    if max(spacing * sizes) < SMALLEST_EDGE_MM:
+        spacing *= 10.0
     origin = np.array([chance.uniform(-500.0, 500.0) for _ in range(3)]).round(2)
     # Arrays are (K, J, I), points (I, J, K).
     return Scan(np.ascontiguousarray(values.T.astype(dtype)), spacing, _direction(chance, noise), origin, (first, second))

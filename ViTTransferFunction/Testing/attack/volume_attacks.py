@@ -167,7 +167,8 @@ def an_odd_file(chance: random.Random, place: Place) -> Case:
 
 
 ODD_NAMES = (
-    "with blanks ", "ünïcödé", "患者", "%s%n%d", "a" * 240, "new\nline", "tab\t", "semi;colon", "quote'\"", "$HOME", "-dash", "..x",
+    "with blanks ", "ünïcödé", "患者", "%s%n%d", "a" * 240, "new\nline", "tab\t", "semi;colon", "quote'\"", "$HOME", "-dash",
+    "..x",
     "*", "[x]", "a=b", "~", "\x1b[31mred", "nii.gz", ".hidden", "x.seg.nrrd",
 )  # fmt: skip
 
@@ -222,7 +223,8 @@ def a_dicom_folder(chance: random.Random, place: Place) -> Case:
     folder = place.work / "series"
     paths = write_dicom(folder, scan)
     what = chance.choice((
-        "sound", "a slice is missing", "a slice is there twice", "two series", "another size", "damaged", "foreign file", "empty",
+        "sound", "a slice is missing", "a slice is there twice", "two series", "another size", "damaged", "foreign file",
+        "empty",
         "one slice", "a file of it", "other orientation",
     ))  # fmt: skip
     name, codes = "series", frozenset({0, 2})
@@ -314,8 +316,10 @@ def _lying_nifti(chance: random.Random, folder: Path, scan: Scan) -> tuple[str, 
 
 
 ODD_FIELDS = (
-    "", "0", "-1", "nan", "inf", "1e400", "99999999999999999999", "%s%s%s%n", "a" * 3000, "(1,0,0)", "none", "(nan,nan,nan)", "1 1",
-    "0 0 0", "-3 4 5", "4 4 4", "1000000 1000000 1000000", "30000 30000 30000", "1e-5 1e-5 1e-5", "nan nan nan", "1 1 1 1", "x y z",
+    "", "0", "-1", "nan", "inf", "1e400", "99999999999999999999", "%s%s%s%n", "a" * 3000, "(1,0,0)", "none", "(nan,nan,nan)",
+    "1 1",
+    "0 0 0", "-3 4 5", "4 4 4", "1000000 1000000 1000000", "30000 30000 30000", "1e-5 1e-5 1e-5", "nan nan nan", "1 1 1 1",
+    "x y z",
     "0 0 0 0 0 0 0 0 0", "\ufeff", "../../../etc/passwd", "/dev/zero", "/dev/stdin", "block", "short", "True",
 )  # fmt: skip
 """Values of fields of text headers."""
