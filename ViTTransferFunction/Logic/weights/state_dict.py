@@ -6,7 +6,7 @@ import hashlib
 import pickle
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -76,7 +76,7 @@ _DAMAGED = (
 `read_safetensors` raises is among them."""
 
 
-def _load(path: Path) -> object:
+def _load(path: Path) -> Any:
     """A file saved by PyTorch, whatever its name: of a path, PyTorch would go by the ending."""
     import torch
 

@@ -6,7 +6,7 @@ import json
 import random
 from typing import Any
 
-from ViTTransferFunction.Testing.attack.cases import Case, Place, Step, annotations
+from ViTTransferFunction.Testing.attack.cases import Case, Place, Step, annotated
 from ViTTransferFunction.Testing.attack.damage import change_json, damage_file
 from ViTTransferFunction.Testing.attack.scans import Scan, make_scan, nrrd, nrrd_fields
 
@@ -55,7 +55,7 @@ def damaged_annotations(chance: random.Random, place: Place) -> Case:
 def many_points(chance: random.Random, place: Place) -> Case:
     """More points, classes and longer names than anybody clicks."""
     scan = write_scan(chance, place)
-    content = annotations(scan)
+    content = annotated(scan)
     many, (first, second) = chance.choice((100, 3000, 50_000)), content["classes"]
     what = chance.choice(("one point", "different points", "classes", "long names", "odd names"))
     if what == "one point":
@@ -104,7 +104,7 @@ def write_scan(chance: random.Random, place: Place) -> Scan:
 
 def full_annotations(scan: Scan) -> dict[str, Any]:
     """An annotation file's content with every field that there is."""
-    content = annotations(scan)
+    content = annotated(scan)
     content["classes"][0] |= {"color": [1.0, 0.5, 0.0], "opacity": 0.5, "size": 0.5, "proximity": 0.3, "refine": True}
     content["classes"][1] |= {"color": "#10ff20", "iso": 0.4}
     return content

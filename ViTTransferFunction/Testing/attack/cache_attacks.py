@@ -50,7 +50,7 @@ def changed_features(chance: random.Random, place: Place) -> Case:
 
 def _changes(chance: random.Random, place: Place) -> dict[str, Callable[[Path], object]]:
     def replaced(make: Callable[[Path], object]) -> Callable[[Path], object]:
-        return lambda path: (path.unlink(), make(path))
+        return lambda path: _put_instead(path, make)
 
     def with_arrays(**arrays: Any) -> Callable[[Path], object]:
         def change(path: Path) -> None:
@@ -103,9 +103,16 @@ def _changes(chance: random.Random, place: Place) -> dict[str, Callable[[Path], 
         "matrix of zero": with_arrays(ijk_to_ras=np.zeros_like),
         "another matrix": with_arrays(ijk_to_ras=lambda matrix: matrix[:3]),
         "no matrix": lambda path: np.savez(path, features=np.zeros((5, 5, 5, 24), np.float16)),
-        "features folder is a file": lambda path: (shutil.rmtree(path.parent), path.parent.write_text("a file")),
-        "features folder is a link to nothing": lambda path: (shutil.rmtree(path.parent), path.parent.symlink_to("nowhere")),
+        "features folder is a file": lambda path: _put_instead(path.parent, lambda folder: folder.write_text("a file")),
+        "features folder is a link to nothing": lambda path: _put_instead(
+            path.parent, lambda folder: folder.symlink_to("nowhere")
+        ),
     }
+
+
+def _put_instead(path: Path, make: Callable[[Path], object]) -> None:
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    make(path)
 
 
 def changed_weights(chance: random.Random, place: Place) -> Case:
@@ -140,10 +147,12 @@ def changed_weights(chance: random.Random, place: Place) -> Case:
         "old format with code": lambda: torch.save({name: Bomb(place.work)}, path, _use_new_zipfile_serialization=False),
         "safetensors that lie": lambda: path.write_bytes(_lying_safetensors(chance)),
         "empty": lambda: path.write_bytes(b""),
-        "folder": lambda: (path.unlink(), path.mkdir()),
-        "pipe": lambda: (path.unlink(), os.mkfifo(path)),
-        "link to nothing": lambda: (path.unlink(), path.symlink_to("nowhere")),
-        "link to a device": lambda: (path.unlink(), path.symlink_to(chance.choice(("/dev/null", "/dev/full", "/dev/zero")))),
+        "folder": lambda: _put_instead(path, lambda there: there.mkdir()),
+        "pipe": lambda: _put_instead(path, os.mkfifo),
+        "link to nothing": lambda: _put_instead(path, lambda there: there.symlink_to("nowhere")),
+        "link to a device": lambda: _put_instead(
+            path, lambda there: there.symlink_to(chance.choice(("/dev/null", "/dev/full", "/dev/zero")))
+        ),
         "no rights": lambda: path.chmod(0),
     }
     how = chance.choice(list(ways))
@@ -156,7 +165,7 @@ def changed_weights(chance: random.Random, place: Place) -> Case:
 
 def _lying_safetensors(chance: random.Random) -> bytes:
     entry = {"dtype": "F32", "shape": [1, 2], "data_offsets": [0, 8]}
-    odd = chance.choice((
+    odd: dict[str, Any] = chance.choice((
         {"shape": [2**40, 2**40]}, {"shape": [-1, -2]}, {"shape": "x"}, {"data_offsets": [8, 0]}, {"data_offsets": [0, 2**60]},
         {"dtype": "I64"}, {"dtype": None}, {"shape": [1.5]}, {"data_offsets": []}, {"shape": [[1]]}, {},
     ))  # fmt: skip

@@ -105,11 +105,11 @@ class Place:
 
     def write_clicks(self, scan: Scan, **fields: Any) -> None:
         """Write `clicks.json`, one point on either structure."""
-        content = {**annotations(scan), **fields}
+        content = {**annotated(scan), **fields}
         (self.work / "clicks.json").write_text(json.dumps(content))
 
 
-def annotations(scan: Scan) -> dict[str, Any]:
+def annotated(scan: Scan) -> dict[str, Any]:
     """An annotation file's content: each structure is pointed at, and the other is not it."""
     first, second = scan.inside
     classes = [{"name": "first", "positive": [first], "negative": [second]}, {"name": "second", "positive": [second]}]

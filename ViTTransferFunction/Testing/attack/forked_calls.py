@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 
@@ -53,7 +54,7 @@ class ForkedCalls:
         self._process.stdin.flush()
         return [Outcome(**outcome) for outcome in self._reply()]
 
-    def _reply(self):  # type: ignore[no-untyped-def]
+    def _reply(self) -> Any:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:

@@ -7,7 +7,7 @@ import random
 import shutil
 
 from ViTTransferFunction.Testing.attack.annotation_attacks import write_scan
-from ViTTransferFunction.Testing.attack.cases import Case, Place, Step, annotations
+from ViTTransferFunction.Testing.attack.cases import Case, Place, Step, annotated
 from ViTTransferFunction.Testing.attack.scans import Scan
 
 REFUSED = frozenset({2})
@@ -116,7 +116,7 @@ def colliding_outputs(chance: random.Random, place: Place) -> Case:
 
 def _two_maps_of_one_name(chance: random.Random, place: Place, scan: Scan) -> Case:
     first, second = chance.choice((("a/b", "a:b"), ("liver", "Liver"), ("x ", "x"), ("a?", "a*"), ("ä", "a\u0308"), ("?", "*")))
-    entries = annotations(scan)["classes"]
+    entries = annotated(scan)["classes"]
     entries[0]["name"], entries[1]["name"] = first, second
     place.write_clicks(scan, classes=entries)
     step = Step((place.segment("scan.nrrd", "--similarity-dir", "maps"),))

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.codec import to_message
 from ViTTransferFunction.Logic.compute.messages import write_message
@@ -76,7 +78,7 @@ def _requests(scan: Scan) -> list[Any]:
     ijk_to_ras = LPS_TO_RAS @ [*scan.ijk_to_lps, [0, 0, 0, 1]]
     geometry = Geometry(scan.array.shape, ijk_to_ras)
     classes = tuple(
-        ClassRequest(name, geometry.ijk_to_ras_points([point]))
+        ClassRequest(name, geometry.ijk_to_ras_points(np.array([point])))
         for name, point in zip(("first", "second"), scan.inside, strict=True)
     )
     return [

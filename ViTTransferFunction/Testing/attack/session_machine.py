@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import vtk
 from hypothesis import strategies as st
@@ -154,7 +154,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
 
         @precondition(lambda self: self.session.classes)
         @rule(at=which, step=st.sampled_from((-1, 1)), wheel=st.booleans())
-        def change_size(self, at: int, step: int, wheel: bool) -> None:
+        def change_size(self, at: int, step: Literal[-1, 1], wheel: bool) -> None:
             (self.annotations.turn_size if wheel else self.annotations.step_size)(self.class_at(at), step)
 
         @precondition(lambda self: self.session.classes)

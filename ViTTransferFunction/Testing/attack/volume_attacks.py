@@ -269,7 +269,7 @@ def _lying_nifti(chance: random.Random, folder: Path, scan: Scan) -> tuple[str, 
     number = chance.choice((0.0, -1.0, np.nan, np.inf, 1e-5, 1e-30, 1e30, 1000.0))
     size = chance.choice((0, -1, 1, 2, 3, 7, 300, 32767))
     axis = chance.randrange(1, 4)
-    lies: dict[str, Callable[[], None]] = {
+    lies: dict[str, Callable[[], object]] = {
         f"dim[{axis}] = {size}": lambda: header["dim"].__setitem__(axis, size),
         f"all dim = {size}": lambda: header["dim"].__setitem__(slice(1, 4), size),
         f"dim[0] = {size}": lambda: header["dim"].__setitem__(0, size),
