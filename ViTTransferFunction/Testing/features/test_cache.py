@@ -93,6 +93,14 @@ def test_features_of_a_smaller_shape_than_their_file_has_are_not_used(cache: Fea
     assert cache.get(key("a")) is None
 
 
+def test_features_that_are_infinite_are_not_used(cache: FeatureCache) -> None:
+    cache.put(features_named("a"))
+    path = cache.folder / f"{key('a')}.npz"
+    with np.load(path) as content:
+        np.savez(path, features=np.full_like(content["features"], np.inf), ijk_to_ras=content["ijk_to_ras"])
+    assert cache.get(key("a")) is None
+
+
 def test_an_entry_that_is_a_folder_or_leads_nowhere_counts_as_absent(cache: FeatureCache) -> None:
     (cache.folder / f"{key('a')}.npz").mkdir(parents=True)
     (cache.folder / f"{key('b')}.npz").symlink_to("nowhere")
