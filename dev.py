@@ -10,7 +10,8 @@
     python dev.py lock     write locked-requirements.txt anew, after a change of constraints.txt or pyproject.toml
 
 Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt; on Linux with
-Python 3.11, as in continuous integration, only files whose hashes locked-requirements.txt names.
+Python 3.11, as in continuous integration, only files whose hashes locked-requirements.txt names, if pip is told where PyTorch's
+build for processors is (PIP_FIND_LINKS).
 Only the standard library is used here, since nothing else is there yet.
 """
 
@@ -33,7 +34,6 @@ PYTHON = ENVIRONMENT / ("Scripts/python.exe" if os.name == "nt" else "bin/python
 OLDEST_PYTHON = (3, 10)
 CONSTRAINTS, LOCK = "constraints.txt", "locked-requirements.txt"
 LOCKED_FOR = ("linux", "x86_64", (3, 11))
-PACKAGE_INDEX = "https://pypi.org/simple"
 CPU_BUILDS = "https://download.pytorch.org/whl/cpu/torch/"
 """PyTorch's builds for processors alone, a fraction of the size of those that the package index has for Linux; pip finds them
 where the variable PIP_FIND_LINKS names this address, or a folder with the file."""
@@ -114,7 +114,10 @@ def set_up(*extras: str) -> None:
         print(f"Creating {ENVIRONMENT}", flush=True)
         venv.create(ENVIRONMENT, with_pip=True)
     print("Installing the requirements (PyTorch and VTK: a few minutes on the first run)", flush=True)
-    if not (locked_for_this_computer() and install_locked()):
+    if locked_for_this_computer() and cpu_build_is_offered():
+        install("--require-hashes", "--no-deps", "--requirement", LOCK)
+        install("--no-deps", "--no-build-isolation", "--editable", ".")
+    else:
         target = f".[{','.join(extras)}]" if extras else "."
         install("--constraint", CONSTRAINTS, "--editable", target)
     stamp.write_text(wanted)
@@ -125,13 +128,11 @@ def locked_for_this_computer() -> bool:
     return (sys.platform, platform.machine(), sys.version_info[:2]) == LOCKED_FOR
 
 
-def install_locked() -> bool:
-    """Install the files that the lock names and the project; whether that is all that is needed."""
-    install("--require-hashes", "--no-deps", "--requirement", LOCK)
-    install("--no-deps", "--no-build-isolation", "--editable", ".")
-    # Where only PyTorch's build for NVIDIA cards was to be had, it lacks libraries that nothing here uses.
-    check = subprocess.run([PYTHON, "-m", "pip", "check"], cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
-    return check.returncode == 0
+def cpu_build_is_offered() -> bool:
+    """Whether pip finds the build of PyTorch that the lock names, which the package index does not have."""
+    (torch,) = (line.split()[0] for line in (ROOT / LOCK).read_text().splitlines() if line.startswith("torch=="))
+    command: list[str | Path] = [PYTHON, "-m", "pip", "install", "--dry-run", "--no-deps", torch]
+    return subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False).returncode == 0
 
 
 def install(*arguments: str) -> None:
@@ -154,17 +155,12 @@ def lock(arguments: list[str]) -> int:
         venv.create(folder, with_pip=True)
         python = Path(folder) / "bin" / "python"
         subprocess.run([python, "-m", "pip", "install", "--quiet", "--upgrade", "pip"], check=True)
-        wanted = ("setuptools>=77", ".[test,lint]")
-        chosen = resolved(python, "--constraint", CONSTRAINTS, *wanted)
-        (torch,) = (requirement for requirement in chosen if requirement.startswith("torch=="))
-        published = resolved(python, "--isolated", "--index-url", PACKAGE_INDEX, "--no-deps", torch)
-    if chosen[torch] == published[torch]:
+        files = resolved(python, "--constraint", CONSTRAINTS, "setuptools>=77", ".[test,lint]")
+    if not any(requirement.endswith("+cpu") for requirement in files):
         print(f"PyTorch's build for processors was not found; set PIP_FIND_LINKS={CPU_BUILDS}", file=sys.stderr)
         return 2
-    hashes = {requirement: sorted({sha256, published.get(requirement, sha256)}) for requirement, sha256 in chosen.items()}
-    lines = [" \\\n    ".join([name, *(f"--hash=sha256:{each}" for each in of)]) for name, of in sorted(hashes.items())]
-    head = "# Made by `python dev.py lock`. Of torch: the build of the package index, and the one for processors alone.\n"
-    (ROOT / LOCK).write_text(head + "\n".join(lines) + "\n")
+    lines = [f"{requirement} \\\n    --hash=sha256:{sha256}" for requirement, sha256 in sorted(files.items())]
+    (ROOT / LOCK).write_text("\n".join(["# Made by `python dev.py lock`.", *lines]) + "\n")
     return 0
 
 
@@ -174,11 +170,7 @@ def resolved(python: Path, *arguments: str) -> dict[str, str]:
     command: list[str | Path] = [python, "-m", "pip", "install", *options, *arguments]
     report = json.loads(subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True).stdout)
     files = [(entry["metadata"], entry["download_info"].get("archive_info")) for entry in report["install"]]
-    return {
-        f"{about['name'].lower()}=={about['version'].partition('+')[0]}": file["hashes"]["sha256"]
-        for about, file in files
-        if file
-    }
+    return {f"{about['name'].lower()}=={about['version']}": file["hashes"]["sha256"] for about, file in files if file}
 
 
 def requirements_digest() -> str:
