@@ -44,7 +44,8 @@ def _run(arguments: list[str] | None) -> int:
             with silenced_libraries(args.verbose), unfailing_console():
                 return int(args.run(args))
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        # One line, also where a path has several.
+        print("error:", str(error).replace("\n", "\\n").replace("\r", "\\r"), file=sys.stderr)
         return 2
     except (KeyboardInterrupt, Exception) as error:
         interruption = interruption_behind(error)

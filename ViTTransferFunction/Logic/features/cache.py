@@ -60,6 +60,9 @@ class FeatureCache:
         """The features named `key`, or None. A damaged file is removed and counts as absent."""
         path = self._path(key)
         try:
+            # A pipe would make its reader wait for ever.
+            if path.exists() and not path.is_file():
+                raise ValueError("expected an ordinary file")
             array, ijk_to_ras = read_arrays(path)
             if not array.size or not _all_finite(array):
                 raise ValueError("the features hold values that are not numbers, or none at all")

@@ -34,7 +34,7 @@ def test_what_is_under_way_is_tidied_up_and_one_line_says_so(
 
 
 def test_an_interruption_is_one_whatever_was_raised_while_it_was_handled() -> None:
-    with pytest.raises(ValueError, match="closed") as raised:
+    with pytest.raises(ValueError, match="closed") as raised:  # noqa: PT012
         try:
             raise KeyboardInterrupt
         finally:

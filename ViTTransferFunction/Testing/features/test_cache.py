@@ -93,6 +93,13 @@ def test_features_of_a_smaller_shape_than_their_file_has_are_not_used(cache: Fea
     assert cache.get(key("a")) is None
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_a_pipe_in_the_place_of_features_is_not_waited_for(cache: FeatureCache) -> None:
+    cache.folder.mkdir(parents=True)
+    os.mkfifo(cache.folder / f"{key('a')}.npz")
+    assert cache.get(key("a")) is None
+
+
 def test_features_that_are_infinite_are_not_used(cache: FeatureCache) -> None:
     cache.put(features_named("a"))
     path = cache.folder / f"{key('a')}.npz"
