@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..core.class_request import shown
 from ..core.errors import InputError
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
@@ -70,5 +71,5 @@ def preset(name: str) -> Preset:
         InputError: no preset has this name.
     """
     if name not in PRESETS:
-        raise InputError(f"Unknown preset '{name}'; expected one of {', '.join(PRESETS)}.")
+        raise InputError(f"Unknown preset {shown(name)}; expected one of {', '.join(PRESETS)}.")
     return PRESETS[name]
