@@ -76,7 +76,7 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
             the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
 
     Raises:
-        InputError: the features are to be whitened and do not vary.
+        InputError: the features are to be whitened, and do not vary or are not finite.
     """
     transform = _fit_transform(features.array, statistics)
     cells = features.array.reshape(-1, features.channels)
@@ -100,6 +100,11 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     mean, covariance = _moments(array)
     if statistics == "centred":
         return FeatureTransform(mean.astype(np.float32), None)
+    if not np.isfinite(covariance).all():
+        raise InputError(
+            "The features hold values that are not numbers, or beyond all measure. The weights are damaged, or not those of "
+            "this network: get them again."
+        )
     variances, directions = np.linalg.eigh(covariance)
     count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]

@@ -11,6 +11,7 @@ import stat
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
@@ -198,8 +199,9 @@ def _results_wrong(call: Call, scan: Scan | None) -> list[str]:
             path = folder / option(call, "-o", "--output")[-1]
             for report in option(call, "--report")[-1:]:
                 json.loads((folder / report).read_text())
+            others = {folder / name for name in option(call, "-o", "--output", "--report")}
             for maps in option(call, "--similarity-dir")[-1:]:
-                for path_of_map in (folder / maps).glob("*.nii.gz"):
+                for path_of_map in {*(folder / maps).glob("*.nii.gz")} - others:
                     _check_map(path_of_map)
             _read_whole(path)
             return _labels_wrong(path, scan or _scan_of(folder / call.arguments[1]))
@@ -255,9 +257,13 @@ def _scan_of(path: Path) -> Scan | None:
 
 
 def read_image(path: Path) -> sitk.Image:
-    """Read an image; ITK's own warnings are nobody's business here."""
+    """Read an image; ITK's own warnings are nobody's business here, and its NIfTI knows no endings in mixed case."""
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    return sitk.ReadImage(str(path))
+    with TemporaryDirectory() as folder:
+        link = Path(folder, path.name.lower())
+        link.symlink_to(path.absolute())
+        # Whatever needs a second file is read where it lies.
+        return sitk.ReadImage(str(link if path.name.lower().endswith((".nii", ".nii.gz")) else path))
 
 
 def label_map(path: Path) -> np.ndarray:

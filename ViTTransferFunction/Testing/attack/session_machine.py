@@ -182,7 +182,8 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
         @precondition(lambda self: self.session.classes)
         @rule(at=which, name=st.text(max_size=5))
         def rename_list(self, at: int, name: str) -> None:
-            self.annotations.points_node(self.class_at(at), True).SetName(name)
+            node = self.annotations.points_node(self.class_at(at), True)
+            self.can_be_taken_back(lambda: node.SetName(name))
 
         @rule(steps=st.integers(1, 4))
         def undo_and_redo(self, steps: int) -> None:

@@ -78,3 +78,10 @@ def test_zero_vectors_stay_zero() -> None:
 def test_features_that_are_the_same_everywhere_are_refused() -> None:
     with pytest.raises(InputError, match="same everywhere"):
         normalised_features(feature_volume(np.ones((2, 3, 4, 5), np.float32)), "whitened")
+
+
+def test_features_that_are_not_finite_are_refused() -> None:
+    array = np.random.default_rng(0).random((2, 3, 4, 5)).astype(np.float32)
+    array[0, 0, 0] = np.inf
+    with pytest.raises(InputError, match="not numbers"), np.errstate(all="ignore"):
+        normalised_features(feature_volume(array), "whitened")
