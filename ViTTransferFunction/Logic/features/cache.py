@@ -37,6 +37,8 @@ SPARE_BYTES = 64 * 1024**2
 _BLOCK_BYTES = 1 << 20
 _HEADER_BYTES = 30
 """Of what stands in front of each name in a zip file."""
+_TYPES = {np.dtype(name) for name in ("float16", "float32", "float64")}
+"""Of values in a file; as this computer has them, in the order of bytes as well."""
 _WHITENED = ("whitened", "mean", "directions")
 """What a file holds beside the features and where they lie, if they were kept with the whitened ones; the directions are the
 projection's columns, which lie like that in memory: another order may give products other last digits."""
@@ -80,11 +82,15 @@ class FeatureCache:
     def _read(self, key: str, read: Callable[[Path, str], Kept | None]) -> Kept | None:
         path = self._path(key)
         try:
+            # A pipe would make its reader wait for ever.
+            if path.exists() and not path.is_file():
+                raise ValueError("expected an ordinary file")
             kept = read(path, key)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError) as error:
-            logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, error)
+            reason = " ".join(str(error).split())
+            logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, reason)
             with suppress(OSError):
                 path.unlink()
             return None
@@ -105,7 +111,7 @@ class FeatureCache:
         Features that are not finite are not stored. Where the folder cannot be written to, or the disk is full, a warning says
         so once.
         """
-        if not all(np.isfinite(layer).all() for layer in features.array):
+        if not all(_all_finite(layer) for layer in features.array):
             logger.warning("The features hold values that are not numbers; they are not kept in the cache.")
             return
         path = self._path(features.key)
@@ -294,8 +300,10 @@ def _place_of(archive: zipfile.ZipFile, name: str) -> tuple[ArrayInFile, int]:
         shape, fortran_order, dtype = np.lib.format.read_array_header_1_0(member)
         header_bytes = member.tell()
         # Before there is room made for it: a flipped bit can make a size absurd.
-        if fortran_order or dtype.kind != "f" or header_bytes + math.prod(shape) * dtype.itemsize != info.file_size:
+        if fortran_order or dtype not in _TYPES or header_bytes + math.prod(shape) * dtype.itemsize != info.file_size:
             raise ValueError(f"{info.filename} is not what its header says")
+        if not math.prod(shape):
+            raise ValueError(f"{info.filename} holds nothing")
         member.seek(0)
         crc = zlib.crc32(member.read(header_bytes))
     return ArrayInFile(_start(archive, info) + header_bytes, shape, dtype), crc
@@ -309,8 +317,18 @@ def _read_checked(archive: zipfile.ZipFile, name: str, place: ArrayInFile, crc: 
         if file.readinto(block) != len(block):
             raise EOFError(f"{name} ends early")
         crc = zlib.crc32(block, crc)
+        if not _all_finite(np.frombuffer(block, place.dtype)):
+            raise ValueError(f"{name} holds values that are not numbers")
     if crc != archive.getinfo(f"{name}.npy").CRC:
         raise ValueError(f"the checksum of {name} is another one")
+
+
+def _all_finite(values: np.ndarray) -> bool:
+    """Whether no exponent has all of its bits set; `numpy.isfinite` takes many times as long in half precision."""
+    form = np.finfo(values.dtype)
+    exponent = ((1 << form.nexp) - 1) << form.nmant
+    bits = values.view(f"u{values.itemsize}")
+    return not values.size or int((bits & bits.dtype.type(exponent)).max()) < exponent
 
 
 def _start(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> int:

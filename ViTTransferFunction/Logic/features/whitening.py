@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.resampling import sample_by
 from .feature_volume import FeatureVolume
@@ -82,6 +83,9 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
         features: as extracted.
         statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
             the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+
+    Raises:
+        InputError: the features are to be whitened, and do not vary or are not finite.
     """
     transform = _fit_transform(features.array, statistics)
     cells = features.array.reshape(-1, features.channels)
@@ -106,11 +110,21 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     mean, covariance = _moments(array)
     if statistics == "centred":
         return FeatureTransform(mean.astype(np.float32), None)
+    if not np.isfinite(covariance).all():
+        raise InputError(
+            "The features hold values that are not numbers, or beyond all measure. The weights are damaged, or not those of "
+            "this network: get them again."
+        )
     variances, directions = np.linalg.eigh(covariance)
     count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
+    if not len(order):
+        raise InputError(
+            "The features are the same everywhere in this volume, so nothing can be told apart. Check that the weights are "
+            "those of a trained network, and that the volume shows something."
+        )
     projection = directions[:, order] / np.sqrt(variances[order])
     return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
 

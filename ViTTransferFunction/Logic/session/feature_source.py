@@ -146,12 +146,12 @@ class FeatureSource:
         self._cache.put(features, normalised if self._statistics == "whitened" else None)
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
-        """The features out of the cache, whitened ones at once; None where it does not have them."""
+        """The features out of the cache, whitened ones at once; None where it has none of them, or others in their place."""
         whitened = self._cache.get_whitened(key) if self._statistics == "whitened" else None
-        if whitened is not None:
-            return whitened
-        features = self._cache.get(key)
-        return None if features is None else normalised_features(features, self._statistics)
+        kept = whitened or self._cache.get(key)
+        if kept is None or kept.geometry.shape != self.cells.shape:
+            return None
+        return kept if isinstance(kept, NormalisedFeatures) else normalised_features(kept, self._statistics)
 
     @cached_property
     def _device(self) -> torch.device:

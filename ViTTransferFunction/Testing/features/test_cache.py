@@ -157,6 +157,45 @@ def test_features_of_a_smaller_shape_than_their_file_has_are_not_used(cache: Fea
     assert cache.get(key("a")) is None
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_a_pipe_in_the_place_of_features_is_not_waited_for(cache: FeatureCache) -> None:
+    cache.folder.mkdir(parents=True)
+    os.mkfifo(cache.folder / f"{key('a')}.npz")
+    assert cache.get(key("a")) is None
+
+
+def test_features_that_are_infinite_are_not_used(cache: FeatureCache) -> None:
+    cache.put(features_named("a"))
+    path = cache.folder / f"{key('a')}.npz"
+    with np.load(path) as content:
+        np.savez(path, features=np.full_like(content["features"], np.inf), ijk_to_ras=content["ijk_to_ras"])
+    assert cache.get(key("a")) is None
+
+
+@pytest.mark.parametrize("name", ["features", "whitened", "mean", "directions", "ijk_to_ras"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_one_value_that_is_no_number_keeps_whitened_features_from_being_used(
+    cache: FeatureCache, name: str, value: float
+) -> None:
+    stored = features_named("a")
+    cache.put(stored, normalised_features(stored, "whitened"))
+    assert cache.get_whitened(key("a")) is not None
+    path = cache.folder / f"{key('a')}.npz"
+    with np.load(path) as content:
+        arrays = dict(content)
+    arrays[name].flat[-1] = value
+    np.savez(path, **arrays)
+    assert cache.get_whitened(key("a")) is None
+    assert not path.exists()
+
+
+def test_features_without_cells_are_not_used(cache: FeatureCache) -> None:
+    stored = features_named("a")
+    cache.put(stored)
+    np.savez(cache.folder / f"{key('a')}.npz", features=stored.array[:0], ijk_to_ras=stored.geometry.ijk_to_ras)
+    assert cache.get(key("a")) is None
+
+
 def test_an_entry_that_is_a_folder_or_leads_nowhere_counts_as_absent(cache: FeatureCache) -> None:
     (cache.folder / f"{key('a')}.npz").mkdir(parents=True)
     (cache.folder / f"{key('b')}.npz").symlink_to("nowhere")
