@@ -96,6 +96,11 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     return NormalisedFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
 
 
+def whitened_size_bytes(cells: Geometry) -> int:
+    """How much whitened features of these cells take, at most."""
+    return int(np.prod(cells.shape)) * WHITENED_COMPONENTS * np.dtype(np.float32).itemsize
+
+
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
     """Vectors (…, C) scaled to length 1; zero vectors stay zero."""
     norms = np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -18,7 +18,7 @@ from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
-from ..features.whitening import NormalisedFeatures, Statistics, normalised_features
+from ..features.whitening import NormalisedFeatures, Statistics, normalised_features, whitened_size_bytes
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
@@ -134,7 +134,8 @@ class FeatureSource:
             yield cached
             return
         network = self._networks.network(weights, self._device)
-        self._cache.check_room(self._size_bytes)
+        whitened = whitened_size_bytes(self.cells) if self._statistics == "whitened" else 0
+        self._cache.check_room(self._size_bytes + whitened)
         if coarse_first:
             for features in progressive_features(self._volume, network, self._settings, progress):
                 normalised = normalised_features(features, self._statistics)
