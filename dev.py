@@ -3,6 +3,7 @@
     python dev.py demo     segment a chest CT from a few points and draw the result, in demo_output/
     python dev.py test     run the tests; `--quick` leaves out the slow ones; further arguments go to pytest
     python dev.py lint     check style and types
+    python dev.py attack   run `vittf` on odd, damaged and hostile input: `attack --cases 5000 --seed 1`
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
     python dev.py screenshots    draw the pictures of the README; arguments go to it, `--help` names them
     python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
@@ -47,15 +48,8 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = {
-        "demo": demo,
-        "test": test,
-        "lint": lint,
-        "bench": bench,
-        "screenshots": screenshots,
-        "rooms": rooms,
-        "lock": lock,
-    }
+    every = (demo, test, lint, attack, bench, screenshots, rooms, lock)
+    commands = {command.__name__: command for command in every}
     parser.add_argument("command", choices=list(commands))
     command, rest = parser.parse_known_args()
     return commands[command.command](rest)
@@ -80,6 +74,12 @@ def lint(arguments: list[str]) -> int:
     set_up("lint")
     codes = [run("-m", "ruff", "check"), run("-m", "ruff", "format", "--check"), run("-m", "mypy", *arguments)]
     return max(codes)
+
+
+def attack(arguments: list[str]) -> int:
+    """Run generated attacks on the command line, the compute process and the session."""
+    set_up("test")
+    return run("-m", "ViTTransferFunction.Testing.attack.run", *arguments)
 
 
 def bench(arguments: list[str]) -> int:

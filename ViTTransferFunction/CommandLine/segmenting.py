@@ -64,6 +64,8 @@ def segmentation_report(
     session: SegmentationSession, segmentation: Segmentation, preset: str, method: RefinementMethod
 ) -> dict[str, Any]:
     """Versions, settings, timings and volumes, in what JSON has."""
+    import torch
+
     weights = session.provenance.weights
     packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
     return {
@@ -75,6 +77,7 @@ def segmentation_report(
         "grid": session.features.array.shape[2::-1],
         "device": session.provenance.device,
         "precision": session.provenance.precision,
+        "threads": torch.get_num_threads(),
         "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
         "peak_memory_bytes": peak_memory_bytes(),
         "classes": [

@@ -1,8 +1,8 @@
 """`vittf`: segment one volume or many, fill the feature cache, draw, and manage weights, without a screen.
 
 Exit codes: 0 success; 1 some cases of a cohort have no segmentation; 2 something given cannot be used, or there is too little
-memory or no room for the output, with one line that says what; 130 interrupted. Where nobody reads the output any more, the
-work is done all the same.
+memory or no room for the output, with one line that says what; 130 interrupted, 143 asked to end (SIGTERM). Where nobody reads
+the output any more, the work is done all the same.
 """
 
 # Nothing but what Python has loaded by itself: all else is imported within `main`, which takes Ctrl-C from its first line on.
@@ -20,8 +20,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns its exit code."""
     try:
         return _run_on_any_console(arguments)
-    except KeyboardInterrupt:
-        return _interrupted()
+    except KeyboardInterrupt as interruption:
+        return _interrupted(interruption)
 
 
 def _run_on_any_console(arguments: list[str] | None) -> int:
@@ -30,8 +30,8 @@ def _run_on_any_console(arguments: list[str] | None) -> int:
     with unfailing_console() as output:
         try:
             code = _run(arguments)
-        except KeyboardInterrupt:
-            code = _interrupted()
+        except KeyboardInterrupt as interruption:
+            code = _interrupted(interruption)
         output.flush()
         if output.trouble is not None and not isinstance(output.trouble, BrokenPipeError):
             print(f"error: The output could not be written: {output.trouble.strerror}.", file=sys.stderr)
@@ -40,26 +40,34 @@ def _run_on_any_console(arguments: list[str] | None) -> int:
 
 
 def _run(arguments: list[str] | None) -> int:
-    # Read when PyTorch loads. Where another program uses a core, spinning while waiting makes it many times slower.
+    # Read when PyTorch and NumPy load. Where another program uses a core, spinning while waiting makes it many times slower;
+    # OpenBLAS's own threads would take the cores from PyTorch's.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    args = build_parser().parse_args(arguments)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import logging
 
     from ViTTransferFunction.CommandLine.console import unfailing_console
+    from ViTTransferFunction.CommandLine.interruption import ending_on_request, interruption_behind
     from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
     from ViTTransferFunction.Logic.core.errors import InputError
     from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
     try:
-        _check_surroundings(args)
-        # Within as well, since silencing makes another error stream.
-        with silenced_libraries(args.verbose), unfailing_console():
-            return int(args.run(args))
+        with ending_on_request():
+            args = build_parser().parse_args(arguments)
+            _check_surroundings(args)
+            # Within as well, since silencing makes another error stream.
+            with silenced_libraries(args.verbose), unfailing_console():
+                return int(args.run(args))
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        # One line, also where a path has several.
+        print("error:", str(error).replace("\n", "\\n").replace("\r", "\\r"), file=sys.stderr)
         return 2
     except Exception as error:
+        interruption = interruption_behind(error)
+        if interruption is not None:
+            return _interrupted(interruption)
         if is_out_of_memory(error):
             print(f"error: {OUT_OF_MEMORY}", file=sys.stderr)
         elif isinstance(error, OSError):
@@ -69,9 +77,9 @@ def _run(arguments: list[str] | None) -> int:
         return 2
 
 
-def _interrupted() -> int:
+def _interrupted(interruption: KeyboardInterrupt) -> int:
     print("interrupted; nothing was left half-written", file=sys.stderr)
-    return 130
+    return int(getattr(interruption, "exit_code", 130))
 
 
 def build_parser() -> argparse.ArgumentParser:

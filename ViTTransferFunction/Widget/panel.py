@@ -19,6 +19,7 @@ from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
+from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
@@ -78,6 +79,7 @@ class Panel:
         self.shortcuts = Shortcuts(ui, window, self._actions())
         for name in ICONS:
             getattr(ui, f"{name[0].lower()}{name[1:]}Button").icon = qt.QIcon(str(icons / f"{name}.svg"))
+        self._start_due = False
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
         self.refresh()
@@ -87,6 +89,7 @@ class Panel:
         self.close()
         self.session = SceneSession(slicer.mrmlScene, slicer.app.applicationLogic(), parameter_node)
         self.session.add_observer(self.refresh)
+        self._start_due = True
         for section in self._sections:
             section.session = self.session
         self.bind_parameters()
@@ -146,8 +149,16 @@ class Panel:
 
     def _on_timer(self) -> None:
         if self.session is not None:
+            self._start_computing()
             self.session.poll()
             self._set_pace()
+
+    def _start_computing(self) -> None:
+        """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""
+        if self.session is not None and self._start_due:
+            self._start_due = False
+            if pytorch_is_installed():
+                self.session.start_computing()
 
     def _on_class_added(self) -> None:
         """The next click in a view is the first point."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Literal
 
 from ..core.class_map import ClassMap
@@ -50,6 +51,9 @@ RENDER_AFTER_S = 0.15
 REFINE_AFTER_S = 0.4
 """How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
 then slows the answer to the next click."""
+OVERTAKE_AFTER_S = 0.5
+"""How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
+once. It is not given up sooner, so that answers come while changes follow each other quickly."""
 
 _HIDDEN = ((0.0, 0.0, 0.0), 0.0)
 _WAITED_FOR = (Extract, SegmentClasses)
@@ -57,7 +61,7 @@ _WAITED_FOR = (Extract, SegmentClasses)
 
 
 class SegmentationProxy:
-    """One volume at a time, in a compute process that is started when it is first needed.
+    """One volume at a time, in a compute process that is started when it is first needed, or ahead by `start`.
 
     Args:
         start_client: starts the compute process.
@@ -86,6 +90,7 @@ class SegmentationProxy:
         self._maps_due = False
         self._rendering_due_s: float | None = None
         self._refine_due_s: float | None = None
+        self._overtaken_from_s = 0.0
         self._started_s = 0.0
         self._error: str | None = None
         self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
@@ -116,6 +121,12 @@ class SegmentationProxy:
         self._pending.clear()
         self._maps_due, self._refine_due_s = True, None
         self._refused = False
+
+    def start(self) -> None:
+        """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
+        if self._client is None:
+            with suppress(InputError):
+                self._client = self._start_client()
 
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
         """Take up a volume, or none. Cached features load at once."""
@@ -247,6 +258,8 @@ class SegmentationProxy:
         if not self.usable or self._client is None:
             return
         if self._maps_due:
+            if time.monotonic() >= self._overtaken_from_s:
+                self._give_up(ComputeMaps)
             if not self._is_pending(ComputeMaps):
                 self._give_up(RefineMaps, Render)
                 self._send_maps()
@@ -265,6 +278,7 @@ class SegmentationProxy:
             self._low = self._answered = ()
             return
         self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
+        self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
 
@@ -379,6 +393,8 @@ class SegmentationProxy:
         self._client.close()
         self._client = None
         self._reset()
+        if self._volume is None:
+            return  # It had been started ahead, and nothing is lost.
         self._error = (
             "The computation in the background ended unexpectedly"
             f"{f' ({last})' if last else ', perhaps because the computer ran out of memory'}. Your structures and points "

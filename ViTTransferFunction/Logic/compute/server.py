@@ -13,6 +13,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -57,17 +58,24 @@ class Server:
         self._replies = replies
         self._files = files
         self._replying = threading.Lock()
-        self._clicks: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._others: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        # None: to prepare for clicks.
+        self._clicks: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._others: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._cancelled: set[int] = set()
-        self._serving = 0
+        self._serving = self._answering = 0
         self._told: tuple[int, Progressed] | None = None
-        self._service = SegmentationService(self._progress, on_coarse=lambda: self._reply(self._serving, CoarseFeatures()))
+        self._service = SegmentationService(
+            self._progress,
+            on_coarse=lambda: self._reply(self._serving, CoarseFeatures()),
+            between_points=self._end_if_overtaken,
+            on_preparable=lambda: self._clicks.put(None),
+        )
 
     def serve(self) -> None:
         """Answer requests until they end."""
         self._reply(0, Started(os.getpid()))
         # Threads that start later have this one's priority.
+        threading.Thread(target=_import_torch, daemon=True).start()
         for work in (self._listen, lambda: self._answer(self._clicks)):
             threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
         _lower_priority()
@@ -87,12 +95,17 @@ class Server:
         self._files.remove_folder()
         os._exit(0)
 
-    def _answer(self, messages: queue.SimpleQueue[Message]) -> None:
+    def _answer(self, messages: queue.SimpleQueue[Message | None]) -> None:
         while True:
             message = messages.get()
+            if message is None:
+                self._service.prepare_clicks()
+                continue
             number = message.content.get("number", 0)
             if messages is self._others:
                 self._serving = number
+            else:
+                self._answering = number
             self._reply(number, self._reply_to(message, number))
 
     def _reply_to(self, message: Message, number: int) -> Any:
@@ -109,6 +122,10 @@ class Server:
             if not is_out_of_memory(error):
                 raise
             return Failed(OUT_OF_MEMORY)
+
+    def _end_if_overtaken(self) -> None:
+        if self._answering in self._cancelled:
+            raise Cancelled
 
     def _progress(self, done: int, total: int, what: str) -> None:
         if self._serving in self._cancelled:
@@ -144,6 +161,13 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
             sys.stderr.flush()
         finally:
             os._exit(1)
+
+
+def _import_torch() -> None:
+    """Takes a second or two, in which the volume may be handed over, or still be chosen."""
+    # Where it fails, who needs it says so.
+    with suppress(Exception):
+        import torch  # noqa: F401
 
 
 def _lower_priority() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,11 +57,21 @@ class SegmentationService:
         progress: called with the work of every other request; may raise `Cancelled`, after which the next request is served as
             if the cancelled one had not been made.
         on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
+        between_points: called before what `ComputeMaps` needs of each new point; may raise `Cancelled` as well.
+        on_preparable: called whenever `prepare_clicks` has something new to do.
     """
 
-    def __init__(self, progress: Progress, on_coarse: Callable[[], None] | None = None) -> None:
+    def __init__(
+        self,
+        progress: Progress,
+        on_coarse: Callable[[], None] | None = None,
+        between_points: Callable[[], None] = lambda: None,
+        on_preparable: Callable[[], None] = lambda: None,
+    ) -> None:
         self._progress = progress
+        self._between_points = between_points
         self._on_coarse = on_coarse
+        self._on_preparable = on_preparable
         self._networks = Networks()
         self._volume: Volume | None = None
         self._session: SegmentationSession | None = None
@@ -85,6 +96,14 @@ class SegmentationService:
         """
         return self._handlers[type(request)](request)
 
+    def prepare_clicks(self) -> None:
+        """Compute ahead what the first click would wait for; by the thread that serves `ComputeMaps`."""
+        session = self._session
+        if session is not None:
+            # What fails here fails again where a click asks for it, and is told then.
+            with suppress(Exception):
+                session.prepare_clicks()
+
     def _take_volume(self, request: TakeVolume) -> Done:
         self._volume = self._session = self._segmented = None
         self._volume = Volume(request.array, request.geometry, request.name)
@@ -99,12 +118,20 @@ class SegmentationService:
         return estimate
 
     def _extract(self, request: Extract) -> Done:
-        self._the_session.load_features(self._progress, self._on_coarse)
+        session = self._the_session
+        self._on_preparable()
+        session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
+        self._on_preparable()
         return Done()
+
+    def _tell_of_coarse(self) -> None:
+        assert self._on_coarse is not None
+        self._on_preparable()
+        self._on_coarse()
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
         session = self._the_session
-        maps = session.low_resolution_maps(request.classes)
+        maps = session.low_resolution_maps(request.classes, self._between_points)
         self._maps = maps
         return Maps(tuple(maps), session.low_resolution_volumes_ml(request.classes, maps, request.only_annotated_components))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 import unicodedata
 from collections import Counter
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, shown
 from .geometry import Geometry
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
@@ -162,8 +161,3 @@ def _no_points(what: str) -> InputError:
 def is_number(value: Any) -> bool:
     """Whether a value out of a file is a number, which true and false are not."""
     return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
-
-
-def shown(value: Any) -> str:
-    """A value out of a file as a message quotes it: the beginning, where it is long."""
-    return reprlib.repr(value)

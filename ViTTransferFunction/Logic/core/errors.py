@@ -1,5 +1,8 @@
 """The two ways in which work ends early, other than by a defect."""
 
+import reprlib
+from typing import Any
+
 
 class InputError(ValueError):
     """Something the user gave cannot be used.
@@ -10,3 +13,8 @@ class InputError(ValueError):
 
 class Cancelled(Exception):
     """The user asked for running work to stop. Raised out of a progress callback; nothing half-done is kept."""
+
+
+def shown(value: Any) -> str:
+    """A value that the user gave as a message quotes it: the beginning, where it is long."""
+    return reprlib.repr(value)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 
 import numpy as np
 from scipy import ndimage
@@ -21,9 +22,13 @@ def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) ->
     Returns:
         (N, C) float32.
     """
-    samples = np.zeros((len(points_ras), values.shape[3]), dtype=np.float64)
-    for index, weight in corners_around(geometry, points_ras):
-        samples += weight[:, None] * values[tuple(index.T)]
+    return sample_by(lambda index: values[tuple(index.T)], geometry, points_ras)
+
+
+def sample_by(vectors_at: Callable[[np.ndarray], np.ndarray], geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
+    """As `sample_at`, from a function from indices (N, 3) along K, J, I to the vectors there, (N, C)."""
+    corners = corners_around(geometry, points_ras)
+    samples: np.ndarray = reduce(np.add, (weight[:, None] * vectors_at(index) for index, weight in corners))
     return samples.astype(np.float32)
 
 
@@ -39,6 +44,30 @@ def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple
     fraction = kji - base
     for corner in np.ndindex(2, 2, 2):
         yield np.minimum(base + corner, last), np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)
+
+
+class FixedPlaces:
+    """Many places in a grid, for one map of it after the other: what `sample_at` finds out of the places is kept.
+
+    Args:
+        geometry: of the grid.
+        points_ras: (N, 3) RAS millimetres.
+    """
+
+    def __init__(self, geometry: Geometry, points_ras: np.ndarray) -> None:
+        self._corners = [
+            (np.ravel_multi_index(tuple(index.T), geometry.shape), weight)
+            for index, weight in corners_around(geometry, points_ras)
+        ]
+
+    def sample(self, values: np.ndarray) -> np.ndarray:
+        """(N,) float32, those of `sample_at` on values (K, J, I) of the grid."""
+        return self.sample_by(values.ravel().__getitem__)
+
+    def sample_by(self, values_at: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """As `sample`, from a function from indices (N,) of the flattened grid to the values there, (N,)."""
+        samples: np.ndarray = np.sum([weight * values_at(index) for index, weight in self._corners], axis=0).astype(np.float32)
+        return samples
 
 
 def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool = False) -> np.ndarray:

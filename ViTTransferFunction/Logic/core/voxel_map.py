@@ -14,7 +14,7 @@ import numpy as np
 
 from .bounding_box import bounding_box, common_box, common_part, covering_box, whole_box, within
 from .geometry import Box, Geometry
-from .resampling import corners_around
+from .resampling import FixedPlaces, corners_around
 
 ROUNDING = 1e-6
 """By how much, relatively, an interpolated value may exceed the values that it lies between."""
@@ -84,6 +84,12 @@ class VoxelMap:
         for (_, weight), at_corner in zip(corners, values, strict=True):
             samples += weight * at_corner
         return samples.astype(np.float32)
+
+    def at_places(self, places: FixedPlaces) -> np.ndarray:
+        """As `at`, at places of the volume's grid, (N,) float32."""
+        if self.held.shape == self.shape:
+            return places.sample(self.held)
+        return places.sample_by(lambda index: self._at_voxels(np.stack(np.unravel_index(index, self.shape), axis=1)))
 
     def spread(self, most: int) -> np.ndarray:
         """Values of voxels spread evenly, every n-th in the order of a flattened array, for an odd n; (N,) float32.

@@ -31,3 +31,12 @@ class FeatureVolume:
     def channels(self) -> int:
         """Feature dimension C."""
         return int(self.array.shape[3])
+
+    def vectors_at(self, kji: np.ndarray) -> np.ndarray:
+        """The features (N, C) of cells (N, 3), along K', J', I'."""
+        vectors: np.ndarray = self.array[tuple(kji.T)]
+        return vectors
+
+    def whole(self) -> FeatureVolume:
+        """These features, all in memory: themselves."""
+        return self

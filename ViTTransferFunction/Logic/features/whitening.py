@@ -11,9 +11,11 @@ from typing import Literal
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.geometry import Geometry
-from ..core.resampling import sample_at
+from ..core.resampling import sample_by
 from .feature_volume import FeatureVolume
+from .stored_features import StoredFeatures
 
 Statistics = Literal["none", "centred", "whitened"]
 
@@ -61,16 +63,17 @@ class NormalisedFeatures:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
         geometry: the cells' grid.
         transform: what was applied before normalising.
+        source: the features as extracted, which may lie in a file.
     """
 
     array: np.ndarray
     geometry: Geometry
     transform: FeatureTransform
-    source: FeatureVolume
+    source: FeatureVolume | StoredFeatures
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
-        return unit_vectors(self.transform.apply(sample_at(self.source.array, self.geometry, points_ras)))
+        return unit_vectors(self.transform.apply(sample_by(self.source.vectors_at, self.geometry, points_ras)))
 
 
 def normalised_features(features: FeatureVolume, statistics: Statistics) -> NormalisedFeatures:
@@ -80,6 +83,9 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
         features: as extracted.
         statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
             the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+
+    Raises:
+        InputError: the features are to be whitened, and do not vary or are not finite.
     """
     transform = _fit_transform(features.array, statistics)
     cells = features.array.reshape(-1, features.channels)
@@ -88,6 +94,11 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     for start in range(0, len(cells), BLOCK_CELLS):
         array[start : start + BLOCK_CELLS] = unit_vectors(transform.apply(cells[start : start + BLOCK_CELLS]))
     return NormalisedFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
+
+
+def whitened_size_bytes(cells: Geometry) -> int:
+    """How much whitened features of these cells take, at most."""
+    return int(np.prod(cells.shape)) * WHITENED_COMPONENTS * np.dtype(np.float32).itemsize
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
@@ -104,11 +115,21 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     mean, covariance = _moments(array)
     if statistics == "centred":
         return FeatureTransform(mean.astype(np.float32), None)
+    if not np.isfinite(covariance).all():
+        raise InputError(
+            "The features hold values that are not numbers, or beyond all measure. The weights are damaged, or not those of "
+            "this network: get them again."
+        )
     variances, directions = np.linalg.eigh(covariance)
     count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
+    if not len(order):
+        raise InputError(
+            "The features are the same everywhere in this volume, so nothing can be told apart. Check that the weights are "
+            "those of a trained network, and that the volume shows something."
+        )
     projection = directions[:, order] / np.sqrt(variances[order])
     return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
 

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, as_points, check_name, check_share, is_number, no_points, shown
+from ..core.class_request import ClassRequest, as_points, check_name, check_share, is_number, no_points
 from ..core.colors import Color, default_color
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..core.regular_file import check_regular_file

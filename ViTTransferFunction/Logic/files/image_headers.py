@@ -204,11 +204,19 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
     return StoredVoxels(voxels, None if header_size == "-1" else int(header_size), compressed)
 
 
+_LONGEST_NRRD_VALUE = 500
+"""Teem writes what it complains of, which may be a whole field, into room for a thousand characters, and crashes."""
+
+
 def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     if not start.startswith(b"NRRD"):
         raise InputError(f"{path} cannot be read as an image: it is no NRRD file, which would begin with the letters NRRD.")
     end = re.search(rb"\r?\n\r?\n", start)
     fields = {key.lower().replace(" ", ""): value for key, value in _fields(start[: end.start() if end else None], ":").items()}
+    for field, value in fields.items():
+        # A value that begins with = is a key's, and may have any length.
+        if len(value) > _LONGEST_NRRD_VALUE and not value.startswith("=") and field not in ("content", "datafile"):
+            raise InputError(f"{path} is damaged: its header has {len(value)} characters for {field[:40]!r}. Save it again.")
     name = fields.get("datafile")
     if name is not None:
         # Teem takes a minus sign for the standard input.

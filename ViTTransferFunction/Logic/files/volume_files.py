@@ -248,4 +248,5 @@ def _name(path: Path) -> str:
 def last_line(error: Exception) -> str:
     """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
     lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
-    return lines[-1] if lines else repr(error)
+    # ITK names the object that complains, and where that is in memory.
+    return re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)

@@ -122,6 +122,8 @@ def _refine_part(
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
         _solve(target, intensities, window, spacing_mm, cell_edge_mm, near, between)
+        # It solves for deviations from a mean, and adding that may round to a hair below 0.
+        np.clip(target, 0.0, 1.0, out=target)
     else:
         target[...] = _filtered(target, intensities, window, spacing_mm)
 

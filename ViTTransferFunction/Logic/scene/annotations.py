@@ -15,6 +15,7 @@ import numpy as np
 import slicer
 import vtk
 
+from ..core.class_request import check_name
 from ..core.colors import Color
 from ..core.errors import InputError
 from .class_size import stepped, turned
@@ -119,11 +120,12 @@ class SceneAnnotations:
         A fixed iso value takes the place of the size.
 
         Raises:
-            InputError: the name is empty.
+            InputError: the name is empty, or cannot be written.
         """
         state = replace(self._class(id_), **fields)
         if not state.name.strip():
             raise InputError("A structure needs a name; it keeps the one that it had.")
+        check_name(state.name)
         if state.iso is not None:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):

@@ -60,10 +60,15 @@ def class_requests(
                     size=state.size,
                     proximity=state.proximity,
                     refine=state.refine,
-                    name=state.name.strip(),
+                    name=_printable(state.name),
                 )
             )
     return found
+
+
+def _printable(name: str) -> str:
+    """A name as messages have it: a list of points may be called anything, and saved scenes and segments bring theirs."""
+    return "".join(character if character.isprintable() else " " for character in name).strip()
 
 
 def _local(volume_node: Any, points: Sequence[Point] | np.ndarray) -> np.ndarray:

@@ -136,8 +136,10 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
 
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """Take a class's two lists out of the scene."""
-    for node in (negative_node(positive), positive):
+    """Take a class's two lists out of the scene, and what displays them."""
+    lists = [node for node in (negative_node(positive), positive) if node is not None]
+    displays = [node.GetNthDisplayNode(index) for node in lists for index in range(node.GetNumberOfDisplayNodes())]
+    for node in (*lists, *displays):
         if node is not None and scene.IsNodePresent(node):
             scene.RemoveNode(node)
 

@@ -6,7 +6,7 @@ classes claim, and without parts that hold no point. What a step leads to is ref
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,10 +53,14 @@ class Proposals:
 
     def is_like(self, other: Proposals | None) -> bool:
         """Whether the outlines of both are the same."""
+        return self.is_of_map_of(other) and other is not None and self.map.iso == other.map.iso
+
+    def is_of_map_of(self, other: Proposals | None) -> bool:
+        """Whether the outlines of both are the same but for which of them is shown, as by another size."""
         if other is None or len(self.others) != len(other.others):
             return False
         mine, theirs = (
-            (p.class_id, p.color, p.map.proposals, p.only_annotated_components, *(m.iso for m in (p.map, *p.others)))
+            (p.class_id, p.color, p.map.proposals, p.only_annotated_components, *(m.iso for m in p.others))
             for p in (self, other)
         )
         arrays = ((one.map.array, *(m.array for m in one.others), one.points_ras) for one in (self, other))
@@ -76,7 +80,8 @@ class ProposalOutlines:
         self._transform = ""
         self._wanted: Proposals | None = None
         self._shown: tuple[Proposals, Surface] | None = None
-        self._work: SteppedWork[Surface] | None = None
+        self._made: Made | None = None
+        self._work: tuple[Proposals, SteppedWork[Surface]] | None = None
 
     def show(self, volume: slicer.vtkMRMLScalarVolumeNode, proposals: Proposals | None) -> None:
         """Show these, or others instead, from the next calls of `advance` on; None: nothing."""
@@ -91,8 +96,11 @@ class ProposalOutlines:
         elif self._shown is not None and (self._volume, self._transform) != before:
             self._draw(*self._shown)
         if not proposals.is_like(self._wanted):
+            if not proposals.is_of_map_of(self._wanted):
+                self._made, self._work = Made(), None
             self._wanted = proposals
-            self._work = SteppedWork(outlines(proposals))
+            # What is under way for another size is not begun anew at every notch of the wheel: most of it is of use.
+            self._work = self._work or self._begun(proposals)
 
     @property
     def pending(self) -> bool:
@@ -101,10 +109,17 @@ class ProposalOutlines:
 
     def advance(self) -> None:
         """Go on to make the outlines, and show them when they are ready."""
-        if self._work is not None and self._wanted is not None and self._work.advance():
-            surface = self._work.result or []
-            self._work = None
-            self._draw(self._wanted, surface)
+        while self._work is not None and self._wanted is not None and self._work[1].advance():
+            proposals, work = self._work
+            if proposals is self._wanted:
+                self._work = None
+                self._draw(proposals, work.result or [])
+            else:
+                # All surfaces are there by now: which of them to show is found at once, before the next notch.
+                self._work = self._begun(self._wanted)
+
+    def _begun(self, proposals: Proposals) -> tuple[Proposals, SteppedWork[Surface]]:
+        return proposals, SteppedWork(outlines(proposals, self._made))
 
     def _draw(self, proposals: Proposals, surface: Surface) -> None:
         self._shown = proposals, surface
@@ -113,7 +128,7 @@ class ProposalOutlines:
     def hide(self) -> None:
         """Show nothing."""
         self._contours.hide()
-        self._volume = self._wanted = self._shown = self._work = None
+        self._volume = self._wanted = self._shown = self._made = self._work = None
 
     def remove(self) -> None:
         """Take all that was made out of the scene."""
@@ -121,20 +136,46 @@ class ProposalOutlines:
         self._contours.remove()
 
 
-def outlines(proposals: Proposals) -> Steps[Surface]:
-    """The surfaces of all proposals that are distinct from what is shown and from each other; in steps."""
+@dataclass
+class Made:
+    """What was made of a map's proposals, whichever is shown.
+
+    Attributes:
+        claimed: by which factor the other classes exceed their iso values at most, (K', J', I'); None until known.
+        volumes: by iso value, how many cells the class gets.
+        surfaces: by iso value, their surface.
+    """
+
+    claimed: np.ndarray | None = None
+    volumes: dict[float, int] = field(default_factory=dict)
+    surfaces: dict[float, Surface] = field(default_factory=dict)
+
+
+def outlines(proposals: Proposals, made: Made | None = None) -> Steps[Surface]:
+    """The surfaces of all proposals that are distinct from what is shown and from each other; in steps.
+
+    Args:
+        proposals: of a class.
+        made: of the same map before, to which is added what is made now.
+    """
+    made = made or Made()
     surface: Surface = []
     shown, known = proposals.map, proposals.map.proposals
-    claimed = _claimed(proposals.others, shown.array.shape)
-    volumes = [int(np.count_nonzero(_inside(proposals, shown.iso, claimed)))]
+    if made.claimed is None:
+        made.claimed = _claimed(proposals.others, shown.array.shape)
+    volumes = [int(np.count_nonzero(_inside(proposals, shown.iso, made.claimed)))]
     for iso in (known.at(size) for size in SIZES) if known is not None else ():
-        yield shown.array.size
-        inside = _inside(proposals, iso, claimed)
-        volume = int(np.count_nonzero(inside))
+        if iso not in made.volumes:
+            yield shown.array.size
+            made.volumes[iso] = int(np.count_nonzero(_inside(proposals, iso, made.claimed)))
+        volume = made.volumes[iso]
         if all(abs(volume - other) >= LEAST_DIFFERENCE * max(volume, other, 1) for other in volumes):
             volumes.append(volume)
-            enclosing = np.where(inside, np.maximum(shown.array, iso), np.minimum(shown.array, JUST_BELOW * iso))
-            surface += yield from iso_surface(ClassMap(enclosing.astype(np.float32), shown.geometry, iso))
+            if iso not in made.surfaces:
+                inside = _inside(proposals, iso, made.claimed)
+                enclosing = np.where(inside, np.maximum(shown.array, iso), np.minimum(shown.array, JUST_BELOW * iso))
+                made.surfaces[iso] = yield from iso_surface(ClassMap(enclosing.astype(np.float32), shown.geometry, iso))
+            surface += made.surfaces[iso]
     return surface
 
 

@@ -231,6 +231,10 @@ class SceneSession:
         local_ras = transform_points(np.linalg.inv(matrix_to_world(volume)), point_ras)[0]
         return is_near(class_map, local_ras, REACH_OF_STRUCTURE_MM)
 
+    def start_computing(self) -> None:
+        """Start the compute process before there is a volume: it takes seconds to be ready."""
+        self._proxy.start()
+
     def estimate_again(self) -> None:
         """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
         self._on_opened(self._volume.open_again())

@@ -8,16 +8,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.geometry import Geometry
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.cost import feature_cost
 from ..features.device import choose_device
 from ..features.extraction import extract_features, features_size_bytes
-from ..features.feature_volume import FeatureVolume
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
-from ..features.settings import FeatureSettings, feature_key
+from ..features.settings import FeatureSettings, feature_key, grid_shape
+from ..features.whitening import NormalisedFeatures, Statistics, normalised_features, whitened_size_bytes
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
@@ -51,6 +52,7 @@ class FeatureSource:
     Args:
         volume: intensities and geometry.
         settings: grid and sampling.
+        statistics: how the features are normalised.
         model: to compute the features with.
         weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
         device_name: one of `DEVICE_NAMES`, to compute on.
@@ -66,6 +68,7 @@ class FeatureSource:
         self,
         volume: Volume,
         settings: FeatureSettings,
+        statistics: Statistics,
         model: PretrainedModel,
         weights_path: str | Path | None,
         device_name: str,
@@ -75,6 +78,7 @@ class FeatureSource:
     ) -> None:
         self._volume = volume
         self._settings = settings
+        self._statistics = statistics
         self._model = model
         self._weights_path = weights_path
         self._device_name = device_name
@@ -82,6 +86,11 @@ class FeatureSource:
         self._networks = networks
         self._trust = trust
         self.provenance: FeatureProvenance | None = None
+
+    @property
+    def cells(self) -> Geometry:
+        """The grid of the features' cells."""
+        return self._volume.geometry.resized(grid_shape(self._volume.geometry, self._settings))
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; a second or two of work where they have to be computed.
@@ -98,8 +107,8 @@ class FeatureSource:
         here = cached or (weights is not None and weights.path.exists())
         return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download)
 
-    def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[FeatureVolume]:
-        """Get the features; the slow step, once for a volume.
+    def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[NormalisedFeatures]:
+        """Get the features, normalised; the slow step, once for a volume.
 
         Args:
             progress: called with bytes downloaded and slices done.
@@ -117,7 +126,7 @@ class FeatureSource:
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
             weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
         check_memory_for_features(self._volume, self._size_bytes, self._key(weights) in self._cache)
-        cached = self._cache.get(self._key(weights))
+        cached = self._cached(self._key(weights))
         self.provenance = FeatureProvenance(
             weights, str(self._device), self._settings.on(self._device).precision, cached is not None
         )
@@ -125,14 +134,25 @@ class FeatureSource:
             yield cached
             return
         network = self._networks.network(weights, self._device)
-        self._cache.check_room(self._size_bytes)
+        whitened = whitened_size_bytes(self.cells) if self._statistics == "whitened" else 0
+        self._cache.check_room(self._size_bytes + whitened)
         if coarse_first:
             for features in progressive_features(self._volume, network, self._settings, progress):
-                yield features
+                normalised = normalised_features(features, self._statistics)
+                yield normalised
         else:
             features = extract_features(self._volume, network, self._settings, progress)
-            yield features
-        self._cache.put(features)
+            normalised = normalised_features(features, self._statistics)
+            yield normalised
+        self._cache.put(features, normalised if self._statistics == "whitened" else None)
+
+    def _cached(self, key: str) -> NormalisedFeatures | None:
+        """The features out of the cache, whitened ones at once; None where it has none of them, or others in their place."""
+        whitened = self._cache.get_whitened(key) if self._statistics == "whitened" else None
+        kept = whitened or self._cache.get(key)
+        if kept is None or kept.geometry.shape != self.cells.shape:
+            return None
+        return kept if isinstance(kept, NormalisedFeatures) else normalised_features(kept, self._statistics)
 
     @cached_property
     def _device(self) -> torch.device:

@@ -42,7 +42,15 @@ def open_session(
     # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
     check_device_name(settings.device)
     source = FeatureSource(
-        volume, features, model, settings.weights_path, settings.device, cache or FeatureCache(), networks or Networks(), trust
+        volume,
+        features,
+        chosen.statistics,
+        model,
+        settings.weights_path,
+        settings.device,
+        cache or FeatureCache(),
+        networks or Networks(),
+        trust,
     )
     return SegmentationSession(volume, chosen, source)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
 from ..similarity.similarity_rule import SimilarityMethod
@@ -63,5 +63,5 @@ def preset(name: str) -> Preset:
         InputError: no preset has this name.
     """
     if name not in PRESETS:
-        raise InputError(f"Unknown preset '{name}'; expected one of {', '.join(PRESETS)}.")
+        raise InputError(f"Unknown preset {shown(name)}; expected one of {', '.join(PRESETS)}.")
     return PRESETS[name]

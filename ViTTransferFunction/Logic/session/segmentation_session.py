@@ -25,8 +25,9 @@ from ..core.voxel_map import VoxelMap
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine
+from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
-from ..similarity.similarity_rule import SimilarityRule, similarity_rule
+from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
 from .labels import Competition, assign_labels, count_labels, keep_annotated_components
@@ -94,8 +95,11 @@ class SegmentationSession:
         self.preset = preset
         self.watch = Stopwatch()
         self._source = source
-        self._loaded: tuple[NormalisedFeatures, SimilarityRule] | None = None
+        self._loaded: _Loaded | None = None
+        self._intensities: CellIntensities | None = None
+        self._looking = Lock()
         self._computing_maps = Lock()
+        self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
@@ -115,15 +119,36 @@ class SegmentationSession:
         source = self._the_source
         with self.watch.step("features"):
             for features in source.features(progress, coarse_first=on_coarse is not None):
-                self.use_features(features)
+                self._use(features)
                 if on_coarse is not None and not self.provenance.cached:
                     on_coarse()
         return self.provenance
 
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
-        normalised = normalised_features(features, self.preset.statistics)
-        self._loaded = normalised, similarity_rule(self.preset.similarity, normalised, self.volume)
+        self._use(normalised_features(features, self.preset.statistics))
+
+    def _use(self, normalised: NormalisedFeatures) -> None:
+        self._loaded = _Loaded(
+            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities_on)
+        )
+
+    def prepare_clicks(self) -> None:
+        """Compute ahead what the first click would wait for; while there are no features, what does not depend on them.
+
+        Any thread may, while another one loads them.
+        """
+        if self._loaded is not None:
+            _ = self._loaded.rule
+        elif self.preset.similarity in NEEDS_INTENSITIES:
+            self._intensities_on(self._the_source.cells)
+
+    def _intensities_on(self, cells: Geometry) -> CellIntensities:
+        """Looked at once for the same cells, however often their features become finer."""
+        with self._looking:
+            if self._intensities is None or not self._intensities.are_of(cells):
+                self._intensities = CellIntensities(self.volume, cells)
+            return self._intensities
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -135,15 +160,15 @@ class SegmentationSession:
     @property
     def features(self) -> NormalisedFeatures:
         """The volume's features. Raises RuntimeError before `load_features`."""
-        return self._features_and_rule[0]
+        return self._the_loaded.features
 
     @property
     def rule(self) -> SimilarityRule:
         """From annotations to maps and thresholds. Raises RuntimeError before `load_features`."""
-        return self._features_and_rule[1]
+        return self._the_loaded.rule
 
     @property
-    def _features_and_rule(self) -> tuple[NormalisedFeatures, SimilarityRule]:
+    def _the_loaded(self) -> _Loaded:
         if self._loaded is None:
             raise RuntimeError("load_features comes first")
         return self._loaded
@@ -153,24 +178,35 @@ class SegmentationSession:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
         return display_window(self.volume)
 
-    def low_resolution_maps(self, requests: Sequence[ClassRequest]) -> list[ClassMap]:
+    def low_resolution_maps(
+        self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None
+    ) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds.
 
-        Any thread may ask, also while another loads finer features or segments.
+        Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
+        for each new point; it may raise `Cancelled`, and what there is by then need not be computed again.
+
+        Returns:
+            The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
         """
         # Rules keep from click to click what can be used again.
         requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
-            features, rule = self._features_and_rule
+            loaded = self._the_loaded
+            features, rule = loaded.features, loaded.rule
+            if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
+                return list(self._answered[2])
             geometry = features.geometry
-            maps = rule.maps(requests)
+            maps = rule.maps(requests, between)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
                     similarity *= proximity(geometry, request.positive, request.proximity)
-            return [
+            found = [
                 _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
                 for index, (similarity, request) in enumerate(zip(maps, requests, strict=True))
             ]
+            self._answered = rule, tuple(requests), found
+            return list(found)
 
     def refined_map(
         self,
@@ -223,7 +259,7 @@ class SegmentationSession:
         progress(0, len(requests), SEGMENTING)
         isos = []
         telling = thinned(requests, self.volume.geometry)
-        low_maps = self.low_resolution_maps(telling)
+        low_maps = self.low_resolution_maps(telling, partial(progress, 0, len(requests), SEGMENTING))
         dtype = np.uint8 if len(requests) < 256 else np.uint16
         self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
         competition = Competition(self.volume.shape, dtype)
@@ -280,6 +316,23 @@ class SegmentationSession:
         voxel_ml = _voxel_ml(self.volume.geometry)
         for request, iso, count in zip(requests, isos, count_labels(labels, len(requests)), strict=True):
             yield ClassResult(request.name, iso, count, count * voxel_ml)
+
+
+class _Loaded:
+    """Features, and the rule on them, which is made by whoever needs it first."""
+
+    def __init__(self, features: NormalisedFeatures, make_rule: Callable[[], SimilarityRule]) -> None:
+        self.features = features
+        self._make_rule = make_rule
+        self._rule: SimilarityRule | None = None
+        self._making = Lock()
+
+    @property
+    def rule(self) -> SimilarityRule:
+        with self._making:
+            if self._rule is None:
+                self._rule = self._make_rule()
+            return self._rule
 
 
 def _class_map(

@@ -11,7 +11,7 @@ over the pairs of the class's positive points; its negative points share its b.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +34,7 @@ class ConnectedPoints:
 
     def __init__(self, connectedness: Callable[[int], Connectedness]) -> None:
         self._make = connectedness
-        self._current = self._fine = connectedness(BLOCKS_PER_CELL)
+        self._fine = connectedness(BLOCKS_PER_CELL)
         self._levels_of_key: dict[bytes, np.ndarray] = {}
 
     @cached_property
@@ -42,23 +42,30 @@ class ConnectedPoints:
         # It takes a walk through the volume, and few users ever place so many points.
         return self._make(1)
 
-    def update(self, points_ras: np.ndarray) -> bool:
+    def update(self, points_ras: np.ndarray, between: Callable[[], None] = lambda: None) -> list[bytes]:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
 
-        Returns:
-            Whether what was known of the others still holds.
-        """
-        points = {point.tobytes(): point for point in points_ras}
-        before, self._current = self._current, self._fine if len(points) <= FINELY_JOINED_POINTS else self._coarse
-        known = self._levels_of_key if self._current is before else {}
-        self._levels_of_key = {
-            key: known[key] if key in known else self._current.from_point(point) for key, point in points.items()
-        }
-        return self._current is before
+        Args:
+            points_ras: all that are annotated.
+            between: called before each new point; may raise `Cancelled`, and what was found out until then is kept.
 
-    def at(self, points_ras: np.ndarray, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """C of points (P, 3), which `update` was told of, at cells given by their indices (n,), (P, n) float32."""
-        levels = np.stack([self._levels_of_key[point.tobytes()][cells] for point in points_ras])
+        Returns:
+            A key for each point, which is another one where something else is known of it than before.
+        """
+        finely = len({point.tobytes() for point in points_ras}) <= FINELY_JOINED_POINTS
+        connectedness = self._fine if finely else self._coarse
+        keys = [bytes([finely]) + point.tobytes() for point in points_ras]
+        for gone in self._levels_of_key.keys() - set(keys):
+            del self._levels_of_key[gone]
+        for key, point in zip(keys, points_ras, strict=True):
+            if key not in self._levels_of_key:
+                between()
+                self._levels_of_key[key] = connectedness.from_point(point)
+        return keys
+
+    def at(self, keys: Sequence[bytes], cells: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """C of points, by the keys from `update`, at cells given by their indices (n,), (P, n) float32."""
+        levels = np.stack([self._levels_of_key[key][cells] for key in keys])
         similarities: np.ndarray = SIMILARITIES[levels]
         return similarities
 

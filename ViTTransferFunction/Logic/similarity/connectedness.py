@@ -12,11 +12,10 @@ long, and is large beyond a wall, however like the vessel it looks there. As a s
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
-from ..core.bounding_box import bounding_box
 from ..core.geometry import Geometry
 from ..core.volume import Volume
+from .flood_fill import FloodFill
 
 SIGMA = 0.05
 """σ: 20 HU in a window of 400."""
@@ -59,32 +58,23 @@ class Connectedness:
             (cells,) uint8.
         """
         (block,) = blocks_at(point_ras[None], self._cells, self._per_cell)
-        levels = self._levels(tuple(block.tolist()))
-        per, (k, j, i) = self._per_cell, self._cells.shape
-        of_cells: np.ndarray = levels.reshape(k, per, j, per, i, per).min(axis=(1, 3, 5)).ravel()
-        return of_cells
+        k, j, i = block.tolist()
+        difference = self._difference((k, j, i))
+        levels = np.full(self._cells.shape, len(TOLERANCES), dtype=np.uint8)
+        flood = FloodFill(difference.shape, (k, j, i))
+        for tolerance in TOLERANCES:
+            flood.through(difference <= tolerance)
+            levels -= flood.cells(self._per_cell)
+        return levels.ravel()
 
-    def _levels(self, block: tuple[int, ...]) -> np.ndarray:
-        """The index of the smallest tolerance that joins each block to one of them, (blocks of K, J, I) uint8.
-
-        From the largest tolerance down, each component lies within the one before, and so in an ever smaller box.
-        """
+    def _difference(self, block: tuple[int, int, int]) -> np.ndarray:
+        """How far the intensities of all blocks (K, J, I) are from that of one of them; NaN where there is none."""
         around = tuple(slice(max(index - 1, 0), index + 2) for index in block)
-        difference = np.abs(self._blocks - np.float32(_median(self._blocks[around])))
+        difference: np.ndarray = self._blocks - np.float32(_median(self._blocks[around]))
+        np.abs(difference, out=difference)
         # The clicked block belongs to itself, be it brighter than those around it.
         difference[block] = 0.0
-        levels = np.full(self._blocks.shape, len(TOLERANCES), dtype=np.uint8)
-        within, view, seed = np.ones((), dtype=bool), levels, block
-        for tolerance in TOLERANCES[::-1]:
-            components, _ = ndimage.label(within & (difference <= tolerance))
-            own = components == components[seed]
-            # One tolerance less is needed: five subtractions are faster than setting each level where it holds.
-            view -= own.view(np.uint8)
-            box = bounding_box(own)
-            assert box is not None  # The block itself is among its own.
-            within, difference, view = own[box], difference[box], view[box]
-            seed = tuple(index - extent.start for index, extent in zip(seed, box, strict=True))
-        return levels
+        return difference
 
 
 def blocks_at(points_ras: np.ndarray, cells: Geometry, blocks_per_cell: int = 1) -> np.ndarray:

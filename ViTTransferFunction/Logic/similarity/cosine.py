@@ -37,7 +37,7 @@ class CosineSimilarity:
         self._volume_geometry = volume_geometry
         self._average = average
 
-    def maps(self, requests: Sequence[ClassRequest]) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> list[np.ndarray]:
         """See `SimilarityRule`."""
         return [self._map(request) for request in requests]
 

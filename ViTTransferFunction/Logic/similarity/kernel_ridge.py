@@ -20,28 +20,25 @@ between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_poi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 
 import numpy as np
 
 from ..core.class_request import ClassRequest
-from ..core.intensity_cdf import IntensityCdf
-from ..core.intensity_window import display_window
 from ..core.iso_proposals import IsoProposals
-from ..core.orientation import canonical_orientation
-from ..core.resampling import sample_at
+from ..core.resampling import FixedPlaces, sample_at
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
-from .connected_points import ConnectedPoints, between_points, point_factors, shares
-from .connectedness import Connectedness, blocks_at
+from .cell_intensities import CellIntensities
+from .connected_points import between_points, point_factors, shares
+from .connectedness import blocks_at
 from .iso_value import (
     STABILITY_SAMPLES,
     choose_iso_by_edges,
     choose_refined_iso,
-    edge_strength_at,
     prior_iso,
     proposals_around,
     refined_prior,
@@ -63,12 +60,8 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
-EDGE_STEP_CELLS = 1 / 3
-"""Distance over which intensity differences count as an edge, in cells."""
 CELLS_AT_ONCE = 4096
 """Kernels of background cells with so many cells, a megabyte and a half, are computed at once."""
-ISO_CELLS = 100_000
-"""The iso value is chosen from at most this many cells, spread evenly: more would only take longer."""
 
 
 class KernelRidge:
@@ -77,49 +70,46 @@ class KernelRidge:
     Args:
         features: unit feature vectors of the volume's cells.
         volume: the intensities.
+        intensities: of the volume on the same cells; None: they are looked at now.
     """
 
-    def __init__(self, features: NormalisedFeatures, volume: Volume) -> None:
+    def __init__(self, features: NormalisedFeatures, volume: Volume, intensities: CellIntensities | None = None) -> None:
         self._features = features
         self._volume_geometry = volume.geometry
-        self._cdf = IntensityCdf(volume)
-        centres = features.geometry.voxel_centres_ras()
+        self._intensities = intensities or CellIntensities(volume, features.geometry)
+        self._cdf = self._intensities.cdf
+        self._connected = self._intensities.connected
+        centres = self._intensities.centres_ras
         self._centre_ras = centres.mean(axis=0)
         vectors = features.array.reshape(-1, features.array.shape[-1])
-        self._cells = _Places(vectors, self._centred(centres), self._cdf.around_cells(features.geometry))
+        self._cells = _Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
         self._longest_edge_mm = float(volume.geometry.extent_mm.max())
-        # Always the same cells, also where the scan is stored another way, so that the same clicks give the same map.
-        indices = np.arange(len(centres)).reshape(features.geometry.shape)
-        indices = canonical_orientation(features.geometry).to_canonical(indices)
-        drawn = np.random.default_rng(0).permutation(indices.ravel())
-        background = drawn[:BACKGROUND_CELLS]
+        background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = self._cells.subset(background), background
+        self._background_kernel = np.empty((len(background), len(background)))
+        self._rows = KernelRows(len(background), len(centres))
         # Some cells at a time, which stay near the processor.
-        rows = np.empty((len(background), len(centres)), dtype=np.float32)
         for start in range(0, len(centres), CELLS_AT_ONCE):
             some = slice(start, start + CELLS_AT_ONCE)
-            rows[:, some] = self._kernel(self._background, self._cells.subset(some))
-        self._background_kernel = rows[:, background].astype(np.float64)
-        self._rows = KernelRows(rows)
-        self._connected = ConnectedPoints(partial(Connectedness, volume, features.geometry, display_window(volume).width))
-        self._iso_cells = np.sort(drawn[:ISO_CELLS])
-        axes_ras = features.geometry.ijk_to_ras[:3, :3].T / features.geometry.spacing_mm[:, None]
-        steps_ras = EDGE_STEP_CELLS * features.geometry.spacing_mm.min() * axes_ras
-        self._iso_cells_ras = centres[self._iso_cells]
-        self._edge_strength = edge_strength_at(self._cdf, self._iso_cells_ras, steps_ras)
+            kernel = self._kernel(self._background, self._cells.subset(some))
+            self._rows.put_background(some, kernel)
+            within = (background >= some.start) & (background < some.stop)
+            self._background_kernel[:, within] = kernel[:, background[within] - start]
 
-    def maps(self, requests: Sequence[ClassRequest]) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> list[np.ndarray]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
-        if not self._connected.update(annotated.points_ras):
-            self._rows.forget_points()
-        between = between_points(self._connected.at(annotated.points_ras, self._cells_at(annotated.points_ras)))
-        share = shares(annotated.points_ras, between, annotated.classes, annotated.positive)
-        point_weights, background_weights = self._weights(annotated, points, between, share)
-        rows = self._rows.indices(
-            [position.tobytes() for position in annotated.points_ras], lambda fresh: self._rows_of(annotated, points, fresh)
-        )
+        keys = self._connected.update(annotated.points_ras, between)
+        joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
+        share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
+        point_weights, background_weights = self._weights(annotated.targets, points, keys, joined, share)
+
+        def rows_of(index: int) -> np.ndarray:
+            between()
+            return self._rows_of(points.subset(np.array([index])), keys[index])
+
+        rows = self._rows.indices(keys, rows_of)
         weights = np.zeros((len(requests), self._rows.count), dtype=np.float32)
         weights[:, : len(self._background.cdf)] = background_weights.T
         # Added, not set: the same place may have been annotated twice.
@@ -143,17 +133,17 @@ class KernelRidge:
         cells: np.ndarray = np.ravel_multi_index(tuple(blocks_at(points_ras, geometry).T), geometry.shape)
         return cells
 
-    def _rows_of(self, annotated: _Annotated, points: _Places, index: int) -> np.ndarray:
-        """Kernel of the index-th point with all cells, and the same times their connectedness, (2, cells) float32."""
-        (row,) = self._kernel(points.subset(np.array([index])), self._cells)
-        return np.stack([row, row * self._connected.at(annotated.points_ras[[index]])[0]])
+    def _rows_of(self, point: _Places, key: bytes) -> np.ndarray:
+        """Kernel of one point with all cells, and the same times their connectedness, (2, cells) float32."""
+        (row,), (joined,) = self._kernel(point, self._cells), self._connected.at([key])
+        return np.stack([row, row * joined])
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
-        similarity = similarity.ravel()[self._iso_cells]
-        iso = choose_iso_by_edges(similarity, self._edge_strength, at_positives, _prior(request))
+        similarity = similarity.ravel()[self._intensities.iso_cells]
+        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, _prior(request))
         return proposals_around(iso, at_positives)
 
     def refined_iso(
@@ -161,20 +151,25 @@ class KernelRidge:
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
-        at_positives, at_cells = (
-            similarity.at(self._volume_geometry, points) for points in (request.positive, self._iso_cells_ras)
-        )
+        at_positives = similarity.at(self._volume_geometry, request.positive)
+        at_cells = similarity.at_places(self._iso_cells_in_volume)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
-        iso = choose_refined_iso(similarity.spread(STABILITY_SAMPLES), at_cells, self._edge_strength, at_positives, prior)
+        iso = choose_refined_iso(
+            similarity.spread(STABILITY_SAMPLES), at_cells, self._intensities.edge_strength, at_positives, prior
+        )
         return proposals_around(iso, at_positives)
 
+    @cached_property
+    def _iso_cells_in_volume(self) -> FixedPlaces:
+        # Not before something is refined, which is after the first map.
+        return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
+
     def _weights(
-        self, annotated: _Annotated, points: _Places, between: np.ndarray, share: np.ndarray
+        self, targets: np.ndarray, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
-        targets = annotated.targets
-        joined = self._connected.at(annotated.points_ras, self._background_cells).T
+        joined = self._connected.at(keys, self._background_cells).T
         to_points = self._kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
         of_points = self._kernel(points, points).astype(np.float64) * point_factors(between, share)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -22,18 +22,26 @@ class KernelRows:
 
     Rows are kept from click to click, so that a click costs two new rows and one product with all of them. That product waits
     for memory, so rows are kept in bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
+
+    Args:
+        background: how many background cells there are; `put_background` has to give all of their rows.
+        cells: how many cells.
     """
 
-    def __init__(self, of_background: np.ndarray) -> None:
+    def __init__(self, background: int, cells: int) -> None:
         import torch
 
-        precision = device_precision(torch.device("cpu"))
-        self._background = len(of_background)
-        self._rows = torch.zeros((0, of_background.shape[1]), dtype=precision)
+        self._background = background
+        self._rows = torch.zeros((0, cells), dtype=device_precision(torch.device("cpu")))
         self._make_room(self._background - 1)
-        self._rows[: self._background] = torch.from_numpy(of_background)
         self._row_of_key: dict[bytes, int] = {}
         self.count = len(self._rows)
+
+    def put_background(self, cells: slice, kernel: np.ndarray) -> None:
+        """The kernels of the background cells with some cells, (background, some) float32."""
+        import torch
+
+        self._rows[: self._background, cells] = torch.from_numpy(kernel)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
@@ -41,8 +49,11 @@ class KernelRows:
 
         return (torch.from_numpy(weights).to(self._rows.dtype) @ self._rows[: self.count]).float().numpy()
 
-    def indices(self, keys: list[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
-        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`."""
+    def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
+        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
+
+        Rows of a key that does not come again are forgotten; `compute` may raise `Cancelled`, and those that it made are kept.
+        """
         import torch
 
         for gone in self._row_of_key.keys() - set(keys):
@@ -50,18 +61,15 @@ class KernelRows:
         taken = set(self._row_of_key.values())
         for index, key in enumerate(keys):
             if key not in self._row_of_key:
+                made = torch.from_numpy(compute(index))
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
                 self._make_room(row + ROWS_OF_POINT - 1)
-                self._rows[row : row + ROWS_OF_POINT] = torch.from_numpy(compute(index))
+                self._rows[row : row + ROWS_OF_POINT] = made
                 self._row_of_key[key] = row
         self.count = _whole_blocks(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
-
-    def forget_points(self) -> None:
-        """Whatever point comes next, its rows are made anew."""
-        self._row_of_key = {}
 
     def _make_room(self, row: int) -> None:
         if row >= len(self._rows):

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
 import numpy as np
 
 from ..core.class_request import ClassRequest
+from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
+from .cell_intensities import CellIntensities
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
 from .kernel_ridge import KernelRidge
 
 SimilarityMethod = Literal["kernel ridge", "cosine", "clamped cosine"]
 """Learned from all classes' points (`kernel_ridge`); the mean cosine of Eq. 1; the variant of it in the authors' program."""
 
+NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
+"""Those that look at intensities as well, before the first click."""
+
 
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
-    def maps(self, requests: Sequence[ClassRequest]) -> Sequence[np.ndarray]:
-        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them."""
+    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> Sequence[np.ndarray]:
+        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them.
+
+        `between` is called before what is computed for each new point; it may raise `Cancelled`.
+        """
 
     def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """The thresholds that the index-th class's S_L (K', J', I') may have."""
@@ -34,14 +42,20 @@ class SimilarityRule(Protocol):
         """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L."""
 
 
-def similarity_rule(method: SimilarityMethod, features: NormalisedFeatures, volume: Volume) -> SimilarityRule:
+def similarity_rule(
+    method: SimilarityMethod,
+    features: NormalisedFeatures,
+    volume: Volume,
+    intensities: Callable[[Geometry], CellIntensities],
+) -> SimilarityRule:
     """The rule of that name for a volume.
 
     Args:
         method: which one.
         features: of the volume's cells.
         volume: the intensities.
+        intensities: looks at the volume's intensities on cells, or has done so before.
     """
     if method == "kernel ridge":
-        return KernelRidge(features, volume)
+        return KernelRidge(features, volume, intensities(features.geometry))
     return CosineSimilarity(features, volume.geometry, mean_cosine if method == "cosine" else mean_clamped_cosine)

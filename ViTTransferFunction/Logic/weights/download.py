@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import http.client
+import os
+import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,6 +21,10 @@ _TIMEOUT_S = 10.0
 """Longest silence of the network, on connecting as on reading, before it counts as broken."""
 _BLOCK = 1 << 20
 _MOST_BYTES = 4 * 2**30
+_RECENT_S = 2.0
+"""A file that changed so recently may change again within what its file system takes for the same moment."""
+_hashes: dict[tuple[int, ...], str] = {}
+"""By the states of files that were read before: weights are asked for with every volume, and reading them takes a while."""
 _SCHEMES = frozenset({"https"})
 """Who sits in between can read and change what comes by any other; a hash alone would not show what is fetched to others."""
 
@@ -68,21 +74,27 @@ def download(
 
 
 def sha256_of(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's content.
+    """Hexadecimal SHA-256 of a file's content; that of a file that has not changed since is known.
 
     Raises:
         InputError: the file cannot be read.
     """
-    digest = hashlib.sha256()
     try:
         with path.open("rb") as stream:
-            while block := stream.read(_BLOCK):
-                digest.update(block)
+            status = os.fstat(stream.fileno())
+            state = (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+            if state not in _hashes:
+                digest = hashlib.sha256()
+                while block := stream.read(_BLOCK):
+                    digest.update(block)
+                if time.time() - status.st_mtime < _RECENT_S:
+                    return digest.hexdigest()
+                _hashes[state] = digest.hexdigest()
+            return _hashes[state]
     except OSError as error:
         raise InputError(
             f"Cannot read {path} ({error.strerror or error}). Check its permissions, or choose another file."
         ) from error
-    return digest.hexdigest()
 
 
 @contextlib.contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 
 _META_FILES = "https://dl.fbaipublicfiles.com"
 
@@ -77,7 +77,7 @@ def pretrained_model(name: str) -> PretrainedModel:
     """
     model = PRETRAINED_MODELS.get(name)
     if model is None:
-        raise InputError(f"Unknown model '{name}'; expected one of {', '.join(PRETRAINED_MODELS)}.")
+        raise InputError(f"Unknown model {shown(name)}; expected one of {', '.join(PRETRAINED_MODELS)}.")
     return model
 
 

@@ -6,7 +6,7 @@ import hashlib
 import pickle
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,10 +28,8 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
     Raises:
         InputError: the file cannot be read, or holds anything but a dictionary of tensors, or values that are not finite.
     """
-    import torch
-
     try:
-        content = read_safetensors(path) if is_safetensors(path) else torch.load(path, map_location="cpu", weights_only=True)
+        content = read_safetensors(path) if is_safetensors(path) else _load(path)
     except OSError as error:
         raise InputError(
             f"Cannot read the weights file {path} ({error.strerror or error}). Check its permissions, or choose another file."
@@ -76,6 +74,14 @@ _DAMAGED = (
 )
 """What `torch.load` raises on damaged files. It documents none; these were found by feeding it thousands of them. What
 `read_safetensors` raises is among them."""
+
+
+def _load(path: Path) -> Any:
+    """A file saved by PyTorch, whatever its name: of a path, PyTorch would go by the ending."""
+    import torch
+
+    with path.open("rb") as file:
+        return torch.load(file, map_location="cpu", weights_only=True)
 
 
 def _check_is_state_dict(content: object, path: Path) -> None:

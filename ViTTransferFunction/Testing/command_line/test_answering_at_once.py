@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -35,8 +36,8 @@ except SystemExit:
 """
 
 
-def python(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+def python(code: str, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["segment", "--help"], ["segment", "scan.nrrd"], ["weights", "forget"]])
@@ -45,6 +46,16 @@ def test_help_and_mistakes_in_the_arguments_are_answered_before_anything_slow_is
     loaded = set(answer.stdout.splitlines()[-1].split())
     assert "argparse" in loaded
     assert not loaded & SLOW_TO_LOAD
+
+
+def test_how_libraries_wait_and_how_many_threads_they_take_is_set_before_they_load() -> None:
+    variables = ("OMP_WAIT_POLICY", "OPENBLAS_NUM_THREADS")
+    ours = f"import os; print(*map(os.environ.get, {variables}), file=sys.stderr)"
+    environment = {name: value for name, value in os.environ.items() if name not in variables}
+    for given, expected in (({}, "passive 1"), ({"OPENBLAS_NUM_THREADS": "3"}, "passive 3")):
+        answer = python(f"{LOADED_AFTER_A_MISTAKE.format(arguments=['--help'])}{ours}", {**environment, **given})
+        assert answer.stderr.split() == expected.split()
+        assert "numpy" not in answer.stdout.splitlines()[-1].split()
 
 
 @pytest.mark.parametrize("module", ["argparse", "numpy", "SimpleITK"])

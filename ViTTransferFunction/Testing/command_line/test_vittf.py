@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
+import torch
 
 from ViTTransferFunction.CommandLine import demo
 from ViTTransferFunction.CommandLine.vittf import main
@@ -75,6 +76,7 @@ def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
     assert content["grid"] == [16, 13, 15]
     assert content["versions"]["torch"]
     assert content["device"] in ("cpu", "cuda", "mps")
+    assert content["threads"] == torch.get_num_threads()
     assert set(content["seconds"]) >= {"features", "similarity", "refinement", "write"}
     for index, entry in enumerate(content["classes"], start=1):
         assert entry["voxels"] == int((labels == index).sum())

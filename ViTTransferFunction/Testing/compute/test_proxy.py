@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -30,6 +31,7 @@ from ViTTransferFunction.Logic.compute.requests import (
 )
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
@@ -172,6 +174,24 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
     assert "rendering" not in ready.poll()
     assert ready.rendering is None
+
+
+def test_an_answer_is_waited_for_unless_it_takes_long(
+    ready: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ready.update([LIVER], Refinement())
+    answering = len(client.asked)
+    ready.update([LIVER, SPLEEN], Refinement())
+    ready.poll()
+    assert not client.cancelled
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + proxy_module.OVERTAKE_AFTER_S)
+    ready.poll()
+    assert client.cancelled == [answering]
+    assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
+    client.answer(ComputeMaps, Maps((MAP, MAP), (1.5, 1.5)))
+    ready.poll()
+    assert ready.up_to_date
 
 
 def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: SegmentationProxy, client: Client) -> None:
@@ -332,3 +352,34 @@ def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(pro
     client.alive = True
     proxy.extract()
     assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]
+
+
+def test_a_process_that_was_started_ahead_serves_the_volume_that_is_chosen_then(client: Client) -> None:
+    started: list[Client] = []
+
+    def start() -> Client:
+        started.append(client)
+        return client
+
+    proxy = SegmentationProxy(start)  # type: ignore[arg-type]
+    proxy.start()
+    proxy.start()
+    assert (started, client.kinds()) == ([client], [])
+    proxy.open(VOLUME, SessionSettings())
+    assert (started, client.kinds()) == ([client], ["TakeVolume", "Prepare"])
+
+
+def test_nothing_is_said_of_a_process_that_was_started_ahead_and_was_not_needed_yet(client: Client) -> None:
+    def fail() -> Client:
+        raise InputError("Computing could not be started.")
+
+    unable = SegmentationProxy(fail)  # type: ignore[arg-type]
+    unable.start()
+    assert unable.take_error() is None
+    unable.open(VOLUME, SessionSettings())
+    assert unable.take_error() == "Computing could not be started."
+    proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type,return-value]
+    proxy.start()
+    client.alive = False
+    proxy.poll()
+    assert (proxy.take_error(), proxy.pid, proxy.phase) == (None, None, "no volume")

@@ -25,6 +25,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     SegmentClasses,
     TakeVolume,
 )
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
@@ -147,3 +148,15 @@ def test_closing_ends_the_process_whatever_it_does(spheres: Spheres) -> None:
     client.close()
     client.replies()
     assert not client.alive
+
+
+@pytest.mark.slow
+def test_the_answer_to_many_points_at_once_can_be_given_up_for_the_next_one(client: ComputeClient, spheres: Spheres) -> None:
+    open_spheres(client, spheres)
+    geometry = spheres[0].geometry
+    inside = np.random.default_rng(0).uniform(0.0, np.array(geometry.shape[::-1]) - 1.0, (5000, 3))
+    many = client.request(ComputeMaps((ClassRequest("many", geometry.ijk_to_ras_points(inside)),)))
+    time.sleep(0.2)
+    client.cancel([many])
+    assert reply_to(client, many) == GivenUp()
+    assert isinstance(reply_to(client, client.request(ComputeMaps(requests_of(spheres)))), Maps)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.resampling import resample_labels
+from ViTTransferFunction.Logic.core.resampling import FixedPlaces, resample_labels, sample_at
 
 LABELS = np.random.default_rng(0).integers(0, 5, (6, 7, 8)).astype(np.uint8)
 SOURCE = np.diag([0.9, 1.3, 2.1, 1.0])
@@ -53,3 +53,14 @@ def test_a_grid_elsewhere_has_no_labels() -> None:
     elsewhere[:3, 3] = 100.0
     target = Geometry((3, 3, 3), elsewhere @ np.diag([1.1, 1.1, 1.1, 1.0]))
     assert not resample_labels(LABELS, Geometry(LABELS.shape, SOURCE), target).any()
+
+
+def test_places_that_are_kept_give_the_samples_of_each_map_also_beyond_the_border() -> None:
+    generator = np.random.default_rng(3)
+    shape = (4, 1, 6)
+    geometry = Geometry(shape, np.array([[0.0, -2.0, 0.0, 5.0], [1.5, 0.0, 0.0, 0.0], [0.0, 0.0, 3.0, -4.0], [0, 0, 0, 1.0]]))
+    points = geometry.ijk_to_ras_points(generator.uniform(-2.0, 8.0, (200, 3)))
+    places = FixedPlaces(geometry, points)
+    for _ in range(2):
+        values = generator.random(shape, dtype=np.float32)
+        np.testing.assert_array_equal(places.sample(values), sample_at(values[..., None], geometry, points)[:, 0])

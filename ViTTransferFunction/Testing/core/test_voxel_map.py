@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.geometry import Box, Geometry
-from ViTTransferFunction.Logic.core.resampling import sample_at
+from ViTTransferFunction.Logic.core.resampling import FixedPlaces, sample_at
 from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
 
 SHAPE = (12, 10, 8)
@@ -43,7 +43,9 @@ def test_any_part_is_that_of_the_whole(held: Box, asked: Box) -> None:
 def test_samples_at_points_are_those_of_the_whole(held: Box) -> None:
     voxels, array = part_held(held)
     points = np.random.default_rng(2).uniform(-3.0, 27.0, (50, 3))
-    np.testing.assert_array_equal(voxels.at(GEOMETRY, points), sample_at(array[..., None], GEOMETRY, points)[:, 0])
+    expected = sample_at(array[..., None], GEOMETRY, points)[:, 0]
+    np.testing.assert_array_equal(voxels.at(GEOMETRY, points), expected)
+    np.testing.assert_array_equal(voxels.at_places(FixedPlaces(GEOMETRY, points)), expected)
 
 
 @given(boxes(), st.integers(20, 2000))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
@@ -72,3 +73,15 @@ def test_features_without_statistics_keep_their_direction() -> None:
 
 def test_zero_vectors_stay_zero() -> None:
     np.testing.assert_array_equal(unit_vectors(np.zeros((2, 3))), np.zeros((2, 3)))
+
+
+def test_features_that_are_the_same_everywhere_are_refused() -> None:
+    with pytest.raises(InputError, match="same everywhere"):
+        normalised_features(feature_volume(np.ones((2, 3, 4, 5), np.float32)), "whitened")
+
+
+def test_features_that_are_not_finite_are_refused() -> None:
+    array = np.random.default_rng(0).random((2, 3, 4, 5)).astype(np.float32)
+    array[0, 0, 0] = np.inf
+    with pytest.raises(InputError, match="not numbers"), np.errstate(all="ignore"):
+        normalised_features(feature_volume(array), "whitened")

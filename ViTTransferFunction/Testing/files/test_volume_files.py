@@ -127,6 +127,15 @@ def labels_of_two_segments() -> np.ndarray:
     return labels
 
 
+@pytest.mark.parametrize("field", ["space directions", "sizes", "kinds"])
+def test_an_nrrd_header_with_an_absurdly_long_field_is_refused(tmp_path: Path, field: str) -> None:
+    fields = {"type": "short", "dimension": "3", "sizes": "2 2 2", "encoding": "raw", "endian": "little", field: "a" * 3000}
+    header = "".join(f"{name}: {value}\n" for name, value in fields.items())
+    (tmp_path / "scan.nrrd").write_bytes(f"NRRD0004\n{header}\n".encode() + bytes(16))
+    with pytest.raises(InputError, match="3000 characters"):
+        read_volume(tmp_path / "scan.nrrd")
+
+
 @pytest.mark.parametrize("ending", [".seg.nrrd", ".nii.gz", ".nrrd"])
 def test_a_segmentation_comes_back_as_it_was_written(tmp_path: Path, ending: str) -> None:
     labels, geometry = labels_of_two_segments(), Geometry((4, 5, 6), OBLIQUE_LEFT_HANDED)

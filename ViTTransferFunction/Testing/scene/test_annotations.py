@@ -128,6 +128,13 @@ def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession
     assert session.classes[0].name == "sphere 1"
 
 
+def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    with pytest.raises(InputError, match="cannot be written"):
+        session.annotations.set_class(state.id, name="li\x14ver")
+    assert session.classes == (state,)
+
+
 def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
     session: SceneSession, spheres: Spheres
 ) -> None:

@@ -152,3 +152,10 @@ def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any
         parents |= {hierarchy.GetItemParent(hierarchy.GetItemByDataNode(n)) for n in (node, negative_node(node))}
     (folder,) = parents
     assert hierarchy.GetItemName(folder) == FOLDER_NAME
+
+
+def test_a_class_that_is_removed_leaves_nothing(scene: Any, parameter_node: Any) -> None:
+    create_class(scene, parameter_node, LIVER)
+    count = scene.GetNumberOfNodes()
+    remove_class(scene, create_class(scene, parameter_node, ClassState("b2", "spleen", (0.0, 0.0, 0.0))))
+    assert scene.GetNumberOfNodes() == count

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from ViTTransferFunction.Logic.core import stepped_work
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
 from ViTTransferFunction.Logic.core.stepped_work import finished
-from ViTTransferFunction.Logic.scene.proposal_outlines import ProposalOutlines, Proposals, outlines
+from ViTTransferFunction.Logic.scene import proposal_outlines
+from ViTTransferFunction.Logic.scene.proposal_outlines import Made, ProposalOutlines, Proposals, outlines
 from ViTTransferFunction.Testing.support.scenes import put_under
 from ViTTransferFunction.Testing.support.views import Views, ball, pixels, slice_pixel
 
@@ -120,6 +122,36 @@ def test_the_same_proposals_are_not_outlined_anew_and_others_are(slicer_app: Any
         shown.show(views.volume, other)
         assert shown.pending
         finish(shown)
+
+
+def test_scrolling_through_sizes_makes_each_surface_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes = (0.0, 0.2, 0.5, 0.8, 1.0)
+    anew = [distances(finished(outlines(proposals(size=size)))) for size in sizes]
+    made_of: list[float] = []
+    original = proposal_outlines.iso_surface
+
+    def counted(of: ClassMap) -> Any:
+        made_of.append(of.iso)
+        return original(of)
+
+    monkeypatch.setattr(proposal_outlines, "iso_surface", counted)
+    made = Made()
+    for size, expected in zip(sizes, anew, strict=True):
+        np.testing.assert_array_equal(distances(finished(outlines(proposals(size=size), made))), expected)
+    assert sorted(made_of) == [0.2, 0.5, 0.8]
+
+
+def test_a_notch_of_the_wheel_does_not_begin_anew_what_is_under_way(slicer_app: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    views = Views(slicer_app)
+    view, shown = views.slice_view(), ProposalOutlines(views.scene)
+    monkeypatch.setattr(stepped_work, "ADVANCE_S", 0.0)
+    notches = 0
+    # A notch at each step of the work.
+    while notches < 50 and not greenness(view, CENTRE + radius_of(0.8) * np.array([0.0, 1.0, 0.0])):
+        shown.show(views.volume, proposals(size=0.5 + 0.001 * notches))
+        shown.advance()
+        notches += 1
+    assert notches < 50
 
 
 def test_another_class_s_outlines_are_gone_at_once_and_all_nodes_in_the_end(slicer_app: Any) -> None:

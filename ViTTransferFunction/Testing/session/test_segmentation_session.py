@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.session import segmentation_session
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
@@ -73,7 +77,7 @@ def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
 
 def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
     """Make them equal to the network, so that a click on one finds both."""
-    source = session.features.source
+    source = session.features.source.whole()
     array = source.array.copy()
     array[..., 1] += array[..., 2]
     array[..., 2] = 0.0
@@ -124,12 +128,37 @@ def test_proximity_fades_a_map_with_distance_whatever_the_method(
     session: SegmentationSession, spheres: Spheres, method: SimilarityMethod
 ) -> None:
     chosen = SegmentationSession(session.volume, replace(session.preset, similarity=method))
-    chosen.use_features(session.features.source)
+    chosen.use_features(session.features.source.whole())
     (plain,) = chosen.low_resolution_maps(requests_of(spheres)[:1])
     (faded,) = chosen.low_resolution_maps(requests_of(spheres, proximity=1.0)[:1])
     assert faded.array.max() > 0.5 * plain.array.max()
     far = np.s_[:, :, -3:]
     assert faded.array[far].max() <= 0.05 * plain.array[far].max() + 1e-6
+
+
+def test_intensities_are_looked_at_once_for_the_same_cells_and_anew_for_others(
+    session: SegmentationSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = session.low_resolution_maps(requests_of(spheres))
+    looked_at: list[tuple[int, ...]] = []
+
+    class Counted(CellIntensities):
+        def __init__(self, volume: Volume, cells: Geometry) -> None:
+            looked_at.append(cells.shape)
+            super().__init__(volume, cells)
+
+    monkeypatch.setattr(segmentation_session, "CellIntensities", Counted)
+    features = session.features.source.whole()
+    other = SegmentationSession(session.volume, session.preset)
+    for _ in range(2):
+        other.use_features(features)
+        other.prepare_clicks()
+        found = other.low_resolution_maps(requests_of(spheres))
+        assert all(np.array_equal(a.array, b.array) for a, b in zip(found, before, strict=True))
+    fewer = FeatureVolume(features.array[::2], session.volume.geometry.resized(features.array[::2].shape[:3]), "fewer")
+    other.use_features(fewer)
+    assert other.low_resolution_maps(requests_of(spheres))[0].array.shape == fewer.geometry.shape
+    assert looked_at == [features.geometry.shape, fewer.geometry.shape]
 
 
 def test_unusable_classes_are_refused_before_any_work(session: SegmentationSession, spheres: Spheres) -> None:
@@ -157,3 +186,24 @@ def test_features_come_before_maps(spheres: Spheres) -> None:
     session = SegmentationSession(spheres[0], PRESETS[DEFAULT_PRESET])
     with pytest.raises(RuntimeError, match="load_features comes first"):
         session.low_resolution_maps(requests_of(spheres))
+
+
+def test_a_refinement_takes_the_answer_to_the_click_and_another_click_or_other_features_do_not(
+    session: SegmentationSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    computed = []
+    original = type(session.rule).maps
+
+    def counted(self: Any, *arguments: Any) -> Any:
+        computed.append(arguments)
+        return original(self, *arguments)
+
+    monkeypatch.setattr(type(session.rule), "maps", counted)
+    requests = requests_of(spheres)
+    session.low_resolution_maps(requests)
+    session.segment(requests)
+    assert len(computed) == 1
+    session.low_resolution_maps(requests_of(spheres, proximity=0.5))
+    session.use_features(session.features.source.whole())
+    session.low_resolution_maps(requests_of(spheres, proximity=0.5))
+    assert len(computed) == 3

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.similarity import connected_points
 from ViTTransferFunction.Logic.similarity.connected_points import (
     LARGEST_SHARE,
     ConnectedPoints,
@@ -120,6 +124,36 @@ def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: py
     for points in ([one], [one, other], [other], [one, other]):
         connected.update(np.array(points))
     assert len(asked) == 3
+
+
+def test_what_was_found_out_before_it_was_cancelled_is_kept() -> None:
+    volume = tubes()
+    connected = ConnectedPoints(lambda _: Connectedness(volume, volume.geometry.resized(CELLS), WIDTH))
+    points = np.stack([position(volume, (2, 2, column)) for column in range(5)])
+    begun = []
+
+    def give_up_before_the_fourth() -> None:
+        begun.append(1)
+        if len(begun) == 4:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        connected.update(points, give_up_before_the_fourth)
+    connected.update(points, lambda: begun.append(1))
+    assert len(begun) == 4 + 2
+
+
+def test_points_known_to_the_block_have_other_keys_than_those_known_to_the_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    volume = tubes()
+    made = partial(Connectedness, volume, volume.geometry.resized(CELLS), WIDTH)
+    connected = ConnectedPoints(made)
+    points = np.stack([position(volume, cell) for cell in (IN_TUBE, IN_TWIN, OUTSIDE)])
+    finely = connected.update(points[:2])
+    monkeypatch.setattr(connected_points, "FINELY_JOINED_POINTS", 2)
+    coarsely = connected.update(points)
+    assert not set(finely) & set(coarsely)
+    np.testing.assert_array_equal(connected.at(coarsely[:1])[0], SIMILARITIES[made(1).from_point(points[0])])
+    assert connected.update(points[:2]) == finely
 
 
 THREE_PLACES = np.arange(9.0).reshape(3, 3)

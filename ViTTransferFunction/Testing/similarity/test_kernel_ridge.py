@@ -10,6 +10,8 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
+from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
+from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import prior_iso
 from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
 
@@ -143,8 +145,22 @@ def test_a_point_on_the_border_between_cells_is_joined_to_its_own_cell() -> None
     # Five voxels for two cells: every fifth voxel centre lies on a border.
     volume = Volume(generator.normal(0.0, 100.0, (20, 20, 20)), Geometry((20, 20, 20), np.eye(4)))
     features = FeatureVolume(generator.normal(size=(8, 8, 8, 6)), volume.geometry.resized((8, 8, 8)), "key")
-    rule = KernelRidge(normalised_features(features, "whitened"), volume)
+    intensities = CellIntensities(volume, features.geometry)
+    rule = KernelRidge(normalised_features(features, "whitened"), volume, intensities)
     points = np.array([[float(i), float(j), float(k)] for i in (2, 7, 12) for j in (2, 7, 12) for k in (2, 7, 12)])
-    rule._connected.update(points)
-    own = np.diag(rule._connected.at(points, rule._cells_at(points)))
+    own = np.diag(intensities.connected.at(intensities.connected.update(points), rule._cells_at(points)))
     assert own.min() > 0.9
+
+
+def test_finer_features_take_over_how_points_are_connected(
+    blocks: tuple[NormalisedFeatures, Volume], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    features, volume = blocks
+    intensities = CellIntensities(volume, features.geometry)
+    before = KernelRidge(features, volume, intensities).maps([a_class("a", IN_LEFT)])
+
+    def found_out_again(*_: object) -> np.ndarray:
+        raise AssertionError
+
+    monkeypatch.setattr(Connectedness, "from_point", found_out_again)
+    np.testing.assert_array_equal(KernelRidge(features, volume, intensities).maps([a_class("a", IN_LEFT)]), before)

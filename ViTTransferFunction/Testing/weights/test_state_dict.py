@@ -41,6 +41,15 @@ def test_tensors_come_back_under_their_names(a_file: Path) -> None:
     assert all(torch.equal(state_dict[name], tensor) for name, tensor in TENSORS.items())
 
 
+def test_a_file_is_what_it_holds_and_not_what_its_ending_says(tmp_path: Path) -> None:
+    path = tmp_path / "weights.safetensors"
+    path.write_bytes(SAVED)
+    assert list(load_state_dict(path)) == list(TENSORS)
+    path.write_bytes(SAVED[:500])
+    with pytest.raises(InputError, match="not a weights file"):
+        load_state_dict(path)
+
+
 def test_the_mask_token_is_left_out_and_nothing_else(a_file: Path) -> None:
     a_file.write_bytes(_bytes_of(TENSORS | {"mask_token": torch.zeros(1, 4), "head.weight": torch.zeros(2, 4)}))
 

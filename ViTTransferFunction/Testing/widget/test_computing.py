@@ -118,6 +118,16 @@ def test_segments_are_written_where_the_user_says_and_updated_there(ready: Any, 
     assert ui.writeSegmentsButton.text() == "Update segments"
 
 
+def test_the_compute_process_starts_a_moment_after_the_panel_was_opened_and_ends_with_it(host: Host) -> None:
+    widget = host.open_panel()
+    session = widget.panel.session
+    assert session.compute_pid is None
+    wait_until(lambda: session.compute_pid is not None)
+    slicer.mrmlScene.Clear()
+    assert session.compute_pid is None
+    assert widget.panel.session.compute_pid is None
+
+
 def test_closing_the_scene_while_features_are_computed_cancels_it(widget: Any, volume: Any, questions: list[str]) -> None:
     session = widget.panel.session
     widget.ui.volumeSelector.setCurrentNode(volume)
