@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +51,6 @@ class ExtractionPlan:
     Attributes:
         orientation: in which the network sees the volume.
         shape: patches along the canonical axes.
-        batches: everything to run, axis after axis.
     """
 
     def __init__(self, volume: Volume, settings: FeatureSettings) -> None:
@@ -60,8 +60,12 @@ class ExtractionPlan:
         self._settings = settings
         self._windows = settings.windows_for(volume)
         self.shape = self._patch_shape()
+
+    @cached_property
+    def batches(self) -> tuple[SliceBatch, ...]:
+        """Everything to run, axis after axis."""
         background, samples = self._background(self.shape), self._samples(self.shape)
-        self.batches = tuple(batch for axis, of_axis in enumerate(samples) for batch in _batches(axis, of_axis, background))
+        return tuple(batch for axis, of_axis in enumerate(samples) for batch in _batches(axis, of_axis, background))
 
     def patches(self, patch_size: int, device: torch.device) -> list[SlicePatches]:
         """The patches of the slices across each axis."""

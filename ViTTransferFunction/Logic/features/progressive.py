@@ -15,7 +15,7 @@ from .settings import FeatureSettings
 if TYPE_CHECKING:
     from .vision_transformer import VisionTransformer
 
-COARSE_PATCHES = 5_000
+COARSE_PATCHES = 4_000
 """Of all slices together: about a second on two cores without matrix units."""
 
 
