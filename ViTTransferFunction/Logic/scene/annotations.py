@@ -31,6 +31,7 @@ from .classes import (
     order_classes,
     read_class,
     remove_class,
+    remove_widowed_lists,
     write_class,
 )
 from .history import AnnotationHistory
@@ -209,6 +210,9 @@ class SceneAnnotations:
     def refresh_and_record(self) -> None:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
         if not self._paused:
+            self._paused += 1
+            remove_widowed_lists(self._scene)
+            self._paused -= 1
             self._changed(None)
 
     @property

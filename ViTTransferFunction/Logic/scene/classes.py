@@ -8,6 +8,7 @@ scene holds everything, and a user who deletes or renames a list in the Data mod
 from __future__ import annotations
 
 import uuid
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ import vtk
 
 from ..core.colors import Color, default_color
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from .derived_nodes import nodes_of_class
 from .folder import put_into_folder
 
 CLASS_ROLE = "class"
@@ -137,7 +139,18 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     """Take a class's two lists out of the scene, and what displays them."""
-    lists = [node for node in (negative_node(positive), positive) if node is not None]
+    _remove_lists(scene, [node for node in (negative_node(positive), positive) if node is not None])
+
+
+def remove_widowed_lists(scene: slicer.vtkMRMLScene) -> None:
+    """Take negative points out of the scene whose class is gone: whoever deletes a list in Slicer deletes the positive one."""
+    lists = nodes_of_class(scene, "vtkMRMLMarkupsFiducialNode")
+    wanted = {node.GetNodeReferenceID(NEGATIVE_ROLE) for node in lists}
+    negative = [node for node in lists if node.GetAttribute(f"{_PREFIX}polarity") == "negative"]
+    _remove_lists(scene, [node for node in negative if node.GetID() not in wanted])
+
+
+def _remove_lists(scene: slicer.vtkMRMLScene, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
     displays = [node.GetNthDisplayNode(index) for node in lists for index in range(node.GetNumberOfDisplayNodes())]
     for node in (*lists, *displays):
         if node is not None and scene.IsNodePresent(node):

@@ -168,7 +168,7 @@ def several_runs(chance: random.Random, place: Place) -> Case:
 def the_same_again(chance: random.Random, place: Place) -> Case:
     """The same volume and points give the same labels: computed anew, from the cache, in another format."""
     scan = write_scan(chance, place)
-    further = chance.choice(([], ["--refine", "guided"], ["--preset", "fast"], ["--preset", "paper", "--model", "tiny"]))
+    further = chance.choice(([], ["--refine", "guided"], ["--preset", "fine"], ["--preset", "paper", "--model", "tiny"]))
     grid = ["--grid", chance.choice(("5", "8", "11"))]
     caches = [str(place.cache), str(place.cache), str(place.other_cache)]
     steps = [

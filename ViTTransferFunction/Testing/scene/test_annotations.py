@@ -135,6 +135,20 @@ def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: Sce
     assert session.classes == (state,)
 
 
+def test_a_list_that_is_deleted_in_slicer_takes_the_points_off_its_structure_along(
+    session: SceneSession, slicer_app: Any, spheres: Spheres
+) -> None:
+    count = slicer_app.scene.GetNumberOfNodesByClass("vtkMRMLMarkupsFiducialNode")
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=False)
+    before = session.classes
+    slicer_app.scene.RemoveNode(session.annotations.points_node(state.id, positive=True))
+    assert session.classes == ()
+    assert slicer_app.scene.GetNumberOfNodesByClass("vtkMRMLMarkupsFiducialNode") == count
+    session.annotations.undo()
+    assert session.classes == before
+
+
 def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
     session: SceneSession, spheres: Spheres
 ) -> None:
