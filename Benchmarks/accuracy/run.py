@@ -39,6 +39,7 @@ from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.sessions import load_features, session_on
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
@@ -61,11 +62,13 @@ def main() -> None:
     failures: list[Failure] = []
     for case in ALL_CASES:
         if case.name in options.cases:
-            bench = CaseBench(case.name, case.read(options.volumes), weights, options.rounds, KeptResults(options.keep))
+            bench = CaseBench(
+                case.name, case.read(options.volumes), weights, options.preset, options.rounds, KeptResults(options.keep)
+            )
             of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
             runs += of_case
             failures += bench.failures(of_case)
-    report = {"model": weights.model.name, "machine": machine(), "paths": options.paths, "runs": runs}
+    report = {"model": weights.model.name, "machine": machine(), "preset": options.preset, "paths": options.paths, "runs": runs}
     write_report(report, failures, options.results, read_earlier(options.earlier) if options.earlier else {})
 
 
@@ -73,6 +76,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = scan_parser(__doc__, [case.name for case in ALL_CASES], cases=ALL_CASES)
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a volume (default {PATHS})")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"clicks for each structure (default {ROUNDS})")
+    parser.add_argument(
+        "--preset", default=DEFAULT_PRESET, help="of the features (keep results of each in a folder of its own)"
+    )
     parser.add_argument("--methods", nargs="*", choices=[method.name for method in METHODS], help="only these and the default")
     parser.add_argument("--true-samples", action="store_true", help="also classifiers trained on thousands of voxels")
     parser.add_argument("--earlier", type=Path, help="accuracy.json of an earlier version, to be put beside this one's figures")
@@ -86,12 +92,16 @@ class CaseBench:
         name: of the case.
         labelled: the volume and its truth.
         weights: what its features are computed with, which all methods share that use any.
+        preset: how they are computed.
         rounds: clicks for each structure.
         kept: what was measured already.
     """
 
-    def __init__(self, name: str, labelled: LabelledVolume, weights: WeightsFile, rounds: int, kept: KeptResults) -> None:
-        self._name, self._labelled, self._weights, self._rounds, self._kept = name, labelled, weights, rounds, kept
+    def __init__(
+        self, name: str, labelled: LabelledVolume, weights: WeightsFile, preset: str, rounds: int, kept: KeptResults
+    ) -> None:
+        self._name, self._labelled, self._weights, self._preset = name, labelled, weights, preset
+        self._rounds, self._kept = rounds, kept
         self._replayed = [number for number in REPLAYED_ROUNDS if number <= rounds]
 
     def measure(
@@ -166,7 +176,7 @@ class CaseBench:
     @cached_property
     def _features(self) -> FeatureVolume:
         # Only where something is left to be measured.
-        return load_features(self._labelled.volume, self._weights)
+        return load_features(self._labelled.volume, self._weights, self._preset)
 
 
 if __name__ == "__main__":

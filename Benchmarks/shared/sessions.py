@@ -19,9 +19,9 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
 
 
-def load_features(volume: Volume, weights: WeightsFile) -> FeatureVolume:
-    """The default preset's features, from the cache if they are there."""
-    settings = SessionSettings(model=weights.model.name, weights_path=str(weights.path))
+def load_features(volume: Volume, weights: WeightsFile, preset: str = DEFAULT_PRESET) -> FeatureVolume:
+    """The features of a preset, from the cache if they are there."""
+    settings = SessionSettings(model=weights.model.name, weights_path=str(weights.path), preset=preset)
     session = open_session(volume, settings)
     with ProgressBar() as progress:
         session.load_features(progress)

@@ -141,7 +141,9 @@ def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: Lab
 
     clicks = [[Click((16, 20, 12), True)]] * 3
     failures = worst_structures("spheres", labelled, clicks, np.roll(labelled.truth, 3, axis=2))
-    write_report({"model": "m", "machine": machine("cpu"), "paths": 2, "runs": RUNS}, failures, tmp_path, {})
+    write_report(
+        {"model": "m", "machine": machine("cpu"), "preset": "balanced", "paths": 2, "runs": RUNS}, failures, tmp_path, {}
+    )
     text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
     assert "| torso_small | 2 | 2 | 0.550 ± 0.141 | 0.625 ± 0.141 | 0.600 ± 0.141 | 0.675 ± 0.071 |" in text
     assert "| torso_small | threshold | 2 | 0.400 ± 0.000 | 0.450 ± 0.000 | – |" in text
