@@ -58,7 +58,8 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
     compared = [case for case in names_of(runs, "case") if len(methods_on(runs, case)) > 1]
     return paragraphs(
         "# Accuracy by clicks",
-        f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. {in_words(report['machine'])}. "
+        f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. "
+        f"{in_words(report['machine'])}. "
         "Command: `python dev.py bench accuracy`. Dice by structure, path and click is in `accuracy.json`.",
         _CAPTION,
         *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
