@@ -170,8 +170,8 @@ def help_text() -> str:
         _("the weights of a neural network: a download of {size} MB, once, or a file that you have").format(size=WEIGHTS_MB),
         _("1.5 GB of memory beyond what Slicer and the volume take"),
         _("disk space for features, which are kept: up to {size} GB, and you can clear them").format(size=FEATURES_GB),
-        # Benchmarks/results/features.md, scaling of the default.
-        _("no graphics card: the features of 512×512×512 voxels took 3 minutes on two processor cores"),
+        # Benchmarks/results/features.md, seconds on AVX2.
+        _("no graphics card: the features of 512×512×300 voxels took 7 seconds on two ordinary processor cores"),
     )
     listed = "".join(f"<li>{need}</li>" for need in needs)
     return f"<p>{purpose}</p><p><b>{research}</b></p><p>{_('It needs:')}</p><ul>{listed}</ul>"

@@ -35,7 +35,7 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
     return Preset(meaning, model="dinov2_vits14", features=features, statistics="whitened", similarity="kernel ridge")
 
 
-# Benchmarks/results/features.md has the curve of cost against error and Dice that these are points of.
+# Benchmarks/results/features.md has what these cost, and what they buy.
 PRESETS = {
     "balanced": _whitened(PRESET_MEANINGS["balanced"], FeatureSettings(most_patches=20_000)),
     "fine": _whitened(PRESET_MEANINGS["fine"], FeatureSettings(layer_step=2)),
