@@ -136,7 +136,7 @@ def test_coarse_features_are_followed_by_better_ones_and_the_last_are_the_direct
 ) -> None:
     monkeypatch.setattr("ViTTransferFunction.Logic.features.progressive.COARSE_PATCHES", 3 * 10**3)
     coarse, last = progressive_features(torso, network, FULL)
-    assert 0.0 < whitened_error(coarse, full, body(torso, full)) < 0.5
+    assert 0.0 < whitened_error(coarse, full, body(torso, full)) < 0.6
     np.testing.assert_array_equal(last.array, full.array)
 
 
