@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,10 @@ from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_st
 # The same examples on every run, and no judgement by the clock of a busy machine.
 hypothesis.settings.register_profile("repeatable", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("repeatable")
+
+# A shell has the programs that it starts in the background ignore Ctrl-C, and so their children; here it is tested.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 DATA_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_DATA") == "1"
 VOLUMES = os.environ.get("VITTF_TEST_VOLUMES")
