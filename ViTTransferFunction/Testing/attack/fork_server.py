@@ -192,17 +192,30 @@ def _as_program(call: Call, stdout: int, stderr: int, ready: int) -> int:
     if call.folder_is_gone:
         Path(call.folder).rmdir()
     _limit(call)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    os.close(ready)
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.close(ready)
+        program = _program(call)
+    except KeyboardInterrupt:
+        # Before the program has begun, nobody can ask it for a sentence.
+        sys.stderr.write("interrupted; nothing was left half-written\n")
+        return 130
+    return program()
+
+
+def _program(call: Call) -> Callable[[], int]:
     if call.program == "compute":
         from ViTTransferFunction.Logic.compute.server import main as serve
 
-        serve(call.arguments[0])
-        return 0
+        def compute() -> int:
+            serve(call.arguments[0])
+            return 0
+
+        return compute
     from ViTTransferFunction.CommandLine.vittf import main as vittf
 
     sys.argv[:] = ["vittf", *call.arguments]
-    return vittf(list(call.arguments))
+    return lambda: vittf(list(call.arguments))
 
 
 def _connect(call: Call, stdout: int, stderr: int) -> None:
