@@ -18,13 +18,27 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def ending_on_request() -> Iterator[None]:
-    """Within, SIGTERM raises `Terminated`; otherwise Python would be gone at once, and leave what it was writing."""
+    """Within, SIGTERM raises `Terminated`; otherwise Python would be gone at once, and leave what it was writing.
+
+    It is raised as well where a library that was interrupted raised something of its own instead, as NumPy does while it
+    compares arrays.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield  # Only the main thread hears signals.
         return
-    before = signal.signal(signal.SIGTERM, _terminate)
+    asked: list[Terminated] = []
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        asked.append(Terminated())
+        raise asked[0]
+
+    before = signal.signal(signal.SIGTERM, terminate)
     try:
         yield
+    except Exception as error:
+        if asked and interruption_behind(error) is None:
+            raise asked[0] from error
+        raise
     finally:
         signal.signal(signal.SIGTERM, before)
 
@@ -35,7 +49,3 @@ def interruption_behind(error: BaseException) -> KeyboardInterrupt | None:
     while behind is not None and not isinstance(behind, KeyboardInterrupt):
         behind = behind.__context__
     return behind
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise Terminated

@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 
 import pytest
 
 from ViTTransferFunction.CommandLine import cache_command
-from ViTTransferFunction.CommandLine.interruption import ending_on_request, interruption_behind
+from ViTTransferFunction.CommandLine.interruption import Terminated, ending_on_request, interruption_behind
 from ViTTransferFunction.CommandLine.vittf import main
 
 
@@ -41,6 +42,14 @@ def test_an_interruption_is_one_whatever_was_raised_while_it_was_handled() -> No
             raise ValueError("the archive cannot be closed while it is being written")
     assert isinstance(interruption_behind(raised.value), KeyboardInterrupt)
     assert interruption_behind(ValueError()) is None
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there, nobody can ask a program to end")
+def test_a_request_to_end_is_one_though_a_library_forgot_it() -> None:
+    with pytest.raises(Terminated), ending_on_request():  # noqa: PT012
+        with suppress(Terminated):
+            os.kill(os.getpid(), signal.SIGTERM)
+        raise TypeError("arrays cannot be compared")
 
 
 def test_who_embeds_the_program_keeps_his_own_way_of_ending() -> None:
