@@ -21,11 +21,11 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import extract_features
+from ViTTransferFunction.Logic.features.networks import open_network
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.weights.models import pretrained_model
-from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Logic.weights.sources import find_weights
 
 
 def main() -> None:
@@ -39,8 +39,7 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     parser.add_argument("--features", type=Path, required=True, help="file to keep the features in")
     options = parser.parse_args()
-    model, device = pretrained_model(options.model), choose_device(options.device)
-    network = VisionTransformer(model, load_state_dict(options.weights), "bench", device)
+    network = open_network(find_weights(options.model, options.weights), choose_device(options.device))
     volume = read_volume(options.volumes / next(case.volume for case in SCANS if case.name == options.case))
     row, features = _measured(volume, network, settings_called(options.setting))
     np.save(options.features, features)

@@ -12,15 +12,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from Benchmarks.features.generated_volumes import GENERATED
 from Benchmarks.features.settings import DEFAULT_SETTINGS, PUBLISHED, SETTINGS
 from Benchmarks.shared.labelled_cases import SCANS, classes_of
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
+from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import FeatureRun, extract_features
+from ViTTransferFunction.Logic.features.networks import open_network
 from ViTTransferFunction.Logic.features.progressive import progressive_features
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
@@ -28,8 +28,7 @@ from ViTTransferFunction.Logic.features.whitening import normalised_features
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
-from ViTTransferFunction.Logic.weights.models import pretrained_model
-from ViTTransferFunction.Logic.weights.state_dict import load_state_dict
+from ViTTransferFunction.Logic.weights.sources import find_weights
 
 REPEATS = 3
 SAMPLED_BATCHES = 4
@@ -46,9 +45,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--published", action="store_true", help="also the published way")
     options = parser.parse_args()
-    network = VisionTransformer(
-        pretrained_model(options.model), load_state_dict(options.weights), "bench", torch.device(options.device)
-    )
+    network = open_network(find_weights(options.model, options.weights), choose_device(options.device))
     # Before anything is timed: a network is converted once in a session, and voxels are digested once.
     network = network.converted(network.device, DEFAULT_SETTINGS.dtype_on(network.device))
     volume = _volume(options.volume, options.volumes)

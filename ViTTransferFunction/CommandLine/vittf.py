@@ -47,7 +47,7 @@ def _run(arguments: list[str] | None) -> int:
     import logging
 
     from ViTTransferFunction.CommandLine.console import unfailing_console
-    from ViTTransferFunction.CommandLine.interruption import ending_on_request, interruption_behind
+    from ViTTransferFunction.CommandLine.interruption import ending_on_request
     from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
     from ViTTransferFunction.Logic.core.errors import InputError
     from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
@@ -65,9 +65,6 @@ def _run(arguments: list[str] | None) -> int:
         print("error:", str(error).replace("\n", "\\n").replace("\r", "\\r"), file=sys.stderr)
         return 2
     except Exception as error:
-        interruption = interruption_behind(error)
-        if interruption is not None:
-            return _interrupted(interruption)
         if is_out_of_memory(error):
             print(f"error: {OUT_OF_MEMORY}", file=sys.stderr)
         elif isinstance(error, OSError):

@@ -6,6 +6,7 @@ as cores, or as cases, unless memory is for fewer; the cores are then shared out
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,4 @@ def _voxels(path: Path) -> int:
         reader.ReadImageInformation()
     except (OSError, RuntimeError):
         return 0
-    voxels = 1
-    for size in reader.GetSize():
-        voxels *= size
-    return voxels
+    return math.prod(reader.GetSize())

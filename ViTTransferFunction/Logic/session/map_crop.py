@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import common_box
+from ..core.bounding_box import common_box, within
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, box_above
 from ..core.geometry import Box
 from ..core.voxel_map import VoxelMap
@@ -61,8 +61,7 @@ def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
     arrays = []
     for crop in crops:
         array = np.zeros([extent.stop - extent.start for extent in box], dtype=np.uint8)
-        k, j, i = (slice(e.start - c.start, e.stop - c.start) for e, c in zip(crop.box, box, strict=True))
-        array[k, j, i] = crop.array
+        array[within(crop.box, box)] = crop.array
         arrays.append(array)
     return arrays, box
 

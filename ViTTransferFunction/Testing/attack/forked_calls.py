@@ -33,7 +33,7 @@ class ForkedCalls:
             env={**os.environ, **single},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            text=True,
+            encoding="utf-8",
         )
         self.weights = Path(self._reply()["weights"])
 

@@ -17,6 +17,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 import slicerio
 
+from ViTTransferFunction.CommandLine.library_output import silenced_libraries
 from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 from ViTTransferFunction.Testing.attack.cases import INPUT_OPTIONS, OUTPUT_OPTIONS, Case, Place, Step
 from ViTTransferFunction.Testing.attack.scans import NIFTI_HEADER, Scan
@@ -258,8 +259,7 @@ def _scan_of(path: Path) -> Scan | None:
 
 def read_image(path: Path) -> sitk.Image:
     """Read an image; ITK's own warnings are nobody's business here, and its NIfTI knows no endings in mixed case."""
-    sitk.ProcessObject.SetGlobalWarningDisplay(False)
-    with TemporaryDirectory() as folder:
+    with silenced_libraries(), TemporaryDirectory() as folder:
         link = Path(folder, path.name.lower())
         link.symlink_to(path.absolute())
         # Whatever needs a second file is read where it lies.

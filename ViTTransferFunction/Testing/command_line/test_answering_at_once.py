@@ -37,7 +37,9 @@ except SystemExit:
 
 
 def python(code: str, environment: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, encoding="utf-8", check=False
+    )
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["segment", "--help"], ["segment", "scan.nrrd"], ["weights", "forget"]])

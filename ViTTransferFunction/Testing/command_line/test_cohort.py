@@ -156,7 +156,7 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
     started = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "cohort", str(folder), "-o", str(out), *options],
         env={**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": f"['{cohort_worker.__name__}']", "TMPDIR": str(tmp_path)},
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", start_new_session=True,
     )  # fmt: skip
     try:
         while not (a_cache_of_its_own / cohort_worker.NEVER_ENDS).exists():

@@ -79,7 +79,7 @@ def test_there_may_be_no_console_at_all(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
 def test_a_full_device_is_told_in_a_sentence() -> None:
     with Path("/dev/full").open("w") as full:
-        finished = subprocess.run(LISTS, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        finished = subprocess.run(LISTS, stdout=full, stderr=subprocess.PIPE, encoding="utf-8", check=False)
     assert (finished.returncode, finished.stderr) == (2, "error: The output could not be written: No space left on device.\n")
 
 
@@ -87,7 +87,7 @@ def test_a_full_device_is_told_in_a_sentence() -> None:
 def test_a_reader_that_has_gone_away_is_no_error() -> None:
     read, write = os.pipe()
     os.close(read)
-    finished = subprocess.run(LISTS, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    finished = subprocess.run(LISTS, stdout=write, stderr=subprocess.PIPE, encoding="utf-8", check=False)
     os.close(write)
     assert (finished.returncode, finished.stderr) == (0, "")
 

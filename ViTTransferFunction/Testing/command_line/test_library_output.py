@@ -21,7 +21,9 @@ COMMAND = [sys.executable, "-m", "ViTTransferFunction.CommandLine.vittf"]
 def errors_of_a_process(arguments: list[str], folder: Path) -> list[str]:
     """The lines that `vittf` prints to the error stream, as it refuses."""
     environment = {**os.environ, "PYTHONPATH": str(MODULE.parent), "VITTF_CACHE": str(folder)}
-    finished = subprocess.run([*COMMAND, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    finished = subprocess.run(
+        [*COMMAND, *arguments], cwd=folder, env=environment, capture_output=True, encoding="utf-8", check=False
+    )
     assert finished.returncode == 2
     return finished.stderr.splitlines()
 

@@ -46,19 +46,6 @@ main(sys.argv[-1])
 """
 
 
-@pytest.fixture
-def start() -> Iterator[Callable[..., ComputeClient]]:
-    clients = []
-
-    def started(path: Path | None = None) -> ComputeClient:
-        clients.append(ComputeClient(path))
-        return clients[-1]
-
-    yield started
-    for client in clients:
-        client.close()
-
-
 def final_reply(client: ComputeClient) -> Any:
     """The next reply that is no progress."""
     replies: list[Any] = []

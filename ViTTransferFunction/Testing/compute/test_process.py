@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -45,19 +45,6 @@ LABELS_SHAPE = (300, 512, 512)
 def executable(tmp_path: Path) -> Callable[[str], Path]:
     """Makes a program to start in the place of Python."""
     return lambda program: stub_executable(tmp_path, program)
-
-
-@pytest.fixture
-def start() -> Iterator[Callable[[Path | None], ComputeClient]]:
-    clients = []
-
-    def started(path: Path | None = None) -> ComputeClient:
-        clients.append(ComputeClient(path))
-        return clients[-1]
-
-    yield started
-    for client in clients:
-        client.close()
 
 
 def runs(pid: int) -> bool:

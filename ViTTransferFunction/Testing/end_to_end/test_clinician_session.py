@@ -179,7 +179,7 @@ def the_morning_after(scene: Path, weights: Path, point_ras: np.ndarray) -> dict
         env={**os.environ, "VITTF_WEIGHTS": str(weights)},
         cwd=Path(__file__).parents[3],
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
     assert finished.returncode == 0, finished.stderr

@@ -9,6 +9,7 @@ import os
 import shutil
 import zipfile
 from collections import namedtuple
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -67,19 +68,23 @@ def test_damaged_features_are_removed_and_count_as_absent(cache: FeatureCache, c
     assert not list(cache.folder.iterdir())
 
 
-def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: FeatureCache) -> None:
-    stored = features_named("a")
-    cache.put(stored)
-    path = cache.folder / f"{key('a')}.npz"
+def with_a_flipped_bit(path: Path) -> Iterator[None]:
+    """Flips one bit of a file after the other: in all of the archive's own bytes, and in some of the features'."""
     sound = path.read_bytes()
     random = np.random.default_rng(0)
-    # All of the archive's own bytes, and some of the features'.
     archive = {*range(400), *range(len(sound) - 1000, len(sound))}
-    lost = 0
     for position in sorted(archive | set(random.integers(0, len(sound), 300).tolist())):
         flipped = bytearray(sound)
         flipped[position] ^= 1 << int(random.integers(8))
         path.write_bytes(flipped)
+        yield
+
+
+def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: FeatureCache) -> None:
+    stored = features_named("a")
+    cache.put(stored)
+    lost = 0
+    for _ in with_a_flipped_bit(cache.folder / f"{key('a')}.npz"):
         found = cache.get(key("a"))
         lost += found is None
         if found is not None:
@@ -112,14 +117,8 @@ def test_whatever_bit_flips_no_other_whitened_features_come_back(cache: FeatureC
     stored = features_named("a")
     whitened = normalised_features(stored, "whitened")
     cache.put(stored, whitened)
-    path = cache.folder / f"{key('a')}.npz"
-    sound = path.read_bytes()
-    random = np.random.default_rng(0)
     lost = 0
-    for position in {*range(400), *range(len(sound) - 1000, len(sound)), *random.integers(0, len(sound), 300).tolist()}:
-        flipped = bytearray(sound)
-        flipped[position] ^= 1 << int(random.integers(8))
-        path.write_bytes(flipped)
+    for _ in with_a_flipped_bit(cache.folder / f"{key('a')}.npz"):
         found = cache.get_whitened(key("a"))
         lost += found is None
         if found is not None:

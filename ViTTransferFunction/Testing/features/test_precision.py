@@ -59,5 +59,7 @@ def test_the_users_limit_of_the_processor_is_kept_to() -> None:
         "print(precision_name(torch.device('cpu')))"
     )
     environment = {**os.environ, "ATEN_CPU_CAPABILITY": "avx2", "PYTHONPATH": str(ROOT)}
-    finished = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    finished = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, encoding="utf-8", check=True
+    )
     assert finished.stdout.strip() == "float32"

@@ -79,7 +79,7 @@ def test_cmake_hands_slicer_every_file(tmp_path: Path) -> None:
     )
     build = tmp_path / "build"
     command = ["cmake", "-S", str(ROOT), "-B", str(build), f"-DSlicer_DIR={slicer}"]
-    configured = subprocess.run(command, capture_output=True, text=True, check=False)
+    configured = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
     assert configured.returncode == 0, configured.stderr
     given = (build / "module.txt").read_text().split(";")
     assert given[:2] == ["NAME", EXTENSION]
@@ -200,7 +200,7 @@ def test_another_extension_with_a_logic_folder_works_beside_ours(
             f"assert Geometry.__module__ == '{EXTENSION}.Logic.core.geometry'",
         ]
     )
-    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, encoding="utf-8", check=False)
     assert run.returncode == 0, run.stderr
 
 

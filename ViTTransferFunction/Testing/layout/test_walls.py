@@ -83,7 +83,7 @@ def test_a_file_loads_on_a_bare_slicer(path: Path) -> None:
 def test_the_logic_loads_where_pytorch_is_missing() -> None:
     modules = [".".join(dotted(path)) for path in FILES]
     program = f"import sys; sys.modules['torch'] = None\nimport importlib\nfor name in {modules}: importlib.import_module(name)"
-    finished = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    finished = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, encoding="utf-8", check=False)
     assert finished.returncode == 0, finished.stderr
 
 

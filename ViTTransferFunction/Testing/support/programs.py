@@ -28,7 +28,7 @@ def run(program: str, folder: Path, **environment: str) -> str:
         cwd=folder,
         env={**os.environ, "VITTF_CACHE": str(folder), "PYTHONPATH": str(MODULE.parent), **environment},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         check=False,
     )
     assert finished.returncode == 0, finished.stderr
