@@ -47,7 +47,13 @@ RuntimeError. Found by flipping the bits of one."""
 
 def write_features(file: IO[bytes], features: FeatureVolume, whitened: NormalisedFeatures | None) -> None:
     """Write features, and the same whitened if there are such, to a file that is open for it."""
-    arrays = {"features": features.array, "ijk_to_ras": features.geometry.ijk_to_ras, **_arrays_of(whitened)}
+    arrays = {
+        "features": features.array,
+        "ijk_to_ras": features.geometry.ijk_to_ras,
+        "cells": np.array(features.cells.shape, dtype=np.float64),
+        "cells_to_ras": features.cells.ijk_to_ras,
+        **_arrays_of(whitened),
+    }
     np.savez(file, **arrays)  # type: ignore[arg-type]
 
 
@@ -60,7 +66,9 @@ def read_features(path: Path, key: str) -> FeatureVolume:
     """
     with path.open("rb") as file, _archive(file) as archive:
         array = _read_array(archive, "features")
-        return FeatureVolume(array, Geometry(array.shape[:3], _read_array(archive, "ijk_to_ras")), key)
+        geometry = Geometry(array.shape[:3], _read_array(archive, "ijk_to_ras"))
+        k, j, i = _read_array(archive, "cells").astype(int).tolist()
+        return FeatureVolume(array, geometry, key, Geometry((k, j, i), _read_array(archive, "cells_to_ras")))
 
 
 def read_whitened(path: Path, key: str) -> NormalisedFeatures | None:
@@ -75,10 +83,12 @@ def read_whitened(path: Path, key: str) -> NormalisedFeatures | None:
             array, mean, directions = (_read_array(archive, name) for name in _WHITENED)
             if array.shape[3:] + place.shape[3:] != directions.shape or mean.shape != place.shape[3:]:
                 raise ValueError(f"features of shape {array.shape} are not whitened ones of features of shape {place.shape}")
-            geometry = Geometry(array.shape[:3], _read_array(archive, "ijk_to_ras"))
-        stored = StoredFeatures(file, place, geometry, key)
+            k, j, i = place.shape[:3]
+            geometry = Geometry((k, j, i), _read_array(archive, "ijk_to_ras"))
+            cells = Geometry(array.shape[:3], _read_array(archive, "cells_to_ras"))
+        stored = StoredFeatures(file, place, geometry, key, cells)
         unless_kept.pop_all()
-        return NormalisedFeatures(array, geometry, FeatureTransform(mean, directions.T), stored)
+        return NormalisedFeatures(array, cells, FeatureTransform(mean, directions.T), stored)
 
 
 def _arrays_of(whitened: NormalisedFeatures | None) -> dict[str, np.ndarray]:

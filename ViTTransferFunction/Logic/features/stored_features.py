@@ -1,4 +1,4 @@
-"""Features that stay in the file that they are kept in: all that is needed of them is a few cells around each point."""
+"""Features that stay in the file that they are kept in: all that is needed of them is a few patches around each point."""
 
 from __future__ import annotations
 
@@ -40,13 +40,15 @@ class StoredFeatures:
         place: of the features in it, (K', J', I', C).
         geometry: see `FeatureVolume`.
         key: see `FeatureVolume`.
+        cells: see `FeatureVolume`.
     """
 
-    def __init__(self, file: IO[bytes], place: ArrayInFile, geometry: Geometry, key: str) -> None:
+    def __init__(self, file: IO[bytes], place: ArrayInFile, geometry: Geometry, key: str, cells: Geometry) -> None:
         if len(place.shape) != 4 or place.shape[:3] != geometry.shape:
             raise ValueError(f"features of shape {place.shape} do not fit a grid of shape {geometry.shape}")
         self.geometry = geometry
         self.key = key
+        self.cells = cells
         self._file = file
         self._place = place
         self._reading = Lock()
@@ -54,26 +56,26 @@ class StoredFeatures:
         weakref.finalize(self, file.close)
 
     def vectors_at(self, kji: np.ndarray) -> np.ndarray:
-        """The features (N, C) of cells (N, 3), along K', J', I'.
+        """The features (N, C) of patches (N, 3), along K', J', I'.
 
         Raises:
             InputError: they can no longer be read.
         """
-        cells = np.ravel_multi_index(tuple(kji.T), self.geometry.shape).tolist()
+        patches = np.ravel_multi_index(tuple(kji.T), self.geometry.shape).tolist()
         with self._reading:
-            for cell in cells:
-                if cell not in self._known:
-                    self._known[cell] = self._read(cell, 1)[0]
-            return np.stack([self._known[cell] for cell in cells])
+            for patch in patches:
+                if patch not in self._known:
+                    self._known[patch] = self._read(patch, 1)[0]
+            return np.stack([self._known[patch] for patch in patches])
 
     def whole(self) -> FeatureVolume:
         """These features, all in memory. Raises InputError where they can no longer be read."""
-        cells = int(np.prod(self.geometry.shape))
+        patches = int(np.prod(self.geometry.shape))
         with self._reading:
-            return FeatureVolume(self._read(0, cells).reshape(self._place.shape), self.geometry, self.key)
+            return FeatureVolume(self._read(0, patches).reshape(self._place.shape), self.geometry, self.key, self.cells)
 
     def _read(self, first: int, count: int) -> np.ndarray:
-        """The features of so many cells from the first on, (count, C)."""
+        """The features of so many patches from the first on, (count, C)."""
         array = np.empty((count, self._place.shape[3]), self._place.dtype)
         values = array.reshape(-1).view(np.uint8).data
         try:

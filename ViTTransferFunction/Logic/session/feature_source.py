@@ -149,10 +149,12 @@ class FeatureSource:
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features out of the cache, whitened ones at once; None where it has none of them, or others in their place."""
         whitened = self._cache.get_whitened(key) if self._statistics == "whitened" else None
-        kept = whitened or self._cache.get(key)
-        if kept is None or kept.geometry.shape != self.cells.shape:
+        if whitened is not None:
+            return whitened if whitened.geometry.shape == self.cells.shape else None
+        features = self._cache.get(key)
+        if features is None or features.cells.shape != self.cells.shape:
             return None
-        return kept if isinstance(kept, NormalisedFeatures) else normalised_features(kept, self._statistics)
+        return normalised_features(features, self._statistics)
 
     @cached_property
     def _device(self) -> torch.device:

@@ -33,7 +33,8 @@ def key(name: str) -> str:
 def features_named(name: str, seed: int = 0) -> FeatureVolume:
     array = np.random.default_rng(seed).random((4, 5, 6, 8)).astype(np.float16)
     matrix = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
-    return FeatureVolume(array, Geometry((4, 5, 6), matrix), key(name))
+    geometry = Geometry((4, 5, 6), matrix)
+    return FeatureVolume(array, geometry, key(name), geometry.resized((7, 9, 10)))
 
 
 @pytest.fixture
@@ -50,6 +51,8 @@ def test_what_was_stored_comes_back_exactly(cache: FeatureCache) -> None:
     assert found.array.dtype == np.float16
     np.testing.assert_array_equal(found.array, stored.array)
     np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
+    assert found.cells.shape == stored.cells.shape
+    np.testing.assert_array_equal(found.cells.ijk_to_ras, stored.cells.ijk_to_ras)
     assert cache.get(key("b")) is None
 
 
@@ -57,7 +60,7 @@ def test_stored_features_hold_no_pickles(cache: FeatureCache) -> None:
     cache.put(features_named("a"))
     (path,) = cache.folder.iterdir()
     with np.load(path, allow_pickle=False) as content:
-        assert sorted(content) == ["features", "ijk_to_ras"]
+        assert sorted(content) == ["cells", "cells_to_ras", "features", "ijk_to_ras"]
 
 
 @pytest.mark.parametrize("content", [b"", b"not features", b"PK\x03\x04 half a file"])
@@ -104,7 +107,7 @@ def test_whitened_features_come_back_exactly_without_the_others_being_loaded(cac
     points = stored.geometry.ijk_to_ras_points(np.random.default_rng(1).random((20, 3)) * (7, 6, 5) - 1)
     np.testing.assert_array_equal(found.at(points), whitened.at(points))
     np.testing.assert_array_equal(found.source.whole().array, stored.array)
-    np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
+    np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.cells.ijk_to_ras)
 
 
 def test_features_that_were_kept_alone_are_not_taken_for_damaged(cache: FeatureCache) -> None:
