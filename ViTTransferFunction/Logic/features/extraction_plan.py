@@ -15,7 +15,7 @@ from ..core.volume import Volume
 from .background_tokens import BACKGROUND_STRIDE, TokenSelection, background_cells, select_tokens
 from .settings import SMALLEST_GRID, FeatureSettings, shape_along
 from .slice_patches import SlicePatches
-from .slice_sampling import SliceSample, slice_samples
+from .slice_sampling import SliceSample, slice_count, slice_samples
 
 if TYPE_CHECKING:
     import torch
@@ -93,10 +93,12 @@ class ExtractionPlan:
 
     def _patches_in(self, stored_shape: tuple[int, int, int]) -> int:
         """Number of patches in all slices, background included."""
-        shape = self.orientation.canonical_shape(stored_shape)
-        return sum(
-            len(samples) * math.prod(shape) // layers for samples, layers in zip(self._samples(shape), shape, strict=True)
+        shape, settings = self.orientation.canonical_shape(stored_shape), self._settings
+        counts = (
+            slice_count(slices, layers, settings.every_slice, settings.layer_step)
+            for slices, layers in zip(self._array.shape, shape, strict=True)
         )
+        return sum(count * math.prod(shape) // layers for count, layers in zip(counts, shape, strict=True))
 
     def _samples(self, shape: tuple[int, int, int]) -> list[list[SliceSample]]:
         """The slices to run across each axis."""
