@@ -43,7 +43,3 @@ class FeatureVolume:
         """The features (N, C) of patches (N, 3), along K', J', I'."""
         vectors: np.ndarray = self.array[tuple(kji.T)]
         return vectors
-
-    def whole(self) -> FeatureVolume:
-        """These features, all in memory: themselves."""
-        return self

@@ -16,7 +16,6 @@ from ..core.geometry import Geometry
 from ..core.resampling import sample_by
 from .feature_volume import FeatureVolume
 from .layer_interpolation import interpolated_layers
-from .stored_features import StoredFeatures
 
 Statistics = Literal["none", "centred", "whitened"]
 
@@ -62,13 +61,13 @@ class NormalisedFeatures:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
         geometry: the grid of the cells, which may be finer than that of the features as extracted.
         transform: what was applied before normalising.
-        source: the features as extracted, which may lie in a file.
+        source: the features as extracted.
     """
 
     array: np.ndarray
     geometry: Geometry
     transform: FeatureTransform
-    source: FeatureVolume | StoredFeatures
+    source: FeatureVolume
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
@@ -94,11 +93,6 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     for place, layer in zip(array, interpolated_layers(mapped, features.geometry.shape, features.cells.shape), strict=True):
         place[...] = unit_vectors(layer)
     return NormalisedFeatures(array, features.cells, transform, features)
-
-
-def whitened_size_bytes(cells: Geometry) -> int:
-    """How much whitened features of these cells take, at most."""
-    return int(np.prod(cells.shape)) * WHITENED_COMPONENTS * np.dtype(np.float32).itemsize
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
