@@ -22,6 +22,7 @@ from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
+from ..rendering.appearance import Appearance
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
@@ -418,9 +419,8 @@ class SceneSession:
         """Bring the views up to date with maps, classes and parameters."""
         volume, selected = self.parameters.volume, self.selected_class
         visible = {state.id: state for state in self.classes if state.visible}
-        styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
         mode = self.parameters.rendering_mode()
-        self._proxy.look(mode, styles)
+        self._proxy.look(mode, {id_: state.opacity > 0.0 for id_, state in visible.items()})
         if mode is None:
             self._problems.solve("views")
         maps = self._proxy.maps
@@ -435,7 +435,8 @@ class SceneSession:
             self.parameters.get("overlayOpacity"),
         )
         self._display.show_proposals(volume, self._other_proposals(selected))
-        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering))
+        looks = [_appearance(visible.get(id_)) for id_ in self._proxy.rendered]
+        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks))
 
     def _other_proposals(self, selected: ClassState | None) -> Proposals | None:
         """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
@@ -484,3 +485,10 @@ class SceneSession:
     def _notify(self) -> None:
         for listener in list(self._listeners):
             listener()
+
+
+def _appearance(state: ClassState | None) -> Appearance:
+    """How a class looks in 3D; None: one that is not visible."""
+    if state is None:
+        return Appearance((0.0, 0.0, 0.0), opacity=0.0)
+    return Appearance(state.color, state.opacity)
