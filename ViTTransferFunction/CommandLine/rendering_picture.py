@@ -34,12 +34,12 @@ from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import percentile_window
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, SURFACE
+from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
-from ViTTransferFunction.Logic.rendering.structure_volume import OUTLIERS_PERCENT, StructureVolume, structure_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -116,8 +116,7 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> Struct
             for segment in segments
         ],
     )
-    window = percentile_window(volume, OUTLIERS_PERCENT)
-    return structure_volume(voxels, len(segments), (window.low, window.high), grid, volume.geometry)
+    return structure_volume(voxels, len(segments), intensity_levels(volume), grid, volume)
 
 
 def _render(structures: StructureVolume, looks: Sequence[Appearance], height: int) -> np.ndarray:

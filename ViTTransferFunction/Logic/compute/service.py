@@ -14,14 +14,14 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
 from ..core.geometry import Box
-from ..core.intensity_window import percentile_window
 from ..core.progress import Progress
 from ..core.volume import Volume
 from ..features.networks import Networks
 from ..rendering.class_membership import on_whole_grid
-from ..rendering.composition import gray_levels, shape_within_budget
+from ..rendering.composition import shape_within_budget
+from ..rendering.intensity_levels import gray_levels, intensity_levels
 from ..rendering.iso_surfaces import similarity_volume
-from ..rendering.structure_volume import OUTLIERS_PERCENT, StructureVolume, structure_volume
+from ..rendering.structure_volume import StructureVolume, structure_volume
 from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, crop_voxel_map, on_common_box, restricted
@@ -164,10 +164,9 @@ class SegmentationService:
             composition = similarity_volume(maps, isos, shape, self._progress)
         else:
             composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
-        window = percentile_window(session.volume, OUTLIERS_PERCENT)
-        between = window.low, window.high
-        voxels = composition.voxels(gray_levels(intensities, between, composition.shape), request.casting)
-        return structure_volume(voxels, len(maps), between, scan.part(box).resized(composition.shape), scan)
+        levels = intensity_levels(session.volume)
+        voxels = composition.voxels(gray_levels(intensities, levels, composition.shape), request.casting)
+        return structure_volume(voxels, len(maps), levels, scan.part(box).resized(composition.shape), session.volume)
 
     def _last_maps(self, refined: bool) -> tuple[list[Any], list[float], Box]:
         """The arrays of the maps that were replied last, their thresholds, and the part of the volume that they fill."""

@@ -27,6 +27,7 @@ class Style(NamedTuple):
         tone: how much darker its colour is at the low end of its intensity window than at the high end, in [0, 1].
         density: of its inside, per unit of length; 0: it is a surface alone.
         low: opacity at the low end of the window, of that at the high end.
+        begin: where its window begins, of the range of its own intensities.
         edges: how much of its inside is seen only where intensities change.
         lit: how much the light matters inside.
     """
@@ -36,6 +37,7 @@ class Style(NamedTuple):
     tone: float = 0.0
     density: float = 0.0
     low: float = 1.0
+    begin: float = 0.0
     edges: float = 0.0
     lit: float = 0.0
 
@@ -43,8 +45,8 @@ class Style(NamedTuple):
 STYLES: dict[str, Style] = {
     "surface": Style(wall=1.0),
     "glass": Style(wall=1.0, rim=1.0),
-    "X-ray": Style(wall=0.35, rim=1.0, tone=0.5, density=0.012, low=0.05),
-    "vessels": Style(wall=0.12, rim=1.0, tone=0.55, density=0.9, low=0.0, lit=1.0),
+    "X-ray": Style(wall=0.35, rim=1.0, tone=0.5, density=0.04, low=0.1),
+    "vessels": Style(wall=0.12, rim=1.0, tone=0.55, density=0.9, low=0.0, begin=0.5, lit=1.0),
     "as scanned": Style(wall=0.0, tone=0.85, density=0.35, low=0.15, lit=0.8),
 }
 """By name; the first is what structures have unless somebody chose."""
@@ -78,22 +80,23 @@ class Appearance:
 
 
 def appearance_rows(
-    appearances: Sequence[Appearance], own_levels: np.ndarray, between: tuple[float, float], unit_voxels: float
+    appearances: Sequence[Appearance], own_levels: np.ndarray, levels: np.ndarray, unit_voxels: float
 ) -> np.ndarray:
     """What the shader reads, (capacity, ROWS, 4) float64; the first is of no structure.
 
     Args:
         appearances: of the structures, in the order of their numbers.
         own_levels: (N, 2) grey levels, 0 to 255, between which most of each structure's voxels lie.
-        between: the intensities that grey levels 0 and 255 stand for.
+        levels: (256,), the intensity that each grey level stands for.
         unit_voxels: the length that densities are for, in voxels.
     """
     rows = np.zeros((capacity(len(appearances)), ROWS, 4))
-    for number, (look, levels) in enumerate(zip(appearances, own_levels, strict=True), start=1):
+    for number, (look, own) in enumerate(zip(appearances, own_levels, strict=True), start=1):
         style = STYLES.get(look.style, STYLES[DEFAULT_STYLE])
+        begin = own[0] + style.begin * (own[1] - own[0])
         low, high = (
-            level / 255.0 if chosen is None else (chosen - between[0]) / (between[1] - between[0])
-            for chosen, level in zip((look.low, look.high), levels, strict=True)
+            (level if chosen is None else float(np.interp(chosen, levels, np.arange(256)))) / 255.0
+            for chosen, level in ((look.low, begin), (look.high, own[1]))
         )
         rows[number] = (
             (*look.color, look.opacity),

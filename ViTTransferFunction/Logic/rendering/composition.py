@@ -13,8 +13,8 @@ from scipy.ndimage import gaussian_filter
 
 from ..core.errors import InputError
 from ..core.geometry import Box
-from ..core.resampling import cell_positions, interpolated
-from .class_membership import Shape, nearest_voxels
+from ..core.resampling import interpolated
+from .class_membership import Shape
 
 NUMBER, DEPTH, INTENSITY, LIGHT = range(4)
 """What the four numbers of a voxel are: of its structure, from 1; how deep it lies in that; and so on."""
@@ -89,19 +89,6 @@ def shape_within_budget(shape: Shape) -> Shape:
         limit -= 1
     k, j, i = np.minimum(shape, limit).tolist()
     return k, j, i
-
-
-def gray_levels(intensities: np.ndarray, between: tuple[float, float], shape: Shape) -> np.ndarray:
-    """Intensities (K, J, I) as grey levels, 0 to 255 for a range of them, on a grid of `shape` that fills the same box."""
-    coarse: Shape = tuple(np.minimum(shape, intensities.shape).tolist())
-    low, high = between
-    scaled = (nearest_voxels(intensities, coarse).astype(np.float32) - np.float32(low)) * np.float32(255.0 / (high - low))
-    levels: np.ndarray = np.rint(np.clip(np.nan_to_num(scaled, posinf=255.0, neginf=0.0), 0.0, 255.0)).astype(np.uint8)
-    if coarse == shape:
-        return levels
-    positions = [cell_positions(cells, voxels) for cells, voxels in zip(coarse, shape, strict=True)]
-    fine: np.ndarray = np.rint(interpolated(levels, positions)).astype(np.uint8)
-    return fine
 
 
 def own_levels(voxels: np.ndarray, structures: int) -> np.ndarray:

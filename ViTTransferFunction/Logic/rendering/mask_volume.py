@@ -9,7 +9,7 @@ import numpy as np
 from ..core.bounding_box import bounding_box, common_box
 from ..core.geometry import Box, Geometry
 from .class_membership import Shape, nearest_voxels
-from .composition import gray_levels
+from .intensity_levels import gray_levels
 from .iso_surfaces import smooth_map_volume
 from .mask_maps import ISO, mask_map
 
@@ -28,7 +28,7 @@ def mask_volume(
     masks: Sequence[np.ndarray],
     opacities: Sequence[float],
     guides: Sequence[tuple[np.ndarray, float] | None] | None = None,
-    surroundings: tuple[np.ndarray, tuple[float, float]] | None = None,
+    surroundings: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, Geometry]:
     """Segments as surfaces in a volume that just encloses them, or in the whole volume where what is around them is wanted.
 
@@ -38,7 +38,8 @@ def mask_volume(
         opacities: of the segments, in [0, 1]. Where two overlap, the more opaque one has the voxel.
         guides: for each segment, if there is one, a similarity map (K, J, I) and its iso value, by which its surface is placed
             between the voxels.
-        surroundings: intensities (K, J, I) of all voxels, and the range of them that is told apart; None: there are none.
+        surroundings: intensities (K, J, I) of all voxels, and grey levels for them (`intensity_levels`); None: what is around
+            the segments is not wanted.
 
     Returns:
         (K', J', I', 4) uint8, a volume of structures (`composition`), and where its voxels lie.
@@ -56,8 +57,8 @@ def mask_volume(
     composition = smooth_map_volume(maps, len(masks), ISO, shape, cells.spacing_mm[::-1].tolist())
     gray = None
     if surroundings is not None:
-        intensities, between = surroundings
-        gray = gray_levels(_cut(intensities, box, mode="edge"), between, shape)
+        intensities, levels = surroundings
+        gray = gray_levels(_cut(intensities, box, mode="edge"), levels, shape)
     return composition.voxels(gray, [opacity > 0.0 for opacity in opacities]), part.resized(shape)
 
 

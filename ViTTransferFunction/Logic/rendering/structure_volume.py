@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.geometry import Geometry
+from ..core.intensity_window import looks_like_hounsfield_units
+from ..core.volume import Volume
 from .appearance import Appearance, appearance_rows
 from .composition import own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES
@@ -15,9 +17,6 @@ from .surroundings import Surroundings
 
 UNITS = 200.0
 """Densities are for so many parts of the scan's longest edge: what is translucent is so at any size of voxels and bodies."""
-
-OUTLIERS_PERCENT = 0.02
-"""Of the voxels at either end of the intensities, which are not told apart: 256 levels are few, and metal is rare."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +26,16 @@ class StructureVolume:
     Attributes:
         voxels: (K, J, I, 4) uint8.
         own_levels: (structures, 2), the grey levels between which most voxels of each structure lie.
-        between: the intensities that grey levels 0 and 255 stand for.
+        levels: (256,), the intensity that each grey level stands for.
+        hounsfield: whether intensities are Hounsfield units.
         unit_voxels: the length that densities are for, in voxels.
         geometry: of its voxels, in the scan's frame.
     """
 
     voxels: np.ndarray
     own_levels: np.ndarray
-    between: tuple[float, float]
+    levels: np.ndarray
+    hounsfield: bool
     unit_voxels: float
     geometry: Geometry
 
@@ -45,26 +46,27 @@ class StructureVolume:
             appearances: of the structures, in the order of their numbers.
             surroundings: of what belongs to none.
         """
-        colors = surroundings.colors(self.between, self.unit_voxels)
+        colors = surroundings.colors(self.levels, self.unit_voxels)
         return {
-            STRUCTURES: appearance_rows(appearances, self.own_levels, self.between, self.unit_voxels),
+            STRUCTURES: appearance_rows(appearances, self.own_levels, self.levels, self.unit_voxels),
             CONTEXT: colors.reshape(-1, 4, 4),
             SCENE: np.array(surroundings.scene_vector(colors)),
         }
 
 
 def structure_volume(
-    voxels: np.ndarray, structures: int, between: tuple[float, float], geometry: Geometry, scan: Geometry
+    voxels: np.ndarray, structures: int, levels: np.ndarray, geometry: Geometry, scan: Volume
 ) -> StructureVolume:
     """A volume of structures, seen as part of a scan.
 
     Args:
         voxels: (K, J, I, 4) uint8.
         structures: how many there are.
-        between: the intensities that grey levels 0 and 255 stand for.
+        levels: the intensity that each grey level stands for (`intensity_levels`).
         geometry: where the voxels lie.
-        scan: where those of the scan do, all of it.
+        scan: all of it.
     """
-    unit_mm = float(scan.extent_mm.max()) / UNITS
+    unit_mm = float(scan.geometry.extent_mm.max()) / UNITS
     unit_voxels = unit_mm / float(np.cbrt(np.prod(geometry.spacing_mm)))
-    return StructureVolume(voxels, own_levels(voxels, structures), between, unit_voxels, geometry)
+    hounsfield = looks_like_hounsfield_units(scan)
+    return StructureVolume(voxels, own_levels(voxels, structures), levels, hounsfield, unit_voxels, geometry)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,16 +36,16 @@ class Surroundings:
         """Whether any of it is seen."""
         return self.strength > 0.0 and any(opacity > 0.0 for _, _, opacity in self.knots)
 
-    def colors(self, between: tuple[float, float], unit_voxels: float) -> np.ndarray:
+    def colors(self, levels: np.ndarray, unit_voxels: float) -> np.ndarray:
         """What the shader reads, (CONTEXT_COLORS, 4) float64: colours, and densities per voxel.
 
         Args:
-            between: the lowest and the highest intensity that are told apart.
+            levels: (256,), the intensity that each grey level stands for.
             unit_voxels: the length that opacities are for, in voxels.
         """
         table = np.zeros((CONTEXT_COLORS, 4))
         if self.visible:
-            at = np.linspace(*between, CONTEXT_COLORS)
+            at = np.interp(np.linspace(0.0, 255.0, CONTEXT_COLORS), np.arange(256), levels)
             positions = [position for position, _, _ in self.knots]
             for channel in range(3):
                 table[:, channel] = np.interp(at, positions, [color[channel] for _, color, _ in self.knots])
@@ -65,18 +64,27 @@ class Surroundings:
         return [1.0, self.cutaway, low if low > 0.0 else -1.0, high if high < 1.0 else 2.0]
 
 
-def bones_and_vessels(hounsfield: bool, between: tuple[float, float]) -> tuple[Knot, ...]:
+def bones_and_vessels(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:
     """Bright things: bones, and vessels with contrast agent."""
-    low, high = (150.0, 350.0) if hounsfield else _shares(between, 0.55, 0.85)
-    return (low, VESSEL, 0.0), (0.5 * (low + high), VESSEL, 0.18), (high, BONE, 0.6), (max(between[1], high + 1.0), BONE, 0.9)
+    low, high = (150.0, 350.0) if hounsfield else _shares(levels, 0.55, 0.85)
+    return (
+        (low, VESSEL, 0.0),
+        (0.5 * (low + high), VESSEL, 0.18),
+        (high, BONE, 0.6),
+        (max(float(levels[-1]), high + 1.0), BONE, 0.9),
+    )
 
 
-def skin(hounsfield: bool, between: tuple[float, float]) -> tuple[Knot, ...]:
+def skin(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:
     """The body's surface, from the air to what lies under the skin."""
-    low, high = (-450.0, -150.0) if hounsfield else _shares(between, 0.06, 0.2)
+    low, high = (-750.0, -150.0) if hounsfield else _shares(levels, 0.04, 0.2)
     middle = 0.5 * (low + high)
-    return (low, SKIN, 0.0), (middle, SKIN, 0.12), (high, SKIN, 0.0)
+    return (low, SKIN, 0.0), (middle, SKIN, 0.5), (high, SKIN, 0.0)
 
 
-def _shares(between: tuple[float, float], *shares: float) -> Sequence[float]:
-    return [between[0] + share * (between[1] - between[0]) for share in shares]
+def _shares(levels: np.ndarray, *shares: float) -> list[float]:
+    return [float(levels[0] + share * (levels[-1] - levels[0])) for share in shares]
+
+
+CONTEXTS = {"bones and vessels": bones_and_vessels, "skin": skin}
+"""By name, what makes their knots: of whether intensities are Hounsfield units, and of the levels' intensities."""

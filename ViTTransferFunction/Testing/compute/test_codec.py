@@ -42,7 +42,7 @@ BODIES = [
         (ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5), ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1)), (2.5, 0.0)
     ),
     requests.Labels(ARRAY.astype(np.uint16), (1, 2, 3)),
-    StructureVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), np.array([[10.0, 200.0]]), (-100.0, 900.0), 1.5, GEOMETRY),
+    StructureVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), np.array([[10.0, 200.0]]), np.arange(256.0), True, 1.5, GEOMETRY),
     requests.Progressed(1, 2, "Computing features"),
     requests.CoarseFeatures(),
     requests.GivenUp(),

@@ -43,7 +43,7 @@ SETTINGS = SessionSettings(grid=16)
 COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9)
 LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
 MAP = ClassMap(np.zeros((2, 2, 2), dtype=np.float32), GEOMETRY, 0.4)
-RENDERING = StructureVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), np.zeros((1, 2)), (0.0, 1.0), 1.0, GEOMETRY)
+RENDERING = StructureVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), np.zeros((1, 2)), np.arange(256.0), False, 1.0, GEOMETRY)
 
 
 class Client:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.rendering.composition import (
     DEPTH,
     SURFACE,
     Composition,
-    gray_levels,
     inside_histograms,
     own_levels,
 )
+from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.transfer_function import transfer_function_volume
 from ViTTransferFunction.Testing.support.masks import dice
@@ -56,21 +55,14 @@ def test_the_transfer_function_does_not_make_a_class_where_its_map_denies_it() -
     assert not found[..., 20:].any()
 
 
-@pytest.mark.parametrize("dtype", [np.int16, np.uint16, np.float32])
-@pytest.mark.parametrize("shape", [(20, 20, 20), (60, 60, 60), (90, 90, 90)])
-def test_the_volume_has_the_scans_intensities_as_grey_levels(dtype: type, shape: tuple[int, int, int]) -> None:
-    intensities: np.ndarray = (np.arange(60) * np.ones((60, 60, 1))).astype(dtype)
-    levels = gray_levels(intensities, (10.0, 50.0), shape)
-    centres = (np.arange(shape[2]) + 0.5) * 60 / shape[2] - 0.5
-    assert levels[5, 5] == pytest.approx(np.clip((centres - 10.0) / 40.0, 0.0, 1.0) * 255.0, abs=4.0)
-
-
 def test_a_structures_own_intensities_are_those_well_inside_it() -> None:
     similarity = np.rint(255 * ball((60, 60, 60), (29.5, 29.5, 29.5), 20.0)).astype(np.uint8)
     intensities: np.ndarray = np.full((60, 60, 60), 200.0)
     intensities[similarity > 127] = 80.0
     intensities[..., :30][similarity[..., :30] > 127] = 120.0
-    voxels = similarity_volume([similarity], [0.5], (60, 60, 60)).voxels(gray_levels(intensities, (0.0, 255.0), (60, 60, 60)))
+    voxels = similarity_volume([similarity], [0.5], (60, 60, 60)).voxels(
+        gray_levels(intensities, np.arange(256.0), (60, 60, 60))
+    )
     (histogram,) = inside_histograms(voxels, 1)
     assert np.flatnonzero(histogram).tolist() == [80, 120]
     assert own_levels(voxels, 1).tolist() == [[80.0, 120.0]]

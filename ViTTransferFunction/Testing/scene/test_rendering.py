@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from colorsys import hsv_to_rgb
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.composition import own_levels
+from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
-from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
@@ -38,11 +41,17 @@ NOTHING = Surroundings()
 
 
 def structures(voxels: np.ndarray, count: int, geometry: Geometry) -> StructureVolume:
-    return structure_volume(voxels, count, (0.0, 255.0), geometry, geometry)
+    return StructureVolume(voxels, own_levels(voxels, count), np.arange(256.0), False, 0.5, geometry)
 
 
-def show(rendering: ClassRendering, volume: Any, shown: StructureVolume, looks: Sequence[Appearance]) -> None:
-    image, uniforms = finished(bytes_image(shown.voxels)), shown.uniforms(looks, NOTHING)
+def show(
+    rendering: ClassRendering,
+    volume: Any,
+    shown: StructureVolume,
+    looks: Sequence[Appearance],
+    surroundings: Surroundings = NOTHING,
+) -> None:
+    image, uniforms = finished(bytes_image(shown.voxels)), shown.uniforms(looks, surroundings)
     rendering.show(volume, image, len(looks), uniforms, shown.geometry.ijk_to_ras)
 
 
@@ -64,11 +73,29 @@ class Stage:
     def show(self, maps: Sequence[np.ndarray], colors: Sequence[Color], opacities: Sequence[float] | None = None) -> None:
         self.show_structures(maps, appearances(colors, opacities))
 
-    def show_structures(self, maps: Sequence[np.ndarray], looks: Sequence[Appearance]) -> StructureVolume:
+    def show_structures(
+        self,
+        maps: Sequence[np.ndarray],
+        looks: Sequence[Appearance],
+        surroundings: Surroundings = NOTHING,
+        intensities: np.ndarray | None = None,
+    ) -> StructureVolume:
         composition = similarity_volume(maps, [0.5] * len(maps))
-        shown = structures(composition.voxels(), len(maps), self.grid.resized(composition.shape))
-        show(self.rendering, self.views.volume, shown, looks)
+        gray = None if intensities is None else gray_levels(intensities, np.arange(256.0), composition.shape)
+        shown = structures(composition.voxels(gray), len(maps), self.grid.resized(composition.shape))
+        show(self.rendering, self.views.volume, shown, looks, surroundings)
         return shown
+
+    def change(self, shown: StructureVolume, looks: Sequence[Appearance], surroundings: Surroundings = NOTHING) -> np.ndarray:
+        """What is seen after another look, with the same volume."""
+        self.rendering.change(shown.uniforms(looks, surroundings))
+        return self.picture()
+
+    def mean(self, picture: np.ndarray, point_ras: np.ndarray) -> np.ndarray:
+        """Of the pixels about a point: rays start at random depths."""
+        ((row, column),) = self.at(point_ras)
+        average: np.ndarray = picture[row - 3 : row + 4, column - 3 : column + 4].mean(axis=(0, 1))
+        return average
 
     def picture(self) -> np.ndarray:
         self.view.renderer().ResetCameraClippingRange()
@@ -176,6 +203,104 @@ def test_a_translucent_class_is_as_strong_whatever_the_size_of_voxels(slicer_app
         stage.show([ball(SHAPE, (7.5, 9.5, 11.5), 5.0)], [RED], [0.5])
         brightness.append(stage.picture()[row - 4 : row + 5, column - 4 : column + 5, 0].mean())
     assert np.array(brightness) / brightness[1] == pytest.approx([1.0, 1.0, 1.0], abs=0.05)
+
+
+def one_ball(radius: float = 6.0) -> np.ndarray:
+    return ball(SHAPE, (7.5, 9.5, 11.5), radius)
+
+
+def test_a_changed_look_is_another_picture_of_the_same_volume(stage: Stage) -> None:
+    shown = stage.show_structures(two_balls(), appearances([RED, GREEN]))
+    (node,) = nodes_of_class(stage.scene, "vtkMRMLVectorVolumeNode")
+    image, changed = node.GetImageData(), node.GetImageData().GetMTime()
+    stage.picture()
+    picture = stage.change(shown, appearances([BLUE, GREEN], [1.0, 0.0]))
+    assert hue(stage.mean(picture, LEFT)) == pytest.approx([0, 0, 1], abs=0.05)
+    assert (stage.mean(picture, RIGHT) == 0).all()
+    assert node.GetImageData() is image
+    assert image.GetMTime() == changed
+
+
+def test_a_glass_shell_shows_what_it_holds_and_keeps_its_rim(stage: Stage) -> None:
+    maps = [ball(SHAPE, (7.5, 9.5, 11.5), 2.5), 0.8 * one_ball(7.0)]
+    shown = stage.show_structures(maps, [Appearance(GREEN), Appearance(RED, style="surface")])
+    solid = stage.picture()
+    glass = stage.change(shown, [Appearance(GREEN), Appearance(RED, 0.8, "glass")])
+    red, green, _ = stage.mean(solid, MIDDLE)
+    assert red > 3 * green
+    red, green, _ = stage.mean(glass, MIDDLE)
+    assert green > 3 * red
+    # The shell is brightest where it is seen edge-on.
+    ((row, column),) = stage.at(MIDDLE)
+    profile = glass[row, column:, 0]
+    rim = int(profile.argmax())
+    assert rim == pytest.approx(np.flatnonzero(solid[row, column:, 0] > 20)[-1], abs=4)
+    assert profile[rim] > 2 * profile[rim // 2]
+
+
+def test_an_intensity_window_makes_transparent_what_lies_below_it(stage: Stage) -> None:
+    intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
+    look = Appearance(RED, style="as scanned", low=100.0, high=180.0, ramp=0.0)
+    stage.show_structures([one_ball(8.0)], [look], intensities=intensities)
+    picture = stage.picture()
+    dark, bright = (stage.mean(picture, GRID.ijk_to_ras_points(np.array([[i, 9.5, 7.5]]))[0]) for i in (8.0, 15.0))
+    assert dark.max() < 10
+    assert bright[0] > 60
+
+
+def test_the_tone_of_a_structure_is_brighter_where_the_scan_is(stage: Stage) -> None:
+    intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
+    stage.show_structures([one_ball(8.0)], [Appearance(RED, low=60.0, high=200.0, tone=0.6)], intensities=intensities)
+    picture = stage.picture()
+    dark, bright = (stage.mean(picture, GRID.ijk_to_ras_points(np.array([[i, 9.5, 7.5]]))[0])[0] for i in (9.0, 14.0))
+    assert dark / bright == pytest.approx(0.4, abs=0.12)
+
+
+def test_what_is_around_structures_is_seen_as_far_as_it_is_wanted(stage: Stage) -> None:
+    bright = ball(SHAPE, RIGHT_KJI, 4.0) > 0.5
+    intensities = np.where(bright, 220.0, 20.0)
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures(two_balls()[:1], appearances([RED]), intensities=intensities)
+    assert (stage.mean(stage.picture(), RIGHT) == 0).all()
+    strong = stage.mean(stage.change(shown, appearances([RED]), around), RIGHT)
+    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.005)), RIGHT)
+    assert hue(strong) == pytest.approx([0, 1, 0], abs=0.1)
+    assert strong[1] > 100 > faint[1] > 3
+
+
+def test_what_belongs_to_a_structure_is_not_shown_as_its_surroundings(stage: Stage) -> None:
+    intensities = np.where(one_ball() > 0.5, 220.0, 20.0)
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures([one_ball()], appearances([RED]), around, intensities)
+    assert hue(stage.mean(stage.picture(), MIDDLE)) == pytest.approx([1, 0, 0], abs=0.1)
+    # Nobody's, while its structure is hidden.
+    hidden = stage.change(shown, appearances([RED], [0.0]), around)
+    assert hue(stage.mean(hidden, MIDDLE)) == pytest.approx([0, 1, 0], abs=0.1)
+
+
+def test_surroundings_give_way_before_structures_where_that_is_wanted(stage: Stage) -> None:
+    # What is in front is anterior, at high j.
+    intensities = np.where(np.arange(SHAPE[1])[:, None] > 15, 220.0, 20.0) * np.ones((SHAPE[0], 1, SHAPE[2]))
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures([one_ball(4.0)], appearances([RED]), around, intensities)
+    assert hue(stage.mean(stage.picture(), MIDDLE)) == pytest.approx([0, 1, 0], abs=0.1)
+    cut = stage.change(shown, appearances([RED]), replace(around, cutaway=1.0))
+    assert hue(stage.mean(cut, MIDDLE)) == pytest.approx([1, 0, 0], abs=0.1)
+    beside = GRID.ijk_to_ras_points(np.array([[3.0, 9.5, 7.5]]))[0]
+    assert hue(stage.mean(cut, beside)) == pytest.approx([0, 1, 0], abs=0.1)
+
+
+def test_a_structure_has_a_smooth_surface_where_the_one_that_touches_it_is_hidden(stage: Stage) -> None:
+    left = np.clip(0.5 + (11.5 - np.arange(SHAPE[2], dtype=np.float32)) / 4.0, 0.0, 1.0) * one_ball(8.0)
+    right = np.clip(0.5 + (np.arange(SHAPE[2], dtype=np.float32) - 11.5) / 4.0, 0.0, 1.0) * one_ball(8.0)
+    shown = stage.show_structures([left, right], appearances([RED, GREEN]))
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0))
+    picture = stage.change(shown, appearances([RED, GREEN], [0.0, 1.0]))
+    ((row, column),) = stage.at(MIDDLE)
+    cut_face = picture[row - 8 : row + 9, column - 8 : column + 9, 1]
+    # Flat, and seen at a right angle.
+    assert cut_face.min() > 120
+    assert np.ptp(cut_face) < 40
 
 
 def displayed_volume(stage: Stage) -> Any:
