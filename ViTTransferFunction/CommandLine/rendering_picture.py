@@ -1,7 +1,7 @@
 """A picture of segments in 3D, by GPU volume rendering: each segment a surface in its colour and opacity.
 
-What is rendered is what Slicer's 3D views show of such classes: one volume of colours for all of them (`mask_rgba`), with the
-same optical properties. Without a GPU, software OpenGL (Mesa) draws the same picture in some seconds.
+What is rendered is what Slicer's 3D views show of such classes: one volume for all of them (`mask_volume`), with the
+same shader and light. Without a GPU, software OpenGL (Mesa) draws the same picture in some seconds.
 """
 
 from __future__ import annotations
@@ -12,20 +12,15 @@ from contextlib import contextmanager
 import numpy as np
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  (importing it gives VTK its OpenGL classes)
 from scipy.ndimage import binary_dilation, label
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
-from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import (
     vtkCamera,
     vtkLight,
     vtkRenderer,
     vtkRenderWindow,
-    vtkVolume,
-    vtkVolumeProperty,
     vtkWindowToImageFilter,
 )
-from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 
 from ViTTransferFunction.CommandLine.canvas import (
     BACKGROUND,
@@ -35,20 +30,16 @@ from ViTTransferFunction.CommandLine.canvas import (
     draw_legend,
     legend_height,
 )
+from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
-from ViTTransferFunction.Logic.rendering.optical_properties import (
-    AMBIENT,
-    CODE_COMPONENT,
-    DIFFUSE,
-    SPECULAR,
-    SPECULAR_POWER,
-    UNIT_VOXELS,
-    opacity_points,
-)
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, SURFACE
+from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -63,8 +54,6 @@ SMALLEST_CONTEXT_MM3 = 5000.0
 BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
 ELEVATION_DEGREES = 8.0
 VIEW_ANGLE_DEGREES = 20.0
-STEP_VOXELS = 0.7
-"""Length of a ray's steps: a third of the layer in which opacity gathers."""
 
 
 def render_3d(
@@ -90,7 +79,8 @@ def render_3d(
     shown = [segment for segment in segments if segment.mask.any()]
     if shown and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
         shown.append(_context(volume, shown, context_above))
-    rendered = _render(*_colors_of(volume.geometry, shown), height) if shown else _nothing_to_show(height)
+    looks = [Appearance(segment.color, segment.opacity) for segment in shown]
+    rendered = _render(_structures_of(volume, shown), looks, height) if shown else _nothing_to_show(height)
 
     text_size = max(10, round(0.02 * height))
     canvas = Canvas(rendered.shape[1], height + legend_height(segments, rendered.shape[1], text_size) + text_size)
@@ -115,29 +105,29 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
-def _colors_of(geometry: Geometry, segments: Sequence[PictureSegment]) -> tuple[np.ndarray, Geometry]:
-    """The segments' volume of colours and codes, (K, J, I, 4) uint8, and where its voxels lie."""
-    return mask_rgba(
-        geometry,
+def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> StructureVolume:
+    """The segments as a volume of structures."""
+    voxels, grid = mask_volume(
+        volume.geometry,
         [segment.mask for segment in segments],
-        [segment.color for segment in segments],
         [segment.opacity for segment in segments],
         [
             None if segment.similarity is None or segment.iso is None else (segment.similarity, segment.iso)
             for segment in segments
         ],
     )
+    return structure_volume(voxels, len(segments), intensity_levels(volume), grid, volume)
 
 
-def _render(rgba: np.ndarray, grid: Geometry, height: int) -> np.ndarray:
-    """Pixels (height, W, 3) uint8 of a volume of colours, framed by what it holds."""
-    camera, width = framing(rgba, grid, height)
+def _render(structures: StructureVolume, looks: Sequence[Appearance], height: int) -> np.ndarray:
+    """Pixels (height, W, 3) uint8 of a volume of structures, framed by what it holds."""
+    camera, width = framing(structures.voxels, structures.geometry, height)
     renderer = vtkRenderer()
     renderer.SetBackground(*BACKGROUND)
     renderer.SetBackground2(*BACKGROUND_ABOVE)
     renderer.GradientBackgroundOn()
     renderer.SetActiveCamera(camera)
-    renderer.AddVolume(color_volume_prop(rgba, grid.ijk_to_ras))
+    renderer.AddVolume(structure_prop(structures, looks))
     _add_lights(renderer)
     renderer.ResetCameraClippingRange()
     with _vtk_warnings_off():
@@ -174,14 +164,14 @@ def _vtk_warnings_off() -> Iterator[None]:
         vtkObject.SetGlobalWarningDisplay(before)
 
 
-def framing(rgba: np.ndarray, grid: Geometry, height: int) -> tuple[vtkCamera, int]:
+def framing(voxels: np.ndarray, grid: Geometry, height: int) -> tuple[vtkCamera, int]:
     """A camera in front of and slightly above the patient that sees all of the volume, and the picture's width for it."""
     elevation = np.radians(ELEVATION_DEGREES)
     towards = np.array([0.0, np.cos(elevation), np.sin(elevation)])
     up = np.array([0.0, -np.sin(elevation), np.cos(elevation)])
     # Some of the voxels will do to know how far they reach.
     step = 1 + max(grid.shape) // 100
-    seen_ijk = step * np.argwhere(rgba[::step, ::step, ::step, CODE_COMPONENT] > 0)[:, ::-1]
+    seen_ijk = step * np.argwhere(voxels[::step, ::step, ::step, DEPTH] > SURFACE)[:, ::-1]
     if not len(seen_ijk):
         # Everything is transparent.
         seen_ijk = np.array([np.zeros(3), grid.shape[::-1]])
@@ -199,46 +189,6 @@ def framing(rgba: np.ndarray, grid: Geometry, height: int) -> tuple[vtkCamera, i
     camera.SetPosition(*(middle + (reach + seen @ towards).max() * towards))
     camera.SetViewUp(*up)
     return camera, round(aspect * height)
-
-
-def color_volume_prop(rgba: np.ndarray, ijk_to_ras: np.ndarray) -> vtkVolume:
-    """A volume of colours and codes (K, J, I, 4) uint8 to be added to a renderer, as Slicer's 3D views show it."""
-    image = vtkImageData()
-    image.SetDimensions(*rgba.shape[2::-1])
-    image.GetPointData().SetScalars(numpy_to_vtk(rgba.reshape(-1, 4), deep=True))
-    mapper = vtkGPUVolumeRayCastMapper()
-    mapper.SetInputData(image)
-    mapper.SetAutoAdjustSampleDistances(0)
-    mapper.SetSampleDistance(STEP_VOXELS)
-    # Rays that start at random depths turn the rings that steps leave on translucent surfaces into faint grain.
-    mapper.UseJitteringOn()
-    matrix = vtkMatrix4x4()
-    matrix.DeepCopy(ijk_to_ras.ravel().tolist())
-    volume = vtkVolume()
-    volume.SetMapper(mapper)
-    # Voxels are 1 apart, and only this places them: VTK measures steps and the unit of opacity before.
-    volume.SetUserMatrix(matrix)
-    codes = rgba[..., CODE_COMPONENT]
-    volume.SetProperty(_material(float(codes.min()), float(codes.max())))
-    return volume
-
-
-def _material(lowest_code: float, highest_code: float) -> vtkVolumeProperty:
-    opacity = vtkPiecewiseFunction()
-    for position, value in opacity_points(lowest_code, highest_code):
-        opacity.AddPoint(position, value)
-    material = vtkVolumeProperty()
-    material.IndependentComponentsOff()
-    material.SetInterpolationTypeToLinear()
-    material.SetScalarOpacity(opacity)
-    # VTK takes the function from component 0, its unit from the component that it is applied to.
-    material.SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS)
-    material.ShadeOn()
-    material.SetAmbient(AMBIENT)
-    material.SetDiffuse(DIFFUSE)
-    material.SetSpecular(SPECULAR)
-    material.SetSpecularPower(SPECULAR_POWER)
-    return material
 
 
 def _add_lights(renderer: vtkRenderer) -> None:

@@ -13,7 +13,7 @@ from ViTTransferFunction.CommandLine.rendering_picture import framing, render_3d
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,
@@ -146,7 +146,7 @@ def _spiked_ellipsoid(geometry: Geometry) -> np.ndarray:
 
 def _silhouette(geometry: Geometry, mask: np.ndarray, height: int, part: np.ndarray) -> np.ndarray:
     """Which pixels of a 3D picture of the mask the voxels of a part of it cover, as boxes, (height, W) bool."""
-    camera, width = framing(*mask_rgba(geometry, [mask], [RED], [1.0]), height)
+    camera, width = framing(*mask_volume(geometry, [mask], [1.0]), height)
     steps = (np.arange(6) - 2.5) / 6
     within = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
     ijk = (np.argwhere(part)[:, None, ::-1] + within).reshape(-1, 3)
