@@ -9,9 +9,9 @@ import numpy as np
 import slicer
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.place_mode import PlaceMode
 from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
 from ViTTransferFunction.Logic.scene.stroke_tool import StrokeTool
-from ViTTransferFunction.Widget.place_mode import PlaceMode
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import SliceTools
 
