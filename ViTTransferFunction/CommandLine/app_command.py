@@ -24,8 +24,8 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "app",
         help="segment interactively in a browser, where Slicer is not installed",
-        description="Serves a page with slice views, a 3D view and the tools of the Slicer module, and prints its address. It ends "
-        "when the page is closed, or by Ctrl-C.",
+        description="Serves a page with slice views, a 3D view and the tools of the Slicer module, and prints its address. "
+        "It ends when the page is closed, or by Ctrl-C.",
     )
     parser.add_argument(
         "volume", metavar="VOLUME", type=Path, nargs="?", help="an image file, a DICOM folder, or a saved session (.mrb)"

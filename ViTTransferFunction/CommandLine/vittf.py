@@ -96,7 +96,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="vittf", description="Annotation-guided segmentation with vision transformer features."
     )
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="segment|cohort|app|features|render|weights|cache")
+    subparsers = parser.add_subparsers(
+        dest="command", required=True, metavar="segment|cohort|app|features|render|weights|cache"
+    )
     commands = (
         segment_command,
         cohort_command,
@@ -106,6 +108,8 @@ def build_parser() -> argparse.ArgumentParser:
         weights_command,
         cache_command,
     )
+    names = "segment|cohort|app|features|render|weights|cache"
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar=names)
     for command in commands:
         command.add_arguments(subparsers)
     _add_verbose(parser, False)

@@ -10,6 +10,7 @@ from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.parameters import RENDERINGS
 from .panel_state import color_of_hex
+from .volumes import set_window
 
 if TYPE_CHECKING:
     from .app import WebApp
@@ -55,8 +56,6 @@ class Actions:
             "overlayOpacity": lambda opacity: app.session.parameters.set("overlayOpacity", float(opacity)),
             "overlayVisible": lambda visible: app.session.parameters.set("overlayVisible", bool(visible)),
             "window": self._set_window,
-            "windowAutomatic": self._set_window_automatic,
-            "windowPreset": self._set_window_preset,
             "write": lambda corrections="ask": app.write_segments(corrections),
             "closeMessages": app.close_messages,
         }
@@ -157,22 +156,6 @@ class Actions:
             self._app.session.parameters.set("rendering", mode)
 
     def _set_window(self, low: float, high: float) -> None:
-        display = self._volume_display()
-        low, high = float(low), float(high)
-        if display is not None:
-            if not low < high:
-                raise InputError(f"The window {low:g} to {high:g} is empty; its upper end has to be above its lower end.")
-            display.SetAutoWindowLevel(False)
-            display.SetWindowLevelMinMax(low, high)
-
-    def _set_window_automatic(self) -> None:
-        display = self._volume_display()
-        if display is not None:
-            display.SetAutoWindowLevel(True)
-
-    def _set_window_preset(self, low: float, high: float) -> None:
-        self._set_window(low, high)
-
-    def _volume_display(self) -> Any:
         volume = self._app.session.parameters.volume
-        return volume.GetScalarVolumeDisplayNode() if volume else None
+        if volume is not None:
+            set_window(volume, float(low), float(high))

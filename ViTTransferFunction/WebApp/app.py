@@ -14,6 +14,7 @@ from trame.app import get_server
 from trame_slicer.core import SlicerApp
 
 from ..Logic.core.errors import InputError
+from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.volume import Volume
 from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.annotation_tool import AnnotationTool
@@ -27,7 +28,7 @@ from .panel_state import session_state
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .slicer_views import BrowserSliceTools, SlicerViews
-from .volumes import add_volume, sample_path, volume_of_files
+from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
 
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""
@@ -66,7 +67,7 @@ class WebApp:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
-        self.views = SlicerViews(self.server, self._slicer)
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps)
         self.tool = AnnotationTool(
             self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
         )
@@ -251,6 +252,8 @@ class WebApp:
         self._take_session()
         self.session.set_volume(node)
         self.views.show(node)
+        first, *_ = self._offer_windows(node)
+        set_window(node, first.low, first.high)
 
     def _close_scene(self) -> None:
         self.tool.put_down()
@@ -264,8 +267,17 @@ class WebApp:
         self.tool.session = self.session
         self.tool.end_unfinished()
         self.session.start_computing()
-        self.views.show(self.session.parameters.volume)
+        volume = self.session.parameters.volume
+        self.views.show(volume)
+        self._offer_windows(volume)
         self._on_changed()
+
+    def _offer_windows(self, volume: Any) -> list[IntensityWindow]:
+        """Have the page offer the windows in which people look at a volume; returns them."""
+        windows = windows_of(volume) if volume else {}
+        with self.server.state as state:
+            state.windows = [{"text": text, "low": window.low, "high": window.high} for text, window in windows.items()]
+        return list(windows.values())
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)

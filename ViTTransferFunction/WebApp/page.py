@@ -17,13 +17,6 @@ from ..Logic.scene.wording import choice_words
 from .slicer_views import VIEWS
 
 TITLE = "ViT Transfer Function"
-WINDOWS = {
-    "Abdomen": (-160.0, 240.0),
-    "Lung": (-1350.0, 150.0),
-    "Bone": (-450.0, 1050.0),
-    "Brain": (0.0, 80.0),
-}
-"""Windows of a CT that radiologists look at, in Hounsfield units: lower and upper end."""
 
 _STATIC = Path(__file__).parent / "static"
 _ICONS = Path(__file__).parents[1] / "Resources" / "Icons"
@@ -40,13 +33,14 @@ def build_page(server: Any) -> None:
     keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
     server.state.update({
         "trame__title": TITLE,
+        "trame__template_error": (_STATIC / "disconnected.html").read_text(encoding="utf-8"),
         "trame__favicon": "__vittf_icons/ViTTransferFunction.svg",
         "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
         "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
         "renderings": [{"name": name, "text": choices[name]} for name in RENDERINGS],
-        "windows": [{"text": text, "low": low, "high": high} for text, (low, high) in WINDOWS.items()],
+        "windows": [],
         "views": list(VIEWS),
         "enlarged": "",
         "asking_open": False,

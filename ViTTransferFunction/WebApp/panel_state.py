@@ -114,4 +114,4 @@ def _window(volume: Any) -> dict[str, Any] | None:
     if display is None:
         return None
     low, high = display.GetWindowLevelMin(), display.GetWindowLevelMax()
-    return {"low": round(low, 3), "high": round(high, 3), "automatic": bool(display.GetAutoWindowLevel())}
+    return {"low": round(low, 3), "high": round(high, 3)}

@@ -9,15 +9,19 @@ import numpy as np
 from trame.widgets import html
 from trame_slicer.app.logic import connect_slice_view_slider_to_state
 from trame_slicer.core import SlicerApp
-from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactory
+from trame_slicer.rca_view import RemoteSliceViewFactory
 from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
+from trame_slicer.views.threed_view import ViewDirection
 
 from ..Logic.scene.annotation_tool import MakeTool, SliceTool
 from ..Logic.scene.volume import numpy_matrix
+from .rendering_pace import PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
+ZOOM_3D = 1.6
+"""VTK leaves room for the sphere about a volume; bodies fill less of it."""
 PICTURES_PER_S = 30.0
 """At most, in the view that the mouse is in."""
 PICTURES_PER_S_ELSEWHERE = 15.0
@@ -33,18 +37,21 @@ class SlicerViews:
     Args:
         server: trame's; its page shows the views by `ServerTemplate`s of their names.
         app: Slicer's scene and logics.
+        is_urgent: whether the user waits for something that comes before the 3D view.
     """
 
-    def __init__(self, server: Any, app: SlicerApp) -> None:
+    def __init__(self, server: Any, app: SlicerApp, is_urgent: Callable[[], bool]) -> None:
         self._app = app
         self._server = server
-        options = {
-            "target_fps": PICTURES_PER_S,
-            "blur_fps": PICTURES_PER_S_ELSEWHERE,
-            "interactive_quality": QUALITY,
-        }
-        app.view_manager.register_factory(RemoteSliceViewFactory(server, populate_view_ui_f=self._add_slice_controls, **options))
-        app.view_manager.register_factory(RemoteThreeDViewFactory(server, populate_view_ui_f=_add_3d_controls, **options))
+        self._volume: Any = None
+        fps = {"target_fps": PICTURES_PER_S, "blur_fps": PICTURES_PER_S_ELSEWHERE}
+        slice_factory = RemoteSliceViewFactory(
+            server, populate_view_ui_f=self._add_slice_controls, interactive_quality=QUALITY, **fps
+        )
+        app.view_manager.register_factory(slice_factory)
+        app.view_manager.register_factory(
+            PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
+        )
         slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
         self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
@@ -52,20 +59,29 @@ class SlicerViews:
         app.view_manager.set_current_view_ids(list(VIEWS))
 
     def show(self, volume: Any) -> None:
-        """Show a volume in the slice views, all of it, at its middle; None: nothing."""
+        """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
+        self._volume = volume
         self._app.display_manager.show_volume_in_slice_background(volume)
         self._app.display_manager.show_volume_in_slice_foreground(None)
-        self._app.display_manager.reset_views()
+        for view in self.slices:
+            view.reset_view()
+        self._fit_3d()
 
-    def draw(self) -> None:
-        """Have all views drawn again soon."""
-        for view in (*self.slices, self.view_3d):
-            view.schedule_render()
+    def _fit_3d(self) -> None:
+        """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""
+        bounds = [0.0] * 6
+        if self._volume is not None:
+            self._volume.GetRASBounds(bounds)
+        if bounds[0] < bounds[1]:
+            self.view_3d.renderer().ResetCamera(bounds)
+            self.view_3d.rotate_to_view_direction(ViewDirection.ANTERIOR)
+            self.view_3d.get_camera_node().GetCamera().Zoom(ZOOM_3D)
+        self.view_3d.schedule_render()
 
     def _add_slice_controls(self, server: Any, view_id: str, view: SliceView) -> None:
         slider = connect_slice_view_slider_to_state(server, view).name
         html.Div(VIEWS[view_id], classes=f"view-name {view_id}")
-        _add_view_buttons(view_id, view)
+        _add_view_buttons(view_id, view.reset_view)
         for side in ("left", "right", "top", "bottom"):
             html.Div(f"{{{{ sides_{view_id}.{side} }}}}", classes=f"side {side}")
         self._keep_sides(view_id, view)
@@ -81,6 +97,10 @@ class SlicerViews:
                 input=f"{slider.value} = Number($event.target.value)",
             )
             html.Span(f"{{{{ {slider.value}.toFixed(1) }}}} mm", classes="offset")
+
+    def _add_3d_controls(self, server: Any, view_id: str, view: ThreeDView) -> None:
+        html.Div(VIEWS[view_id], classes="view-name")
+        _add_view_buttons(view_id, self._fit_3d)
 
     def _keep_sides(self, view_id: str, view: SliceView) -> None:
         """Keep the letters at the view's edges those of the patient's sides that lie there."""
@@ -134,14 +154,10 @@ class BrowserSliceTools:
         self._tools = []
 
 
-def _add_3d_controls(server: Any, view_id: str, view: ThreeDView) -> None:
-    html.Div(VIEWS[view_id], classes="view-name")
-    _add_view_buttons(view_id, view)
-
-
-def _add_view_buttons(view_id: str, view: Any) -> None:
-    reset: Callable[[], None] = view.reset_view
+def _add_view_buttons(view_id: str, fit: Callable[[], None]) -> None:
     with html.Div(classes="view-buttons"):
         toggle = f"enlarged = enlarged === '{view_id}' ? '' : '{view_id}'"
-        html.Button("⤢", click=toggle, title="Enlarge, or show all four views")
-        html.Button("⌖", click=reset, title="Fit to the volume")
+        with html.Button(click=toggle, title="Enlarge, or show all four views"):
+            html.Img(src="__vittf/enlarge.svg", alt="Enlarge")
+        with html.Button(click=fit, title="Fit to the volume"):
+            html.Img(src="__vittf/fit.svg", alt="Fit")

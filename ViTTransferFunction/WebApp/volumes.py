@@ -6,9 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from ..Logic.core.errors import InputError
+from ..Logic.core.intensity_window import (
+    CT_BONE,
+    CT_LUNG,
+    CT_SOFT_TISSUE,
+    IntensityWindow,
+    display_window,
+    looks_like_hounsfield_units,
+)
 from ..Logic.core.volume import Volume
 from ..Logic.files.volume_files import read_volume
-from ..Logic.scene.volume import set_image
+from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
+
+CT_WINDOWS = {"Soft tissue": CT_SOFT_TISSUE, "Lung": CT_LUNG, "Bone": CT_BONE}
 
 
 def sample_path() -> Path:
@@ -45,3 +55,25 @@ def add_volume(scene: Any, volume: Volume) -> Any:
     set_image(node, volume.array, volume.geometry.ijk_to_ras)
     node.CreateDefaultDisplayNodes()
     return node
+
+
+def windows_of(node: Any) -> dict[str, IntensityWindow]:
+    """In which intensities people look at a volume node, by what they call that; the one to begin with is the first.
+
+    Raises:
+        InputError: the node is no scalar volume.
+    """
+    volume = Volume(array_from_node(node), geometry_from_node(node), node.GetName())
+    return CT_WINDOWS if looks_like_hounsfield_units(volume) else {"Automatic": display_window(volume)}
+
+
+def set_window(node: Any, low: float, high: float) -> None:
+    """Show a volume node in the slice views from black at `low` to white at `high`.
+
+    Raises:
+        InputError: that is no window.
+    """
+    window = IntensityWindow(low, high)
+    display = node.GetScalarVolumeDisplayNode()
+    display.SetAutoWindowLevel(False)
+    display.SetWindowLevelMinMax(window.low, window.high)
