@@ -96,9 +96,6 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="vittf", description="Annotation-guided segmentation with vision transformer features."
     )
-    subparsers = parser.add_subparsers(
-        dest="command", required=True, metavar="segment|cohort|app|features|render|weights|cache"
-    )
     commands = (
         segment_command,
         cohort_command,
