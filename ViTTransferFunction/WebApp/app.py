@@ -67,7 +67,7 @@ class WebApp:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
-        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps)
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
         self.tool = AnnotationTool(
             self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
         )

@@ -15,16 +15,13 @@ from trame_slicer.views.threed_view import ViewDirection
 
 from ..Logic.scene.annotation_tool import MakeTool, SliceTool
 from ..Logic.scene.volume import numpy_matrix
-from .rendering_pace import PatientThreeDViewFactory
+from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
 ZOOM_3D = 1.6
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
-PICTURES_PER_S = 30.0
-"""At most, in the view that the mouse is in."""
-PICTURES_PER_S_ELSEWHERE = 15.0
 QUALITY = 75
 """Of the JPEG pictures while something changes, in per cent; what stands still is sent again at 90."""
 _SIDES = ("LR", "PA", "IS")
