@@ -19,12 +19,14 @@ STILL_QUALITY = 90
 SOFTWARE_PIXELS = 40_000
 """Drawn by a processor, at most; the browser enlarges the picture."""
 SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swiftshader", "software rasterizer")
-STEP_S, REST_S, LONGEST_WAIT_S = 0.02, 0.12, 1.0
-"""How often it is asked whether the view may be drawn, how long nothing must have changed for that, and when it is all the same."""
+STEP_S, LONGEST_WAIT_S = 0.02, 5.0
+"""How often it is asked whether nothing more urgent is under way, and after how long it does not matter any more."""
 
 
 class AfterClicks(ScheduledRenderStrategy):
-    """Draws a view once nothing more urgent is under way, and its changes have come to rest; at once where the mouse is in it.
+    """Draws a view at once while the mouse is in it, and else when `settle` says so and nothing more urgent is under way.
+
+    Slicer has the 3D view drawn with every move of the mouse in a slice view, of a point that is about to be placed, say.
 
     Args:
         scheduler: of the view's pictures, at `PICTURES_PER_S` while the mouse is in the view.
@@ -35,24 +37,32 @@ class AfterClicks(ScheduledRenderStrategy):
         super().__init__()
         self._scheduler = scheduler
         self._is_urgent = is_urgent
-        self._rest_s = 0.0
+        self._stale = False
         self._waiting: asyncio.Task[None] | None = None
 
     def schedule_render(self) -> None:
-        """Have the view drawn soon."""
+        """The view has changed."""
         super().schedule_render()
-        self._rest_s = 0.0
-        if self._waiting is None:
-            self._waiting = asyncio.create_task(self._draw())
+        self._stale = True
+        if self._is_entered():
+            self._draw()
 
-    async def _draw(self) -> None:
+    def settle(self) -> None:
+        """Have the view drawn soon, if it has changed."""
+        if self._stale and self._waiting is None:
+            self._waiting = asyncio.create_task(self._wait())
+
+    async def _wait(self) -> None:
         for _ in range(round(LONGEST_WAIT_S / STEP_S)):
             # At least once, so that the slice views go first.
             await asyncio.sleep(STEP_S)
-            self._rest_s += STEP_S
-            if self._is_entered() or (self._rest_s >= REST_S and not self._is_urgent()):
+            if not self._is_urgent():
                 break
         self._waiting = None
+        self._draw()
+
+    def _draw(self) -> None:
+        self._stale = False
         self._scheduler.schedule_render()
 
     def _is_entered(self) -> bool:
@@ -66,15 +76,20 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
         server: trame's.
         is_urgent: whether something is.
         options: see `RemoteViewFactory`.
+
+    Attributes:
+        strategies: of the views that were made.
     """
 
     def __init__(self, server: Any, is_urgent: Callable[[], bool], **options: Any) -> None:
         super().__init__(server, interactive_quality=STILL_QUALITY, **options)
         self._is_urgent = is_urgent
+        self.strategies: list[AfterClicks] = []
 
     def _create_view(self, view: Any, scene: Any, app_logic: Any) -> Any:
         created = super()._create_view(view, scene, app_logic)
-        created.slicer_view.set_scheduled_render(AfterClicks(created.view_adapter, self._is_urgent))
+        self.strategies.append(AfterClicks(created.view_adapter, self._is_urgent))
+        created.slicer_view.set_scheduled_render(self.strategies[-1])
         _spare_the_processor(created)
         return created
 

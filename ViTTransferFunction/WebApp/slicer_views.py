@@ -46,9 +46,8 @@ class SlicerViews:
             server, populate_view_ui_f=self._add_slice_controls, interactive_quality=QUALITY, **fps
         )
         app.view_manager.register_factory(slice_factory)
-        app.view_manager.register_factory(
-            PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
-        )
+        self._factory_3d = PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
+        app.view_manager.register_factory(self._factory_3d)
         slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
         self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
@@ -64,6 +63,11 @@ class SlicerViews:
             view.reset_view()
         self._fit_3d()
 
+    def settle(self) -> None:
+        """What the session shows has changed: the 3D view follows when it has time."""
+        for strategy in self._factory_3d.strategies:
+            strategy.settle()
+
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""
         bounds = [0.0] * 6
@@ -74,6 +78,7 @@ class SlicerViews:
             self.view_3d.rotate_to_view_direction(ViewDirection.ANTERIOR)
             self.view_3d.get_camera_node().GetCamera().Zoom(ZOOM_3D)
         self.view_3d.schedule_render()
+        self.settle()
 
     def _add_slice_controls(self, server: Any, view_id: str, view: SliceView) -> None:
         slider = connect_slice_view_slider_to_state(server, view).name
