@@ -67,7 +67,7 @@ class WebApp:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
-        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps)
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
         self.tool = AnnotationTool(
             self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
         )
@@ -103,6 +103,8 @@ class WebApp:
             on_warning(access.warning)
         self.server.controller.on_server_bind.add(Routes(self, access.path).add)
         self.server.controller.on_server_ready.add(lambda **_: on_ready(access.address(self.server.port)))
+        # Nearly all that is sent is pictures, which are compressed already.
+        self.server.cli.set_defaults(nowscompress=True)
         access.install(self.server)
         serving = self.server.start(
             host=host,
@@ -173,6 +175,7 @@ class WebApp:
                 "consent": self.extraction.question,
                 "pressed": self.extraction.pressed,
             })  # fmt: skip
+        self.views.settle()
 
     async def open_files(self, paths: list[Path]) -> None:
         """Open a volume or a session in place of what is open; errors are shown."""
@@ -181,10 +184,14 @@ class WebApp:
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""
         self.session.start_computing()
+        was_busy = False
         while True:
             self.session.poll()
             if self._stale:
                 self.refresh()
+            if was_busy and not self.session.busy:
+                self.views.settle()
+            was_busy = self.session.busy
             pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), pace_s)

@@ -15,16 +15,13 @@ from trame_slicer.views.threed_view import ViewDirection
 
 from ..Logic.scene.annotation_tool import MakeTool, SliceTool
 from ..Logic.scene.volume import numpy_matrix
-from .rendering_pace import PatientThreeDViewFactory
+from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
 ZOOM_3D = 1.6
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
-PICTURES_PER_S = 30.0
-"""At most, in the view that the mouse is in."""
-PICTURES_PER_S_ELSEWHERE = 15.0
 QUALITY = 75
 """Of the JPEG pictures while something changes, in per cent; what stands still is sent again at 90."""
 _SIDES = ("LR", "PA", "IS")
@@ -49,9 +46,8 @@ class SlicerViews:
             server, populate_view_ui_f=self._add_slice_controls, interactive_quality=QUALITY, **fps
         )
         app.view_manager.register_factory(slice_factory)
-        app.view_manager.register_factory(
-            PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
-        )
+        self._factory_3d = PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
+        app.view_manager.register_factory(self._factory_3d)
         slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
         self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
@@ -67,6 +63,11 @@ class SlicerViews:
             view.reset_view()
         self._fit_3d()
 
+    def settle(self) -> None:
+        """What the session shows has changed: the 3D view follows when it has time."""
+        for strategy in self._factory_3d.strategies:
+            strategy.settle()
+
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""
         bounds = [0.0] * 6
@@ -77,6 +78,7 @@ class SlicerViews:
             self.view_3d.rotate_to_view_direction(ViewDirection.ANTERIOR)
             self.view_3d.get_camera_node().GetCamera().Zoom(ZOOM_3D)
         self.view_3d.schedule_render()
+        self.settle()
 
     def _add_slice_controls(self, server: Any, view_id: str, view: SliceView) -> None:
         slider = connect_slice_view_slider_to_state(server, view).name
