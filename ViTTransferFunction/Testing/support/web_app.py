@@ -131,8 +131,13 @@ class AppPage:
     def wait_for_state(self, condition: str) -> None:
         """Wait until a JavaScript condition on the page's state holds, `phase === "ready"` say."""
         names = ", ".join(STATE)
-        values = ", ".join(f"window.trame.state.get('{name}')" for name in STATE)
-        program = f"() => {{ if (window.trame?.state?.get('phase') === undefined) return false; const [{names}] = [{values}]; return {condition}; }}"
+        values = ", ".join(f"state.get('{name}')" for name in STATE)
+        program = f"""() => {{
+            const state = window.trame?.state;
+            if (state?.get('phase') === undefined) return false;
+            const [{names}] = [{values}];
+            return {condition};
+        }}"""
         self.page.wait_for_function(program)
 
     def picture(self, view: str) -> np.ndarray:

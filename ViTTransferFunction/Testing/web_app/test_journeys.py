@@ -72,7 +72,7 @@ def open_volume(page: AppPage, path: Path) -> None:
     page["open"].click()
     page["open-path"].fill(str(path))
     page["open-path-go"].click()
-    page.wait_for_state(f"volume_name === '{path.stem}' && opening === '' && phase === 'no features'")
+    page.wait_for_state(f"volume_name === '{path.stem}' && opening === '' && phase !== 'extracting'")
 
 
 def extract(page: AppPage) -> None:
