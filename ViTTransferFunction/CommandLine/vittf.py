@@ -84,6 +84,7 @@ def build_parser() -> argparse.ArgumentParser:
     import argparse
 
     from ViTTransferFunction.CommandLine import (
+        app_command,
         cache_command,
         cohort_command,
         features_command,
@@ -95,8 +96,18 @@ def build_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="vittf", description="Annotation-guided segmentation with vision transformer features."
     )
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="segment|cohort|features|render|weights|cache")
-    for command in (segment_command, cohort_command, features_command, render_command, weights_command, cache_command):
+    commands = (
+        segment_command,
+        cohort_command,
+        app_command,
+        features_command,
+        render_command,
+        weights_command,
+        cache_command,
+    )
+    names = "segment|cohort|app|features|render|weights|cache"
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar=names)
+    for command in commands:
         command.add_arguments(subparsers)
     _add_verbose(parser, False)
     for subparser in subparsers.choices.values():

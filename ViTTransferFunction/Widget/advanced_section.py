@@ -12,11 +12,11 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.core.cache_folder import cache_folder
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.scene.wording import size
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights.store import file_in, remove_weights, weights_folder
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
-from ViTTransferFunction.Widget.wording import size
 
 TYPING_MS = 700
 """A path is taken when nobody has typed for so long."""

@@ -9,9 +9,9 @@ import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.shortcuts import TABLE_KEYS
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Report, Section
-from ViTTransferFunction.Widget.shortcuts import TABLE_KEYS
 from ViTTransferFunction.Widget.wording import in_menu
 
 

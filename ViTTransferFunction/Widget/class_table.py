@@ -11,6 +11,7 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState, Polarity
+from ViTTransferFunction.Logic.scene.wording import threshold_text, volume_text
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
@@ -85,9 +86,10 @@ class ClassTable(Section):
             count = self._item(row, column)
             _set_text(count, str(len(getattr(state, polarity))))
             count.setToolTip(_("Double-click to go from point to point in the slice views."))
-        _set_text(self._item(row, THRESHOLD), self._threshold_text(state))
+        chosen = self.session.chosen_iso(state.id) if self.session else None
+        _set_text(self._item(row, THRESHOLD), threshold_text(state, chosen))
         volume = self._item(row, VOLUME)
-        _set_text(volume, self._volume_text(state))
+        _set_text(volume, volume_text(self.session.volume_ml(state.id) if self.session else None))
         volume.setToolTip(_("Volume in millilitres, by the points as they are: approximate until segments are created."))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
@@ -101,20 +103,6 @@ class ClassTable(Section):
                 item.setTextAlignment(qt.Qt.AlignCenter)
             self._table.setItem(row, column, item)
         return item
-
-    def _threshold_text(self, state: ClassState) -> str:
-        """In brackets where it was chosen automatically."""
-        threshold = self.threshold(state)
-        if threshold is None:
-            return "–"
-        return f"({threshold:.2f})" if state.iso is None else f"{threshold:.2f}"
-
-    def _volume_text(self, state: ClassState) -> str:
-        """To a tenth as long as that is more than noise."""
-        volume_ml = self.session.volume_ml(state.id) if self.session else None
-        if volume_ml is None:
-            return "–"
-        return f"{volume_ml:.1f}" if volume_ml < 99.95 else f"{volume_ml:.0f}"
 
     def _on_cell_changed(self, row: int, column: int) -> None:
         if self.session is None or row >= len(self.session.classes):

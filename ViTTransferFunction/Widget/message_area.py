@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ViTTransferFunction.Logic.scene.messages import Messages
+
 
 class MessageArea:
     """Hidden while there is nothing to tell.
@@ -15,23 +17,22 @@ class MessageArea:
 
     def __init__(self, ui: Any) -> None:
         self._frame, self._label = ui.messageFrame, ui.messageLabel
-        self._shown: dict[str, Callable[[], bool]] = {}
+        self._messages = Messages()
         ui.messageCloseButton.clicked.connect(self.close)
         self.close()
 
     def show(self, message: str, solved: Callable[[], bool]) -> None:
         """Show a message below those that stand already; `refresh` takes it away once it is `solved`."""
-        self._shown.pop(message, None)
-        self._shown[message] = solved
+        self._messages.put(message, solved)
         self.refresh()
 
     def refresh(self) -> None:
         """Show what is not solved yet."""
-        self._shown = {message: solved for message, solved in self._shown.items() if not solved()}
-        self._label.text = "\n\n".join(f"⚠ {message}" for message in self._shown)
-        self._frame.visible = bool(self._shown)
+        standing = self._messages.standing()
+        self._label.text = "\n\n".join(f"⚠ {message}" for message in standing)
+        self._frame.visible = bool(standing)
 
     def close(self) -> None:
         """Show nothing."""
-        self._shown = {}
+        self._messages.clear()
         self.refresh()

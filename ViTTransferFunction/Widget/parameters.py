@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.scene.parameters import RENDERINGS, SceneParameters
+from ViTTransferFunction.Logic.scene.wording import choice_words
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.sources import offered_models
@@ -78,22 +79,7 @@ def _make_showable(parameters: SceneParameters) -> None:
 
 def _word_choices(ui: Any) -> None:
     """Show choices in words; Slicer goes by their position in the list, and shows them as they are stored."""
-    words = {
-        "": _("as in the preset"),
-        "balanced": _("Balanced"),
-        "fine": _("Fine (ten times as slow)"),
-        "paper": _("As in the paper (many times slower)"),
-        "auto": _("Automatic"),
-        "cpu": _("Processor (CPU)"),
-        "cuda": _("NVIDIA graphics card (CUDA)"),
-        "mps": _("Apple graphics processor (MPS)"),
-        "bilateral": _("Bilateral solver"),
-        "guided": _("Guided filter"),
-        "none": _("None"),
-        "off": _("Off"),
-        "similarity": _("Similarity"),
-        "transfer function": _("Transfer function"),
-    }
+    words = choice_words()
     own = _("{model} (your own file)")
     words |= {model.name: own.format(model=model.name) for model in PRETRAINED_MODELS.values() if model.request_page}
     for name, choices in _CHOICES.items():

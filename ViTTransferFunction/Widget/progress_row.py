@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from slicer.i18n import tr as _
-
 from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Widget.wording import duration
+from ViTTransferFunction.Logic.scene.wording import progress_text
 
 
 class ProgressRow:
@@ -28,14 +26,7 @@ class ProgressRow:
         """Show how far the work is; hide the row where None is running."""
         self._row.visible = progress is not None
         if progress is not None:
-            self._label.text = description(progress)
+            self._label.text = progress_text(progress)
             # A bar without a maximum moves to and fro: something is being done, and nobody knows how long it takes.
             self._bar.maximum = progress.total
             self._bar.value = progress.done
-
-
-def description(progress: WorkProgress) -> str:
-    """What is being done, and how long it will still take."""
-    if progress.seconds_left is None:
-        return _("{what}…").format(what=progress.what)
-    return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from ViTTransferFunction.Logic.scene.class_size import stepped
 from ViTTransferFunction.Logic.scene.size_wheel import SizeWheel
+from ViTTransferFunction.Logic.scene.wording import size_in_steps
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import SliceTools
-from ViTTransferFunction.Widget.wording import size_in_steps
 
 
 class SizeControls(Section):

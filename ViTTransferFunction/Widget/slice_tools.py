@@ -2,24 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import slicer
 
-
-class SliceTool(Protocol):
-    """Works in one slice view while active."""
-
-    def activate(self) -> None:
-        """Take the mouse."""
-
-    def deactivate(self) -> None:
-        """Give it back to the view."""
-
-
-MakeTool = Callable[[Any, Any, Callable[[], None]], SliceTool]
-"""Makes a tool for one view of its interactor, its slice node, and what has it drawn again soon."""
+from ViTTransferFunction.Logic.scene.annotation_tool import MakeTool, SliceTool
 
 
 class SliceTools:

@@ -9,15 +9,13 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume_content import Frame
-from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
 from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
-from ViTTransferFunction.Widget.wording import duration, size
 
 
 class VolumeSection(Section):
@@ -101,47 +99,6 @@ class VolumeSection(Section):
         if self.session is not None:
             self.session.cancel()
         self.refresh()
-
-
-def estimate_text(estimate: FeatureEstimate | None, frame: Frame | None = None) -> str:
-    """What the features will cost, in a few words."""
-    if estimate is None:
-        return _("Estimating…")
-    if estimate.cached:
-        return _("Computed before: ready at once.")
-    parts = [_("{memory} of memory").format(memory=size(estimate.memory_bytes))]
-    if estimate.seconds is not None:
-        parts.insert(0, _("About {time}").format(time=duration(estimate.seconds)))
-    if estimate.download is not None:
-        parts.append(_("{download} to download").format(download=size(estimate.download.size_mb * 1e6)))
-    cost = ", ".join(parts) + "."
-    return _("{frame}: {cost}").format(frame=frame_text(frame), cost=cost) if frame else cost
-
-
-def frame_text(frame: Frame) -> str:
-    """Which frame of a sequence."""
-    return _("Frame {number} of {count}").format(number=frame.number, count=frame.count)
-
-
-def status_text(session: SceneSession | None, phase: str) -> str:
-    """Of which voxels the features are, or ""."""
-    if session is None or phase not in ("extracting", "ready"):
-        return ""
-    frame = frame_text(session.frame) if session.frame else ""
-    if session.volume_changed:
-        if phase == "extracting":
-            return _("The image has changed meanwhile: its new features come next.")
-        return _("The image has changed: its features follow when it stops changing.")
-    if phase == "extracting":
-        return frame
-    return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")
-
-
-def points_beyond_text(name: str, count: int) -> str:
-    """That points do not count."""
-    if count == 1:
-        return _("⚠ {name}: 1 point outside the volume does not count.").format(name=name)
-    return _("⚠ {name}: {count} points outside the volume do not count.").format(name=name, count=count)
 
 
 def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:

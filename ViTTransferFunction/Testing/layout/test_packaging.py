@@ -16,7 +16,7 @@ import pytest
 MODULE = Path(__file__).parents[2]
 ROOT = MODULE.parent
 EXTENSION = "ViTTransferFunction"
-STAYS_BEHIND = {"CommandLine", "Testing"}
+STAYS_BEHIND = {"CommandLine", "Testing", "WebApp"}
 SELF_TEST = MODULE / "Testing" / "run_in_slicer.py"
 
 

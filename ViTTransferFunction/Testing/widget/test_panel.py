@@ -252,7 +252,7 @@ def test_the_list_of_keys_goes_with_the_module(widget: Any, host: Host) -> None:
 
 
 def test_the_keys_listed_are_the_keys_installed_and_only_brackets_are_slicer_s(widget: Any) -> None:
-    from ViTTransferFunction.Widget.shortcuts import SHORTCUTS
+    from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS
 
     installed = [shortcut.key().toString() for shortcut in widget.panel.shortcuts.installed]
     assert installed == [QKeySequence(shortcut.key).toString() for shortcut in SHORTCUTS]

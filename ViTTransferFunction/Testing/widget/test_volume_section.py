@@ -72,7 +72,7 @@ def test_of_several_volumes_none_is_guessed(widget: Any, volume: Any, slicer_app
 
 
 def test_what_a_download_is_and_that_this_is_research_is_said_before_it(host: Host) -> None:
-    from ViTTransferFunction.Widget.download_consent import download_question
+    from ViTTransferFunction.Logic.scene.feature_wording import download_question
 
     question = download_question(DOWNLOAD)
     for fact in (

@@ -8,7 +8,7 @@ from typing import Any
 
 import slicer
 
-from ViTTransferFunction.Logic.scene.classes import is_list_of_a_class
+from .classes import is_list_of_a_class
 
 LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
 

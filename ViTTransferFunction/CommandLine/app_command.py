@@ -1,0 +1,107 @@
+"""`vittf app`: the tool in a browser, on this computer or, through a tunnel, on another."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import signal
+import sys
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from ViTTransferFunction.CommandLine.options import Subparsers, add_settings_options, session_settings
+from ViTTransferFunction.Logic.core.errors import InputError
+
+NEWEST_PYTHON = (3, 13)
+"""Slicer's scene (slicer-core) is not built for later ones."""
+
+
+def add_arguments(subparsers: Subparsers) -> None:
+    """Add the command to a parser."""
+    parser = subparsers.add_parser(
+        "app",
+        help="segment interactively in a browser, where Slicer is not installed",
+        description="Serves a page with slice views, a 3D view and the tools of the Slicer module, and prints its address. "
+        "It ends when the page is closed, or by Ctrl-C.",
+    )
+    parser.add_argument(
+        "volume", metavar="VOLUME", type=Path, nargs="?", help="an image file, a DICOM folder, or a saved session (.mrb)"
+    )
+    parser.add_argument("--sample", action="store_true", help="open the chest CT of the Python package slicerio")
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to listen at; with any but the default, other computers can reach the page"
+    )
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="port to listen at; 0, the default: any free one")
+    parser.add_argument("--no-browser", action="store_true", help="print the address, and open no browser")
+    add_settings_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve until the page is closed, or somebody asks for the end."""
+    _check(args)
+    settings = _parameters(args)
+    # Trame reads the command line as well, unless told what it is.
+    os.environ["TRAME_ARGS"] = ""
+    asyncio.run(_serve(args, settings))
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    if not 0 <= args.port <= 65535:
+        raise InputError(f"Port {args.port} does not exist; expected 0 to 65535, with 0 for any free one.")
+    if args.sample and args.volume:
+        raise InputError("Either a volume or --sample, not both.")
+    if args.volume is not None and not args.volume.exists():
+        raise InputError(f"{args.volume} does not exist. Give an image file, a DICOM folder, or a saved session (.mrb).")
+    session_settings(args)  # Refuses what cannot be used.
+    if find_spec("slicer") is None or find_spec("trame_slicer") is None:
+        if sys.version_info[:2] > NEWEST_PYTHON:
+            newest = ".".join(map(str, NEWEST_PYTHON))
+            raise InputError(f"The app needs Slicer's scene, which is not there for this Python; use 3.10 to {newest}.")
+        raise InputError('The app needs trame-slicer, which is not installed: pip install "vit-transfer-function[app]".')
+
+
+def _parameters(args: argparse.Namespace) -> dict[str, Any]:
+    """The options as `SceneParameters` has them."""
+    parameters: dict[str, Any] = {"preset": args.preset, "device": args.device}
+    if args.model:
+        parameters["model"] = args.model
+    if args.weights:
+        parameters["weightsPath"] = str(Path(args.weights).absolute())
+    if args.grid:
+        parameters["grid"] = args.grid
+    if args.window:
+        low, high = args.window
+        parameters |= {"windowAutomatic": False, "windowLow": low, "windowHigh": high}
+    return parameters
+
+
+async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
+    from ViTTransferFunction.WebApp.app import WebApp
+    from ViTTransferFunction.WebApp.volumes import sample_path
+
+    volume = sample_path() if args.sample else args.volume
+
+    def announce(address: str) -> None:
+        print(f"Open {address}", flush=True)
+        if not args.no_browser:
+            webbrowser.open(address)
+
+    def warn(warning: str) -> None:
+        print(f"note: {warning}", file=sys.stderr, flush=True)
+
+    app = WebApp(settings)
+    loop = asyncio.get_running_loop()
+    handled = [signal.SIGINT, signal.SIGTERM] if sys.platform != "win32" else []
+    for number in handled:
+        # In the loop's turn, not in the midst of Slicer's code.
+        loop.add_signal_handler(number, app.stop)
+    try:
+        await app.start(args.host, args.port, volume, announce, warn)
+    finally:
+        for number in handled:
+            loop.remove_signal_handler(number)

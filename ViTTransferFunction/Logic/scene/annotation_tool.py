@@ -1,0 +1,169 @@
+"""The tools that add and remove points, of which the user has at most one in hand: place, brush, draw a region, erase."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from ..core.errors import InputError
+from .classes import ClassState
+from .place_mode import PlaceMode
+from .region_tool import RegionTool, Shape
+from .session import SceneSession
+from .stroke_tool import StrokeTool
+
+Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
+TOOLS: tuple[Tool, ...] = get_args(Tool)
+"""In the order in which front ends show them."""
+
+_REGIONS: dict[Tool, tuple[Shape, bool]] = {
+    "lassoOn": ("lasso", True),
+    "lassoOff": ("lasso", False),
+    "boxOn": ("box", True),
+    "boxOff": ("box", False),
+}
+"""What each tool for regions draws, and whether it lies inside the structure."""
+_INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
+"""Those of the tools' icons."""
+
+
+class SliceTool(Protocol):
+    """Works in one slice view while active."""
+
+    def activate(self) -> None:
+        """Take the mouse."""
+
+    def deactivate(self) -> None:
+        """Give it back to the view."""
+
+
+MakeTool = Callable[[Any, Any, Callable[[], None]], SliceTool]
+"""Makes a tool for one view of its interactor, its slice node, and what has it drawn again soon."""
+
+
+class SliceTools(Protocol):
+    """Keeps a tool in every slice view, until it is stopped; how, is the front end's."""
+
+    def start(self, make: MakeTool) -> None:
+        """Have a tool made for each view, and let them have the mouse."""
+
+    def stop(self) -> None:
+        """Give the mouse back to the views."""
+
+
+class AnnotationTool:
+    """The tool in the user's hand; it works on the selected class, whichever that becomes.
+
+    Args:
+        app_logic: the application's logic, which knows the nodes that decide what the mouse does.
+        slice_tools: has tools work in the slice views.
+        brush_mm: how large the brush is now, in millimetres.
+        report: tells the user why something was not done.
+        on_changed: called after a tool was taken or put down.
+
+    Attributes:
+        tool: the one in hand, or None.
+        session: whose classes are annotated; None while there is none.
+    """
+
+    def __init__(
+        self,
+        app_logic: Any,
+        slice_tools: SliceTools,
+        brush_mm: Callable[[], float],
+        report: Callable[[str], None],
+        on_changed: Callable[[], None],
+    ) -> None:
+        self.tool: Tool | None = None
+        self.session: SceneSession | None = None
+        self._used_on: str | None = None
+        self._place_mode = PlaceMode(app_logic, self.put_down)
+        self._slice_tools = slice_tools
+        self._brush_mm = brush_mm
+        self._report = report
+        self._on_changed = on_changed
+
+    def toggle(self, tool: Tool) -> None:
+        """Take a tool, or put it down if it is the one in hand."""
+        if tool == self.tool or self._selected is None:
+            self.put_down()
+        else:
+            self.tool = tool
+            self._use()
+
+    def put_down(self) -> None:
+        """Give the mouse back to the views."""
+        self.tool = None
+        self._place_mode.stop()
+        self._slice_tools.stop()
+        self._on_changed()
+
+    def follow_selection(self) -> None:
+        """Have the tool in hand work on the selected class; put it down where there is none."""
+        selected = self._selected
+        if self.tool and selected is None:
+            self.put_down()
+        elif self.tool and selected and selected.id != self._used_on:
+            self._use()
+
+    def follow_brush_size(self) -> None:
+        """Take the brush's size up anew."""
+        if self.tool in ("brushOn", "brushOff", "eraser"):
+            self._use()
+
+    def end_unfinished(self) -> None:
+        """Have clicks in the views do nothing that no button shows, whatever the scene was doing when it was saved."""
+        self._place_mode.end_unfinished()
+
+    @property
+    def _selected(self) -> ClassState | None:
+        return self.session.selected_class if self.session else None
+
+    def _use(self) -> None:
+        """Hand the mouse to the tool, for the selected class."""
+        selected = self._selected
+        assert self.session is not None
+        assert selected is not None
+        self._used_on = selected.id
+        self._slice_tools.stop()
+        if self.tool in ("pointOn", "pointOff"):
+            self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
+        elif self.tool in _REGIONS:
+            self._place_mode.stop()
+            shape, inside = _REGIONS[self.tool]
+            color = _INSIDE_COLOR if inside else _OUTSIDE_COLOR
+            self._slice_tools.start(
+                lambda interactor, node, draw: RegionTool(interactor, node, draw, shape, color, self._add_region)
+            )
+        else:
+            self._place_mode.stop()
+            size_mm = self._brush_mm()
+            if self.tool == "eraser":
+                # Its circles overlap, so that no point slips between two of them.
+                self._use_strokes(size_mm / 2, size_mm, self._erase)
+            else:
+                # Points that are as far apart as the circle is wide.
+                self._use_strokes(size_mm, size_mm / 2, self._paint)
+        self._on_changed()
+
+    def _use_strokes(self, step_mm: float, radius_mm: float, on_point: Callable[[np.ndarray, bool], None]) -> None:
+        self._slice_tools.start(lambda interactor, node, draw: StrokeTool(interactor, node, draw, step_mm, radius_mm, on_point))
+
+    def _paint(self, points_ras: np.ndarray, continued: bool) -> None:
+        selected = self._selected
+        if self.session is not None and selected is not None:
+            self.session.annotations.add_points(selected.id, points_ras, self.tool == "brushOn", continued)
+
+    def _add_region(self, outline_ras: np.ndarray) -> None:
+        selected = self._selected
+        if self.session is not None and selected is not None and self.tool in _REGIONS:
+            try:
+                self.session.regions.add_outline(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
+            except InputError as error:
+                self._report(str(error))
+
+    def _erase(self, points_ras: np.ndarray, continued: bool) -> None:
+        if self.session is not None:
+            self.session.annotations.erase_points(points_ras, self._brush_mm(), continued)

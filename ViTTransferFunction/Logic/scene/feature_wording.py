@@ -1,0 +1,79 @@
+"""What a volume's features cost, how far they are, and what has to be downloaded for them: in words for users."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from ..session.feature_estimate import FeatureEstimate, WeightsDownload
+from .translation import tr as _
+from .volume_content import Frame
+from .wording import duration, size
+
+if TYPE_CHECKING:
+    from .session import SceneSession
+
+
+def estimate_text(estimate: FeatureEstimate | None, frame: Frame | None = None) -> str:
+    """What the features will cost, in a few words."""
+    if estimate is None:
+        return _("Estimating…")
+    if estimate.cached:
+        return _("Computed before: ready at once.")
+    parts = [_("{memory} of memory").format(memory=size(estimate.memory_bytes))]
+    if estimate.seconds is not None:
+        parts.insert(0, _("About {time}").format(time=duration(estimate.seconds)))
+    if estimate.download is not None:
+        parts.append(_("{download} to download").format(download=size(estimate.download.size_mb * 1e6)))
+    cost = ", ".join(parts) + "."
+    return _("{frame}: {cost}").format(frame=frame_text(frame), cost=cost) if frame else cost
+
+
+def frame_text(frame: Frame) -> str:
+    """Which frame of a sequence."""
+    return _("Frame {number} of {count}").format(number=frame.number, count=frame.count)
+
+
+def status_text(session: SceneSession | None, phase: str) -> str:
+    """Of which voxels the features are, or ""."""
+    if session is None or phase not in ("extracting", "ready"):
+        return ""
+    frame = frame_text(session.frame) if session.frame else ""
+    if session.volume_changed:
+        if phase == "extracting":
+            return _("The image has changed meanwhile: its new features come next.")
+        return _("The image has changed: its features follow when it stops changing.")
+    if phase == "extracting":
+        return frame
+    return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")
+
+
+def points_beyond_text(name: str, count: int) -> str:
+    """That points do not count."""
+    if count == 1:
+        return _("⚠ {name}: 1 point outside the volume does not count.").format(name=name)
+    return _("⚠ {name}: {count} points outside the volume do not count.").format(name=name, count=count)
+
+
+def download_question(download: WeightsDownload) -> str:
+    """What there is to know about weights before they are downloaded."""
+    return _(
+        "To compute features, this module needs the weights of a neural network, which are not on this computer yet.\n\n"
+        "Model: {model} ({homepage})\n"
+        "Licence: {licence}\n"
+        "Download: {size}, once, from {site}\n"
+        "Kept as: {target}\n"
+        "SHA-256: {sha256}\n\n"
+        "Nothing is uploaded: your images stay on this computer. Without a network, press Cancel, get the file on another "
+        "computer from {url}, and choose it under Advanced, Weights.\n\n"
+        "For research use only. This is not a medical device: do not base diagnosis or treatment on its results."
+    ).format(
+        model=download.model,
+        homepage=download.homepage,
+        licence=download.licence,
+        size=size(download.size_mb * 1e6),
+        site=urlsplit(download.url).hostname,
+        target=download.target,
+        sha256=download.sha256 or _("not published; the file that comes is trusted, and no other from then on"),
+        url=download.url,
+    )

@@ -1,0 +1,77 @@
+"""Numbers in words, as coarse as people talk about them, and what front ends call the choices of the parameters."""
+
+from __future__ import annotations
+
+from ..core.progress import WorkProgress
+from .classes import ClassState
+from .translation import tr as _
+
+
+def duration(seconds: float) -> str:
+    """Such as "40 s", "2 min" or "1 h 10 min"."""
+    if seconds < 60:
+        return _("{seconds} s").format(seconds=max(1, round(seconds / 5) * 5 if seconds > 20 else round(seconds)))
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return _("{minutes} min").format(minutes=minutes)
+    return _("{hours} h {minutes} min").format(hours=minutes // 60, minutes=minutes % 60)
+
+
+def size(n_bytes: float) -> str:
+    """Such as "88 MB" or "1.2 GB"."""
+    if n_bytes < 1e9:
+        return _("{megabytes} MB").format(megabytes=round(n_bytes / 1e6))
+    return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
+
+
+def size_in_steps(steps: float, fixed: bool) -> str:
+    """How far a structure is from the size that was chosen, such as "one step larger"; `fixed`: nothing is chosen."""
+    if fixed:
+        return _("set by hand")
+    if steps == 0.0:
+        return _("as chosen")
+    if abs(steps) == 1.0:
+        return _("one step larger") if steps > 0.0 else _("one step smaller")
+    count = f"{abs(steps):g}"
+    return _("{count} steps larger").format(count=count) if steps > 0.0 else _("{count} steps smaller").format(count=count)
+
+
+def progress_text(progress: WorkProgress) -> str:
+    """What is being done, and how long it will still take."""
+    if progress.seconds_left is None:
+        return _("{what}…").format(what=progress.what)
+    return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))
+
+
+def threshold_text(state: ClassState, chosen: float | None) -> str:
+    """A class's threshold, in brackets where it was chosen automatically: `chosen`, None where the class has no map yet."""
+    if state.iso is not None:
+        return f"{state.iso:.2f}"
+    return "–" if chosen is None else f"({chosen:.2f})"
+
+
+def volume_text(volume_ml: float | None) -> str:
+    """Millilitres, to a tenth as long as that is more than noise; None: not known."""
+    if volume_ml is None:
+        return "–"
+    return f"{volume_ml:.1f}" if volume_ml < 99.95 else f"{volume_ml:.0f}"
+
+
+def choice_words() -> dict[str, str]:
+    """What users read for the values of parameters that have few."""
+    return {
+        "": _("as in the preset"),
+        "balanced": _("Balanced"),
+        "fine": _("Fine (ten times as slow)"),
+        "paper": _("As in the paper (many times slower)"),
+        "auto": _("Automatic"),
+        "cpu": _("Processor (CPU)"),
+        "cuda": _("NVIDIA graphics card (CUDA)"),
+        "mps": _("Apple graphics processor (MPS)"),
+        "bilateral": _("Bilateral solver"),
+        "guided": _("Guided filter"),
+        "none": _("None"),
+        "off": _("Off"),
+        "similarity": _("Similarity"),
+        "transfer function": _("Transfer function"),
+    }

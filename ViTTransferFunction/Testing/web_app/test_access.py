@@ -1,0 +1,359 @@
+"""Requests over real sockets, as browsers and others send them, to a server behind the door of the app."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("aiohttp")
+import aiohttp
+from aiohttp import web
+
+from ViTTransferFunction.WebApp import browser_session
+from ViTTransferFunction.WebApp.access import Access
+
+PAGE = "<html><script>first()</script><p>the page</p></html>"
+
+
+class Place:
+    """A guarded server: a page, a file, a route that takes uploads and a websocket that answers; and browsers that go there."""
+
+    def __init__(self, folder: Path, host: str = "127.0.0.1") -> None:
+        self.left: list[bool] = []
+        self.uploaded: list[bytes] = []
+        self.access = Access(host, on_left=lambda: self.left.append(True))
+        (folder / "index.html").write_text(PAGE, encoding="utf-8")
+        (folder / "script.js").write_text("1", encoding="utf-8")
+        app = web.Application()
+        self.access.guard(app, folder / "index.html")
+        app.router.add_get(self.access.path("ws"), _echo)
+        app.router.add_post(self.access.path("upload"), self._upload)
+        app.router.add_static(self.access.path(), folder)
+        self._runner = web.AppRunner(app)
+        self.port = 0
+
+    async def __aenter__(self) -> Place:
+        await self._runner.setup()
+        await web.TCPSite(self._runner, "127.0.0.1", 0).start()
+        self.port = self._runner.addresses[0][1]
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._runner.cleanup()
+
+    async def _upload(self, request: web.Request) -> web.Response:
+        self.uploaded.append(await request.read())
+        return web.Response()
+
+    def url(self, name: str = "") -> str:
+        return f"{self.root}{self.access.path(name)}"
+
+    @property
+    def origin(self) -> dict[str, str]:
+        return {"Origin": self.root}
+
+    @property
+    def root(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    async def status(self, browser: aiohttp.ClientSession, name: str = "", **headers: str) -> int:
+        async with browser.get(self.url(name), headers=headers) as response:
+            return response.status
+
+    async def socket_opens(self, browser: aiohttp.ClientSession, **headers: str) -> bool:
+        try:
+            async with browser.ws_connect(self.url("ws"), headers=headers) as socket:
+                await socket.send_str("hello")
+                return await socket.receive_str() == "hello"
+        except aiohttp.WSServerHandshakeError:
+            return False
+
+
+async def _echo(request: web.Request) -> web.WebSocketResponse:
+    socket = web.WebSocketResponse()
+    await socket.prepare(request)
+    async for message in socket:
+        await socket.send_str(message.data)
+    return socket
+
+
+def a_browser() -> aiohttp.ClientSession:
+    return aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True))
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Callable[..., None]:
+    """Runs a visit to a place."""
+
+    def run(visit: Callable[[Place], Awaitable[None]], **arguments: Any) -> None:
+        async def open_and_visit() -> None:
+            async with Place(tmp_path, **arguments) as place:
+                await visit(place)
+
+        asyncio.run(open_and_visit())
+
+    return run
+
+
+def test_the_address_leads_to_the_page_with_its_files_uploads_and_websocket(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            async with browser.get(place.access.address(place.port)) as response:
+                assert (response.status, await response.text()) == (200, PAGE)
+            assert await place.status(browser, "script.js") == 200
+            async with browser.get(place.url().rstrip("/")) as response:
+                assert (str(response.url), await response.text()) == (place.url(), PAGE)
+            assert await place.socket_opens(browser, **place.origin)
+            async with browser.post(place.url("upload"), data=b"voxels", headers=place.origin) as response:
+                assert response.status == 200
+        assert place.uploaded == [b"voxels"]
+
+    at(visit)
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/index.html", "/ws", "/upload", "/script.js", "/{wrong}/", "/{wrong}/ws", "/{token}x/", "//"]
+)
+def test_without_the_token_there_is_nothing(at: Callable[..., None], path: str) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            url = place.root + path.format(wrong="A" * 43, token=place.access.token)
+            for method in ("GET", "POST", "PUT", "OPTIONS"):
+                async with browser.request(method, url, headers=place.origin) as response:
+                    assert response.status == 403
+                    assert place.access.token not in await response.text()
+                    assert not response.cookies
+
+    at(visit)
+
+
+def test_the_token_is_new_for_each_server_and_too_long_to_be_guessed() -> None:
+    tokens = {Access().token for _ in range(10)}
+    assert len(tokens) == 10
+    assert all(len(token) >= 43 for token in tokens)
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "127.0.0.1@evil.example", "evil.example@127.0.0.1",
+     "127.0.0.1:80:80", "127.0.0.1/evil.example", "localhost.evil.example", "[", ""],
+)  # fmt: skip
+def test_a_name_that_was_made_to_lead_here_is_refused(at: Callable[..., None], host: str) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            assert await place.status(browser, Host=host) in (400, 403)
+            assert not await place.socket_opens(browser, Host=host, Origin=f"http://{host}")
+
+    at(visit)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8080", "localhost", "localhost:9000", "LOCALHOST", "[::1]:80", "192.168.0.7:80"])
+def test_a_tunnel_may_have_another_port_and_numbers_need_no_name(at: Callable[..., None], host: str) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            assert await place.status(browser, Host=host) == 200
+
+    at(visit)
+
+
+def test_the_name_that_the_server_was_told_is_its_own(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            assert await place.status(browser, Host="gpu.hospital.example:80") == 200
+            assert await place.status(browser, Host="evil.example") == 403
+
+    at(visit, host="gpu.hospital.example")
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "file://", None])
+def test_pages_of_other_servers_get_no_websocket_and_send_no_files(at: Callable[..., None], origin: str | None) -> None:
+    async def visit(place: Place) -> None:
+        headers = {} if origin is None else {"Origin": origin}
+        async with a_browser() as browser:
+            await place.status(browser)
+            assert not await place.socket_opens(browser, **headers)
+            async with browser.post(place.url("upload"), data=b"voxels", headers=headers) as response:
+                assert response.status == 403
+        assert not place.uploaded
+
+    at(visit)
+
+
+def test_whoever_has_the_address_but_not_the_session_gets_nothing_else(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as owner, a_browser() as other:
+            await place.status(owner)
+            assert await place.status(other, "script.js") == 409
+            assert not await place.socket_opens(other, **place.origin)
+            async with other.post(place.url("upload"), data=b"voxels", headers=place.origin) as response:
+                assert response.status == 409
+        assert not place.uploaded
+
+    at(visit)
+
+
+def test_a_second_browser_is_told_and_the_first_stays(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as owner, a_browser() as other:
+            await place.status(owner)
+            async with owner.ws_connect(place.url("ws"), headers=place.origin) as socket:
+                async with other.get(place.url()) as response:
+                    assert response.status == 409
+                    assert "open in another browser" in await response.text()
+                    assert not response.cookies
+                await socket.send_str("still here")
+                assert await socket.receive_str() == "still here"
+
+    at(visit)
+
+
+def test_once_the_first_browser_is_gone_another_may_have_the_session(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as owner, a_browser() as other:
+            await place.status(owner)
+            assert await place.socket_opens(owner, **place.origin)
+            assert await place.status(other) == 200
+            assert await place.socket_opens(other, **place.origin)
+            assert not await place.socket_opens(owner, **place.origin)
+
+    at(visit)
+
+
+def test_a_page_that_is_loaded_again_keeps_the_session(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin):
+                assert await place.status(browser) == 200
+                assert await place.socket_opens(browser, **place.origin)
+
+    at(visit)
+
+
+def test_of_two_tabs_the_one_opened_last_has_the_session(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser, a_browser() as other:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin) as first:
+                async with browser.ws_connect(place.url("ws"), headers=place.origin) as second:
+                    message = await asyncio.wait_for(first.receive(), 10)
+                    assert message.type in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.ERROR)
+                    await second.send_str("here")
+                    assert await second.receive_str() == "here"
+                    assert await place.status(other) == 409
+                assert not place.left
+
+    at(visit)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_the_session_ends_when_the_tab_is_closed_but_not_when_the_connection_breaks(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch, closed: bool
+) -> None:
+    monkeypatch.setattr(browser_session, "SECONDS_TO_RETURN", 0.0)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:
+                if closed:
+                    await socket.close(code=aiohttp.WSCloseCode.GOING_AWAY)
+                else:
+                    _transport_of(socket).abort()
+            # Another browser is let in once the server has seen the end of the websocket.
+            async with a_browser() as other:
+                while await place.status(other) == 409:
+                    pass
+        assert bool(place.left) is closed
+
+    at(visit)
+
+
+def _transport_of(socket: Any) -> asyncio.Transport:
+    return socket.get_extra_info("transport", None) or socket._conn.transport
+
+
+def test_a_page_that_comes_back_in_time_keeps_the_session_from_its_end(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farewells: list[SimpleNamespace] = []
+
+    def call_later(_delay: float, _callback: Callable[[], object]) -> SimpleNamespace:
+        farewells.append(SimpleNamespace(cancelled=False))
+        farewells[-1].cancel = lambda: setattr(farewells[-1], "cancelled", True)
+        return farewells[-1]
+
+    async def visit(place: Place) -> None:
+        loop = SimpleNamespace(call_later=call_later)
+        monkeypatch.setattr(browser_session, "asyncio", SimpleNamespace(get_running_loop=lambda: loop))
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:
+                await socket.close(code=aiohttp.WSCloseCode.GOING_AWAY)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin):
+                assert [farewell.cancelled for farewell in farewells] == [True]
+
+    at(visit)
+
+
+def test_every_answer_keeps_the_address_to_itself_and_only_the_page_runs_scripts(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            for name, status in (("", 200), ("script.js", 200), ("missing", 404), ("../wrong", 403)):
+                async with browser.get(place.url(name)) as response:
+                    assert response.status == status
+                    assert response.headers["Referrer-Policy"] == "no-referrer"
+                    assert response.headers["X-Content-Type-Options"] == "nosniff"
+                    assert response.headers["X-Frame-Options"] == "DENY"
+                    policy = response.headers["Content-Security-Policy"]
+                    assert "default-src 'none'" in policy
+                    assert ("script-src" in policy) == (name == "")
+                    assert ("no-store" in response.headers["Cache-Control"]) == (status in (200, 403) and name != "script.js")
+
+    at(visit)
+
+
+def test_scripts_in_the_page_are_allowed_by_their_hash_alone(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser, browser.get(place.url()) as response:
+            policy = response.headers["Content-Security-Policy"]
+            # printf 'first()' | openssl sha256 -binary | base64
+            assert "'sha256-fDYmfWjvur9AxjhDbjHe6RvExc05MbXhhrbgz2vvy/A='" in policy
+            assert f"connect-src 'self' ws://127.0.0.1:{place.port}" in policy
+            assert "'unsafe-inline'" not in policy.partition("script-src")[2].partition(";")[0]
+
+    at(visit)
+
+
+def test_the_cookie_is_for_this_server_and_not_for_scripts(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser, browser.get(place.url()) as response:
+            (cookie,) = response.cookies.values()
+            assert cookie["path"] == place.access.path()
+            assert cookie["httponly"]
+            assert cookie["samesite"] == "Lax"
+
+    at(visit)
+
+
+@pytest.mark.parametrize(
+    ("host", "warns", "shown"),
+    [("127.0.0.1", False, "127.0.0.1"), ("localhost", False, "localhost"), ("::1", False, "[::1]"),
+     ("192.168.0.7", True, "192.168.0.7"), ("gpu", True, "gpu")],
+)  # fmt: skip
+def test_listening_to_others_is_said_and_the_address_names_the_host(host: str, warns: bool, shown: str) -> None:
+    access = Access(host)
+    assert bool(access.warning) is warns
+    assert access.address(8080) == f"http://{shown}:8080/{access.token}/"
+
+
+def test_listening_at_every_address_is_said_and_the_address_is_one_that_leads_somewhere() -> None:
+    access = Access("0.0.0.0")
+    assert "other computers can reach" in (access.warning or "")
+    assert "0.0.0.0" not in access.address(8080)

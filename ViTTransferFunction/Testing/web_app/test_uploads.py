@@ -1,0 +1,180 @@
+"""Files as browsers send them, and as nobody should, over real sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("aiohttp")
+from aiohttp import web
+from aiohttp.test_utils import TestClient, TestServer
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.WebApp import uploads
+
+DICOM = b"\0" * 128 + b"DICM" + b"slice"
+BOUNDARY = "----edge"
+
+
+def body(files: Sequence[tuple[str, bytes]]) -> bytes:
+    """What a browser sends for `files`: names and contents."""
+    parts = []
+    for name, content in files:
+        quoted = name.replace("\\", "\\\\")
+        parts.append(f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="files"; filename="{quoted}"\r\n\r\n'.encode())
+        parts.append(content + b"\r\n")
+    return b"".join(parts) + f"--{BOUNDARY}--\r\n".encode()
+
+
+Send = Callable[..., list[Path] | str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "uploads"
+    path.mkdir()
+    return path
+
+
+@pytest.fixture
+def send(folder: Path) -> Send:
+    """Sends files to `folder`; returns the paths that they were received at, or the message that refuses them."""
+
+    def deliver(*files: tuple[str, bytes], data: bytes | None = None, content_type: str | None = None) -> list[Path] | str:
+        outcome: list[list[Path] | str] = []
+
+        async def receive(request: web.Request) -> web.Response:
+            try:
+                outcome.append(await uploads.receive_files(request, folder))
+            except InputError as error:
+                outcome.append(str(error))
+            return web.Response()
+
+        async def exchange() -> None:
+            app = web.Application()
+            app.router.add_post("/upload", receive)
+            headers = {"Content-Type": content_type or f"multipart/form-data; boundary={BOUNDARY}"}
+            async with TestClient(TestServer(app)) as client:
+                await client.post("/upload", data=body(files) if data is None else data, headers=headers)
+
+        asyncio.run(exchange())
+        return outcome[0]
+
+    return deliver
+
+
+def refused(outcome: list[Path] | str, folder: Path) -> str:
+    """The message of a refusal, of which nothing is left."""
+    assert isinstance(outcome, str)
+    assert not list(folder.iterdir())
+    return outcome
+
+
+def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
+    voxels = bytes(range(256)) * 20_000
+    header = b"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = scan.raw\n"
+    assert send(("scan.mhd", header), ("scan.raw", voxels)) == [folder / "scan.mhd", folder / "scan.raw"]
+    assert (folder / "scan.raw").read_bytes() == voxels
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [("../../escaped.raw", "escaped.raw"), ("/etc/cron.d/job.raw", "job.raw"), ("..\\..\\windows.raw", "windows.raw"),
+     ("C:\\scan.raw", "scan.raw"), ("folder/scan.raw", "scan.raw"), (".bashrc.raw", "bashrc.raw"), ("-rf.raw", "rf.raw"),
+     ("a b;$(c)`d`.raw", "a_b___c__d_.raw"), ("näme\u202e.raw", "n_me_.raw"), ("con.raw", "file_con.raw"),
+     ("nul.raw", "file_nul.raw"), ("x" * 300 + ".raw", "x" * 96 + ".raw"), ("scan.raw...", "scan.raw"),
+     ("%2e%2e%2fscan.raw", "2e_2e_2fscan.raw")],
+)  # fmt: skip
+def test_names_lead_nowhere_and_stay_harmless(send: Send, folder: Path, name: str, kept: str) -> None:
+    received = send((name, b"voxels"))[0]
+    assert isinstance(received, Path)
+    assert received.parent == folder
+    assert received.name.lstrip("_") == kept
+    assert [path for path in folder.parent.rglob("*") if path.is_file()] == [received]
+
+
+@pytest.mark.parametrize("name", ["..", ".", "/", "...", ""])
+def test_names_that_are_none_are_passed_over_or_replaced(send: Send, folder: Path, name: str) -> None:
+    outcome = send((name, DICOM))
+    inside = [path for path in folder.iterdir() if path.is_file()]
+    assert outcome in ("No file was sent.", inside)
+    assert [path for path in folder.parent.rglob("*") if path.is_file()] == inside
+
+
+def test_nothing_is_overwritten_and_slices_of_equal_names_all_arrive(send: Send, folder: Path) -> None:
+    first = send(("a/IM1", DICOM + b"1"), ("b/IM1", DICOM + b"2"))
+    second = send(("c/IM1", DICOM + b"3"))
+    assert [path.name for path in (*first, *second) if isinstance(path, Path)] == ["IM1", "IM1-2", "IM1-3"]
+    assert [(folder / name).read_bytes()[-1:] for name in ("IM1", "IM1-2", "IM1-3")] == [b"1", b"2", b"3"]
+
+
+def test_a_link_at_the_place_of_a_file_is_not_followed(send: Send, folder: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_bytes(b"mine")
+    (folder / "scan.raw").symlink_to(precious)
+    send(("scan.raw", b"theirs"))
+    assert precious.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("name", ["run.sh", "page.html", "module.py", "weights.pth", "scan.raw.exe", "scene.mrml", "noending"])
+def test_what_is_no_image_is_refused(send: Send, folder: Path, name: str) -> None:
+    assert "no known format" in refused(send(("good.raw", b"voxels"), (name, b"#!/bin/sh")), folder)
+
+
+def test_slices_of_dicom_need_no_ending(send: Send, folder: Path) -> None:
+    assert send(("IM0001", DICOM)) == [folder / "IM0001"]
+
+
+def test_files_that_are_too_large_are_refused_before_they_are_read(
+    send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "LARGEST_UPLOAD", 1000)
+    monkeypatch.setattr(uploads, "_receive", pytest.fail)
+    assert "larger than" in refused(send(("scan.raw", b"v" * 1001)), folder)
+
+
+def test_files_that_are_larger_than_was_said_are_refused_while_they_are_read(
+    send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(uploads, "LARGEST_UPLOAD", 1000)
+    monkeypatch.setattr(web.Request, "content_length", None)
+    assert "larger than" in refused(send(("a.raw", b"v" * 600), ("b.raw", b"v" * 600)), folder)
+
+
+def test_too_many_files_are_refused(send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uploads, "MOST_FILES", 2)
+    assert "More than 2 files" in refused(send(*[("IM1", DICOM)] * 3), folder)
+
+
+def test_a_disk_that_is_nearly_full_stays_as_it_is(send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=uploads.DISK_TO_SPARE - 1))
+    assert "is full" in refused(send(("scan.raw", b"voxels")), folder)
+
+
+@pytest.mark.parametrize("voxels", ["/etc/hostname", "../secret.raw"])
+def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: Path, voxels: str) -> None:
+    (folder.parent / "secret.raw").write_bytes(b"secrets!")
+    header = f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
+    assert "names a file elsewhere" in refused(send(("scan.mhd", header)), folder)
+
+
+@pytest.mark.parametrize(
+    "cut", [b"", b"------edge\r\n", body([("scan.raw", b"voxels")])[:-20], b"nothing of the kind", b"------edge\r\nX" * 50]
+)
+def test_what_is_cut_off_or_damaged_is_refused_in_a_sentence(send: Send, folder: Path, cut: bytes) -> None:
+    message = refused(send(data=cut), folder)
+    assert message in ("No file was sent.", "The files did not arrive whole; send them again.")
+
+
+def test_what_is_no_form_is_refused(send: Send, folder: Path) -> None:
+    assert "expected multipart/form-data" in refused(send(data=b"voxels", content_type="text/plain"), folder)
+
+
+def test_fields_that_are_no_files_are_passed_over(send: Send, folder: Path) -> None:
+    data = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="files"\r\n\r\nvoxels\r\n--{BOUNDARY}--\r\n'.encode()
+    assert refused(send(data=data), folder) == "No file was sent."

@@ -1,0 +1,159 @@
+"""Who may use the app: whoever has the address that `vittf app` printed, from one browser at a time.
+
+Other users of the computer, and pages of other sites in the user's own browser, can reach the port as well. What they are kept
+out by:
+
+- Everything lies below a random token in the path, so nothing is found without the printed address. It is in the path, since a
+  cookie goes to every port of its host, so to the servers of other users of the computer too, unless its path is a secret.
+- The first browser that comes gets a cookie, and the session is its own (`BrowserSession`). An address that others saw later,
+  in the list of processes say, is of no use to them while it is in use.
+- The `Host` of a request has to be an address of numbers, or a name of this computer: a page of another site whose name was
+  made to lead here (DNS rebinding) sends its own name.
+- Websockets, and whatever changes something, have to come from a page of this server: their `Origin` says so.
+"""
+
+from __future__ import annotations
+
+import html
+import ipaddress
+import re
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from aiohttp import web
+
+from .browser_session import BrowserSession
+from .security_headers import add_security_headers, page_policy
+
+LOOPBACK = "127.0.0.1"
+TOKEN_BYTES = 32
+_SAFE_METHODS = ("GET", "HEAD")
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Access:
+    """What stands between the network and trame's server.
+
+    Args:
+        host: the name or address that the server listens at.
+        on_left: called in the server's loop once the browser's tab was closed and did not come back.
+    """
+
+    def __init__(self, host: str = LOOPBACK, on_left: Callable[[], object] = lambda: None) -> None:
+        self.host = host
+        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        self._session = BrowserSession(on_left)
+        # The computer's names are looked up in the network, which takes long where there is none.
+        of_this_computer = () if _is_loopback(host) else (socket.gethostname(), socket.getfqdn())
+        self._names = {name.lower() for name in ("localhost", host, *of_this_computer)}
+
+    @property
+    def warning(self) -> str | None:
+        """What to tell the user where more than this computer can reach the server; None where that is not so."""
+        if _is_loopback(self.host):
+            return None
+        return (
+            f"Listening at {self.host}: other computers can reach this one. Whoever has the address sees the images, and can "
+            "open files of this computer as you; the connection is not encrypted. Over a network that is not yours alone, "
+            "leave out --host and use a tunnel: ssh -L PORT:127.0.0.1:PORT THIS_COMPUTER"
+        )
+
+    def address(self, port: int) -> str:
+        """The address that lets in: for the user alone."""
+        host = socket.gethostname() if _is_any(self.host) else self.host
+        return f"http://{f'[{host}]' if ':' in host else host}:{port}{self.path()}"
+
+    def path(self, name: str = "") -> str:
+        """The path of a route, `upload` say, as it is registered with the server; pages name it relatively, without this."""
+        return f"/{self.token}/{name}"
+
+    def install(self, server: Any) -> None:
+        """Put trame's server behind this door. To be called once, after all modules were enabled and before it starts."""
+        from trame_client.module import vue3
+
+        server.enable_module(vue3)
+        # Trame's own page asks for all else, and for its websocket, relative to where it lies itself.
+        server.serve = {f"{self.token}/{route}": folder for route, folder in server.serve.items()} | {self.token: vue3.www}
+        server.cli.set_defaults(ws=f"{self.token}/ws")
+        server.controller.on_server_bind.add(lambda web_server: self.guard(web_server.app, Path(vue3.www) / "index.html"))
+
+    def guard(self, app: web.Application, page: Path) -> None:
+        """Let requests to `app` through only as this file's first lines say; `page` is what the address shows."""
+        html_of_page = page.read_text(encoding="utf-8")
+
+        async def enter(request: web.Request) -> web.StreamResponse:
+            headers = {"Content-Security-Policy": page_policy(html_of_page, request.host), "Cache-Control": "no-store"}
+            response = web.Response(text=html_of_page, content_type="text/html", headers=headers)
+            self._session.give_to(response, self.path())
+            return response
+
+        app.router.add_get(self.path(), enter)
+        app.router.add_get(self.path().rstrip("/"), _to_folder)
+        app.middlewares.insert(0, self._let_through)
+        app.on_response_prepare.append(add_security_headers)
+
+    @web.middleware
+    async def _let_through(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        if not self._is_named(request.host):
+            return _refusal(403, "Not this computer", f"There is no {request.host} here. Use the address that was printed.")
+        if not secrets.compare_digest(request.path.split("/")[1].encode(), self.token.encode()):
+            return _refusal(403, "No entry", "Open the whole address that vittf app printed where it was started.")
+        is_websocket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if (is_websocket or request.method not in _SAFE_METHODS) and not _is_same_origin(request):
+            return _refusal(403, "No entry", "This was asked for by a page of another server.")
+        enters = request.method in _SAFE_METHODS and request.path in (self.path(), self.path().rstrip("/"))
+        if not self._session.is_owner(request) and not (enters and self._session.is_free()):
+            return _refusal(
+                409, "Open elsewhere", "This session is open in another browser. Close it there, then load this page again."
+            )
+        return await (self._session.hold(request, handler) if is_websocket else handler(request))
+
+    def _is_named(self, host: str) -> bool:
+        name = _name_of(host)
+        return name is not None and (name in self._names or _is_number(name))
+
+
+async def _to_folder(request: web.Request) -> web.StreamResponse:
+    raise web.HTTPFound(f"{request.path}/")
+
+
+def _is_same_origin(request: web.Request) -> bool:
+    return urlsplit(request.headers.get("Origin", "")).netloc.lower() == request.host.lower()
+
+
+def _name_of(host: str) -> str | None:
+    """The name in a `Host` header, in lower case and without the port; None if there is none."""
+    match = re.fullmatch(r"(?:\[([0-9a-f:.]+)\]|([\w.-]+))(?::\d+)?", host.lower(), re.ASCII)
+    return match and (match[1] or match[2])
+
+
+def _is_number(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_loopback(host: str) -> bool:
+    return host == "localhost" or (_is_number(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def _is_any(host: str) -> bool:
+    return _is_number(host) and ipaddress.ip_address(host).is_unspecified
+
+
+def _refusal(status: int, title: str, sentence: str) -> web.Response:
+    """A plain page; also what websockets and uploads get."""
+    text = (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="color-scheme" content="light dark">'
+        f"<title>{html.escape(title)}</title>"
+        '<body style="font: 1.1rem/1.5 system-ui, sans-serif; max-width: 34rem; margin: 18vh auto; padding: 0 1.5rem">'
+        f'<h1 style="font-size: 1.5rem">{html.escape(title)}</h1><p>{html.escape(sentence)}</p></body></html>'
+    )
+    return web.Response(status=status, text=text, content_type="text/html", headers={"Cache-Control": "no-store"})

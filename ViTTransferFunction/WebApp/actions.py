@@ -1,0 +1,161 @@
+"""What the page can ask for, by name: each does one thing to the session, and what the panel of the Slicer module has too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ..Logic.core.errors import InputError
+from ..Logic.scene.annotation_tool import TOOLS
+from ..Logic.scene.classes import ClassState
+from ..Logic.scene.parameters import RENDERINGS
+from .panel_state import color_of_hex
+from .volumes import set_window
+
+if TYPE_CHECKING:
+    from .app import WebApp
+
+_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float}
+"""Fields of the selected class that the page's sliders and boxes set."""
+
+
+class Actions:
+    """The table of actions.
+
+    Args:
+        app: whose session and tools they work on.
+    """
+
+    def __init__(self, app: WebApp) -> None:
+        self._app = app
+        self._by_name: dict[str, Callable[..., Any]] = {
+            "extract": app.extraction.press,
+            "cancel": self._cancel,
+            "consent": app.extraction.answer,
+            "addClass": self._add_class,
+            "select": lambda id_: app.session.select_class(self._class(id_).id),
+            "rename": lambda id_, name: self._set(id_, name=str(name)),
+            "recolor": lambda id_, color: self._set(id_, color=color_of_hex(str(color))),
+            "show": lambda id_, visible: self._set(id_, visible=bool(visible)),
+            "remove": self._remove_class,
+            "moveUp": lambda: self._move(-1),
+            "moveDown": lambda: self._move(1),
+            "set": self._set_selected,
+            "thresholdAutomatic": self._set_threshold_automatic,
+            "undo": lambda: app.session.annotations.undo(),
+            "redo": lambda: app.session.annotations.redo(),
+            "removeLast": self._remove_last,
+            "smaller": lambda: self._step(-1),
+            "larger": lambda: self._step(1),
+            "sizeAsChosen": lambda: self._set_fields(size=0.0, iso=None),
+            "previousClass": lambda: self._select_neighbour(-1),
+            "nextClass": lambda: self._select_neighbour(1),
+            "nextPoint": self._show_next_point,
+            "putDown": app.tool.put_down,
+            "rendering": self._set_rendering,
+            "overlayOpacity": lambda opacity: app.session.parameters.set("overlayOpacity", float(opacity)),
+            "overlayVisible": lambda visible: app.session.parameters.set("overlayVisible", bool(visible)),
+            "window": self._set_window,
+            "write": lambda corrections="ask": app.write_segments(corrections),
+            "closeMessages": app.close_messages,
+        }
+        for tool in TOOLS:
+            self._by_name[tool] = self._toggle(tool)
+
+    def __call__(self, name: str, *arguments: Any) -> None:
+        """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown."""
+        action = self._by_name.get(name)
+        if action is None:
+            return
+        try:
+            action(*arguments)
+        except InputError as error:
+            self._app.report(str(error))
+        self._app.refresh()
+
+    def _toggle(self, tool: Any) -> Callable[[], None]:
+        return lambda: self._app.tool.toggle(tool)
+
+    def _cancel(self) -> None:
+        self._app.extraction.give_up()
+        self._app.session.cancel()
+
+    def _class(self, id_: str) -> ClassState:
+        """The class of an id that the page sent; it may be gone since."""
+        for state in self._app.session.classes:
+            if state.id == id_:
+                return state
+        raise InputError("This structure was removed meanwhile.")
+
+    def _set(self, id_: str, **fields: Any) -> None:
+        self._app.session.annotations.set_class(self._class(id_).id, **fields)
+
+    def _add_class(self) -> None:
+        """Add a class and select it; the next click in a view is its first point."""
+        session, tool = self._app.session, self._app.tool
+        session.select_class(session.annotations.add_class().id)
+        if tool.tool != "pointOn":
+            tool.toggle("pointOn")
+
+    def _remove_class(self, id_: str = "") -> None:
+        """Remove a class, the selected one unless named, and select the next one."""
+        session = self._app.session
+        state = self._class(id_) if id_ else session.selected_class
+        if state is None:
+            return
+        was_selected, row = state == session.selected_class, [other.id for other in session.classes].index(state.id)
+        session.annotations.remove_class(state.id)
+        if was_selected and session.classes:
+            session.select_class(session.classes[min(row, len(session.classes) - 1)].id)
+
+    def _move(self, step: int) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.annotations.move_class(selected.id, step)
+
+    def _select_neighbour(self, step: int) -> None:
+        """Select the class `step` rows further down; the table's ends meet."""
+        session, selected = self._app.session, self._app.session.selected_class
+        if selected is not None:
+            row = [state.id for state in session.classes].index(selected.id)
+            session.select_class(session.classes[(row + step) % len(session.classes)].id)
+
+    def _set_selected(self, field: str, value: Any) -> None:
+        if field in _SETTINGS:
+            value = _SETTINGS[field](value)
+            self._set_fields(**{field: value if isinstance(value, bool) else min(max(value, 0.0), 1.0)})
+
+    def _set_fields(self, **fields: Any) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.annotations.set_class(selected.id, **fields)
+
+    def _set_threshold_automatic(self, automatic: bool) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            chosen = self._app.session.chosen_iso(selected.id)
+            self._set_fields(iso=None if automatic else (0.5 if chosen is None else chosen))
+
+    def _step(self, direction: Any) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.annotations.step_size(selected.id, direction)
+
+    def _remove_last(self) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.annotations.remove_last_point(selected.id)
+
+    def _show_next_point(self) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.show_next_point(selected.id)
+
+    def _set_rendering(self, mode: str) -> None:
+        if mode in RENDERINGS:
+            self._app.session.parameters.set("rendering", mode)
+
+    def _set_window(self, low: float, high: float) -> None:
+        volume = self._app.session.parameters.volume
+        if volume is not None:
+            set_window(volume, float(low), float(high))

@@ -1,0 +1,290 @@
+"""The tool in a browser: Slicer's scene and views, the session of the Slicer module on it, and a page that shows both."""
+
+from __future__ import annotations
+
+import asyncio
+import tempfile
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+from uuid import uuid4
+
+from trame.app import get_server
+from trame_slicer.core import SlicerApp
+
+from ..Logic.core.errors import InputError
+from ..Logic.core.intensity_window import IntensityWindow
+from ..Logic.core.volume import Volume
+from ..Logic.files.volume_files import read_volume
+from ..Logic.scene.annotation_tool import AnnotationTool
+from ..Logic.scene.messages import Messages
+from ..Logic.scene.session import SceneSession
+from .access import Access
+from .actions import Actions
+from .extraction import ExtractionButton
+from .page import build_page
+from .panel_state import session_state
+from .routes import Routes
+from .scene_files import import_scene, parameter_node, unpacked_session
+from .slicer_views import BrowserSliceTools, SlicerViews
+from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
+
+POLL_S = 0.010
+"""How often the session is asked for news while something runs."""
+CLICK_POLL_S = 0.005
+"""And while the answer to a click is under way."""
+IDLE_POLL_S = 0.5
+"""And while nothing does: soon enough to tell that the compute process was lost."""
+BRUSH_MM = 6.0
+SESSION_ENDING = ".mrb"
+
+
+class WebApp:
+    """One scene, one session, one page. To be made and used in a running asyncio loop.
+
+    Args:
+        settings: parameters of each session (see `SceneParameters`) that are not to have their defaults.
+
+    Attributes:
+        server: trame's.
+        scene: the MRML scene.
+        views: the three slice views and the 3D view.
+        session: what the page shows; another one after another volume or session was opened.
+        tool: what the mouse does in the views.
+        extraction: the button that computes features.
+        actions: what the page can ask for.
+    """
+
+    def __init__(self, settings: dict[str, Any] | None = None) -> None:
+        self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
+        self._slicer = SlicerApp()
+        self.scene = self._slicer.scene
+        self._settings = settings or {}
+        self._messages = Messages()
+        self._news = asyncio.Event()
+        self._stale = False
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._stopped = asyncio.Event()
+        self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
+        self.tool = AnnotationTool(
+            self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
+        )
+        self.session = self._new_session()
+        self.extraction = ExtractionButton(lambda: self.session)
+        self.actions = Actions(self)
+        self.server.trigger("act")(self.actions)
+        self.server.trigger("open_path")(self._open_typed)
+        self.server.trigger("open_sample")(self._open_sample)
+        self.server.state.change("brush_mm")(lambda **_: self.tool.follow_brush_size())
+        build_page(self.server)
+        self.refresh()
+
+    async def start(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        volume: Path | None = None,
+        on_ready: Callable[[str], None] = lambda address: None,
+        on_warning: Callable[[str], None] = lambda warning: None,
+    ) -> None:
+        """Serve the page until `stop` is called, or the browser's tab was closed and did not come back.
+
+        Args:
+            host: name or address to listen at.
+            port: 0 for a free one.
+            volume: what to open, unless None: an image, a DICOM folder, or a saved session.
+            on_ready: gets the address once it answers; whoever has the address is let in.
+            on_warning: gets what the user has to know where other computers can reach the page.
+        """
+        access = Access(host, on_left=self.stop)
+        if access.warning:
+            on_warning(access.warning)
+        self.server.controller.on_server_bind.add(Routes(self, access.path).add)
+        self.server.controller.on_server_ready.add(lambda **_: on_ready(access.address(self.server.port)))
+        # Nearly all that is sent is pictures, which are compressed already.
+        self.server.cli.set_defaults(nowscompress=True)
+        access.install(self.server)
+        serving = self.server.start(
+            host=host,
+            port=port,
+            timeout=0,
+            thread=True,  # Signals are the caller's.
+            open_browser=False,
+            show_connection_info=False,
+            disable_logging=True,
+            exec_mode="coroutine",
+        )
+        following = asyncio.create_task(self._follow())
+        serving_task = asyncio.create_task(serving)
+        if volume is not None:
+            self._begin(self._open([volume]))
+        stopped = asyncio.create_task(self._stopped.wait())
+        try:
+            await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
+            for task in (following, serving_task):
+                if task.done():
+                    task.result()  # What ended it is no secret.
+        finally:
+            for task in (following, stopped, *self._tasks):
+                task.cancel()
+            self.session.close()
+            if not serving_task.done():
+                with suppress(Exception):
+                    await self.server.stop()
+                serving_task.cancel()
+
+    def stop(self) -> None:
+        """Have `start` end."""
+        self._stopped.set()
+
+    def report(self, message: str) -> None:
+        """Show why something that the user asked for was not done, until the structures are changed next."""
+        before = self.session, self.session.classes
+        self._messages.put(message, lambda: (self.session, self.session.classes) != before)
+        self._on_changed()
+
+    def close_messages(self) -> None:
+        """The user has read them."""
+        self._messages.clear()
+
+    def write_segments(self, corrections: Literal["ask", "keep", "overwrite"]) -> None:
+        """Have the structures written as segments; "ask": where corrections are in the way, the page asks first."""
+        self.server.state.corrected = []
+        if corrections in ("ask", "keep", "overwrite"):
+            self.session.write_segments(corrections)
+
+    def refresh(self) -> None:
+        """Bring the page to what the session is now."""
+        self._stale = False
+        self.tool.session = self.session
+        self.tool.follow_selection()
+        self.extraction.go_on()
+        error, session = self.session.take_error(), self.session
+        if error:
+            self._messages.put(error, lambda: self.session is not session or error not in session.errors)
+        with self.server.state as state:
+            corrected = self.session.take_corrected()
+            if corrected:
+                state.corrected = list(corrected)
+            state.update(session_state(self.session))
+            state.update({
+                "tool": self.tool.tool or "",
+                "message": "\n\n".join(self._messages.standing()),
+                "consent": self.extraction.question,
+                "pressed": self.extraction.pressed,
+            })  # fmt: skip
+        self.views.settle()
+
+    async def open_files(self, paths: list[Path]) -> None:
+        """Open a volume or a session in place of what is open; errors are shown."""
+        await self._open(paths)
+
+    async def _follow(self) -> None:
+        """Have the session take in what was computed, and the page show it."""
+        self.session.start_computing()
+        was_busy = False
+        while True:
+            self.session.poll()
+            if self._stale:
+                self.refresh()
+            if was_busy and not self.session.busy:
+                self.views.settle()
+            was_busy = self.session.busy
+            pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._news.wait(), pace_s)
+            if self._news.is_set():
+                self._news.clear()
+                await asyncio.sleep(0)  # The loop's other work first: pictures, say.
+
+    def _on_changed(self) -> None:
+        self._stale = True
+        self._news.set()
+
+    def _new_session(self) -> SceneSession:
+        session = SceneSession(self.scene, self._slicer.app_logic, parameter_node(self.scene))
+        for name, value in self._settings.items():
+            session.parameters.set(name, value)
+        session.add_observer(self._on_changed)
+        return session
+
+    def _open_typed(self, path: str) -> None:
+        """Open a path that the user typed."""
+        if str(path).strip():
+            self._begin(self._open([Path(str(path).strip()).expanduser()]))
+
+    def _open_sample(self) -> None:
+        try:
+            self._begin(self._open([sample_path()]))
+        except InputError as error:
+            self.report(str(error))
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _open(self, paths: list[Path]) -> None:
+        with self.server.state as state:
+            state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
+        try:
+            if paths[0].name.lower().endswith(SESSION_ENDING):
+                await self._open_session(paths[0])
+            else:
+                read = read_volume if len(paths) == 1 else None
+                volume = await asyncio.to_thread(read, paths[0]) if read else await asyncio.to_thread(volume_of_files, paths)
+                self._begin_anew(volume)
+        except InputError as error:
+            self.report(str(error))
+        finally:
+            with self.server.state as state:
+                state.opening = ""
+            self.refresh()
+
+    async def _open_session(self, path: Path) -> None:
+        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
+            scene_file = await asyncio.to_thread(unpacked_session, path, Path(folder))
+            self._close_scene()
+            try:
+                import_scene(self.scene, scene_file)
+            finally:
+                self._take_session()
+
+    def _begin_anew(self, volume: Volume) -> None:
+        """Replace what is open by a volume without structures."""
+        self._close_scene()
+        node = add_volume(self.scene, volume)
+        self._take_session()
+        self.session.set_volume(node)
+        self.views.show(node)
+        first, *_ = self._offer_windows(node)
+        set_window(node, first.low, first.high)
+
+    def _close_scene(self) -> None:
+        self.tool.put_down()
+        self.extraction.give_up()
+        self.session.close()
+        self._messages.clear()
+        self.scene.Clear(0)
+
+    def _take_session(self) -> None:
+        self.session = self._new_session()
+        self.tool.session = self.session
+        self.tool.end_unfinished()
+        self.session.start_computing()
+        volume = self.session.parameters.volume
+        self.views.show(volume)
+        self._offer_windows(volume)
+        self._on_changed()
+
+    def _offer_windows(self, volume: Any) -> list[IntensityWindow]:
+        """Have the page offer the windows in which people look at a volume; returns them."""
+        windows = windows_of(volume) if volume else {}
+        with self.server.state as state:
+            state.windows = [{"text": text, "low": window.low, "high": window.high} for text, window in windows.items()]
+        return list(windows.values())
+
+    def _brush_mm(self) -> float:
+        return float(self.server.state.brush_mm)

@@ -1,0 +1,72 @@
+"""One session per server: which browser it belongs to, and whether that browser is there."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections.abc import Awaitable, Callable
+
+from aiohttp import WSCloseCode, web
+
+COOKIE = "vittf"
+
+SECONDS_TO_RETURN = 20.0
+"""From the closing of a tab to the end of the session. A page that is loaded again, or a tab that was closed by mistake, is
+back within seconds."""
+
+
+class BrowserSession:
+    """The browser that has the session, known by a cookie that only it was given.
+
+    Its page is there as long as its websocket is open. Another browser may have the session once that is closed.
+
+    Args:
+        on_left: called in the running loop once the tab was closed and did not come back. A connection that merely broke, since
+            the computer slept or the network was lost, does not count.
+    """
+
+    def __init__(self, on_left: Callable[[], object]) -> None:
+        self._on_left = on_left
+        self._key: str | None = None
+        self._socket: web.Request | None = None
+        self._farewell: asyncio.TimerHandle | None = None
+
+    def is_owner(self, request: web.Request) -> bool:
+        """Whether a request is from the browser that has the session."""
+        return self._key is not None and secrets.compare_digest(request.cookies.get(COOKIE, "").encode(), self._key.encode())
+
+    def is_free(self) -> bool:
+        """Whether no page is there, so that another browser may have the session."""
+        return self._socket is None
+
+    def give_to(self, response: web.StreamResponse, path: str) -> None:
+        """Make the browser that gets `response` the one that has the session; any other loses it."""
+        self._key = secrets.token_urlsafe()
+        # Lax: a browser that comes by a link, or by an address clicked in a mail, is to be known again.
+        response.set_cookie(COOKIE, self._key, path=path, httponly=True, samesite="Lax")
+
+    async def hold(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Serve the websocket of the owner's page, which is there until it ends.
+
+        Of two pages in one browser, the one that was opened last has the session: they would quarrel about the size of views.
+        """
+        previous, self._socket = self._socket, request
+        if previous is not None and previous.transport is not None:
+            previous.transport.close()
+        self._stay()
+        response = None
+        try:
+            response = await handler(request)
+        finally:
+            if self._socket is request:
+                self._socket = None
+                if isinstance(response, web.WebSocketResponse) and response.close_code == WSCloseCode.GOING_AWAY:
+                    self._farewell = asyncio.get_running_loop().call_later(SECONDS_TO_RETURN, self._on_left)
+        return response
+
+    def _stay(self) -> None:
+        if self._farewell is not None:
+            self._farewell.cancel()
+            self._farewell = None

@@ -1,0 +1,53 @@
+"""The page: `page.html`, a Vue template that trame fills with its state, beside its style and script.
+
+No text of users or files becomes part of a template, since Vue makes functions of templates; it comes in by the state.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from trame.ui.html import DivLayout
+
+from ..Logic.scene.annotation_tool import TOOLS
+from ..Logic.scene.parameters import RENDERINGS
+from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+from ..Logic.scene.wording import choice_words
+from .slicer_views import VIEWS
+
+TITLE = "ViT Transfer Function"
+
+_STATIC = Path(__file__).parent / "static"
+_ICONS = Path(__file__).parents[1] / "Resources" / "Icons"
+
+
+def build_page(server: Any) -> None:
+    """Make the page of a server whose views are there."""
+    server.enable_module({
+        "serve": {"__vittf": str(_STATIC), "__vittf_icons": str(_ICONS)},
+        "scripts": ["__vittf/page.js"],
+        "styles": ["__vittf/page.css"],
+    })  # fmt: skip
+    words, choices = meanings(), choice_words()
+    keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
+    server.state.update({
+        "trame__title": TITLE,
+        "trame__template_error": (_STATIC / "disconnected.html").read_text(encoding="utf-8"),
+        "trame__favicon": "__vittf_icons/ViTTransferFunction.svg",
+        "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
+        "table_keys": list(TABLE_KEYS),
+        "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
+        "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
+        "renderings": [{"name": name, "text": choices[name]} for name in RENDERINGS],
+        "windows": [],
+        "views": list(VIEWS),
+        "enlarged": "",
+        "asking_open": False,
+        "asking_help": False,
+        "path": "",
+        "sent": None,
+        "dragging": False,
+    })  # fmt: skip
+    with DivLayout(server) as layout:
+        layout.root.add_child((_STATIC / "page.html").read_text(encoding="utf-8"))

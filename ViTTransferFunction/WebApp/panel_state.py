@@ -1,0 +1,117 @@
+"""What the page shows of a session: values for trame's state, made anew from the session each time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..Logic.core.progress import WorkProgress
+from ..Logic.scene.class_size import stepped
+from ..Logic.scene.classes import ClassState
+from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
+from ..Logic.scene.segment_tags import CLASS_TAG
+from ..Logic.scene.session import SceneSession
+from ..Logic.scene.wording import progress_text, size_in_steps, threshold_text, volume_text
+
+
+def session_state(session: SceneSession) -> dict[str, Any]:
+    """Everything about the session that the page shows, by the names that the page's templates use."""
+    selected = session.selected_class
+    volume = session.parameters.volume
+    ready, annotated = session.phase == "ready", any(state.positive for state in session.classes)
+    return {
+        "phase": session.phase,
+        "busy": session.busy,
+        "up_to_date": session.up_to_date,
+        "volume_name": volume.GetName() if volume else "",
+        "estimate": estimate_text(session.estimate, session.frame) if session.phase == "no features" else "",
+        "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *_points_beyond(session)]),
+        "progress": _progress(session),
+        "classes": [_class(session, state) for state in session.classes],
+        "selected": selected.id if selected else "",
+        "settings": _settings(session, selected),
+        "can_undo": session.annotations.can_undo,
+        "can_redo": session.annotations.can_redo,
+        "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
+        "can_write": ready and annotated,
+        "written": _has_our_segments(session),
+        "rendering": session.parameters.get("rendering"),
+        "overlay_opacity": session.parameters.get("overlayOpacity"),
+        "overlay_visible": session.parameters.get("overlayVisible"),
+        "window": _window(volume),
+    }
+
+
+def hex_color(color: tuple[float, ...]) -> str:
+    """A colour as HTML writes it."""
+    return "#" + "".join(f"{round(255 * part):02x}" for part in color)
+
+
+def color_of_hex(text: str) -> tuple[float, float, float]:
+    """The colour that HTML writes so. Raises ValueError where it is none."""
+    if len(text) != 7 or text[0] != "#":
+        raise ValueError(f"{text[:20]!r} is no colour")
+    red, green, blue = (int(text[start : start + 2], 16) / 255.0 for start in (1, 3, 5))
+    return red, green, blue
+
+
+def _progress(session: SceneSession) -> dict[str, Any] | None:
+    progress = session.progress
+    if progress is None and session.phase == "extracting":
+        progress = WorkProgress(0, 0, "Starting", None)
+    if progress is None:
+        return None
+    share = min(1.0, progress.done / progress.total) if progress.total else None
+    return {"share": share, "text": progress_text(progress)}
+
+
+def _points_beyond(session: SceneSession) -> list[str]:
+    names = {state.id: state.name for state in session.classes}
+    return [points_beyond_text(names[id_], count) for id_, count in session.points_beyond.items() if id_ in names]
+
+
+def _class(session: SceneSession, state: ClassState) -> dict[str, Any]:
+    return {
+        "id": state.id,
+        "name": state.name,
+        "color": hex_color(state.color),
+        "visible": state.visible,
+        "positive": len(state.positive),
+        "negative": len(state.negative),
+        "threshold": threshold_text(state, session.chosen_iso(state.id)),
+        "volume": volume_text(session.volume_ml(state.id)),
+    }
+
+
+def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, Any] | None:
+    if selected is None:
+        return None
+    chosen = session.chosen_iso(selected.id)
+    threshold = selected.iso if selected.iso is not None else chosen
+    return {
+        "opacity": selected.opacity,
+        "threshold": round(0.5 if threshold is None else threshold, 3),
+        "automatic": selected.iso is None,
+        "proximity": selected.proximity,
+        "refine": selected.refine,
+        "size": size_in_steps(selected.size, fixed=selected.iso is not None),
+        "can_shrink": stepped(selected, -1) != selected,
+        "can_grow": stepped(selected, 1) != selected,
+        "can_reset": selected.size != 0.0 or selected.iso is not None,
+    }
+
+
+def _has_our_segments(session: SceneSession) -> bool:
+    node = session.parameters.segmentation
+    if node is None:
+        return False
+    segmentation = node.GetSegmentation()
+    return any(segmentation.GetSegment(id_).HasTag(CLASS_TAG) for id_ in segmentation.GetSegmentIDs())
+
+
+def _window(volume: Any) -> dict[str, Any] | None:
+    """In which intensities the slice views show the volume."""
+    display = volume.GetScalarVolumeDisplayNode() if volume else None
+    if display is None:
+        return None
+    low, high = display.GetWindowLevelMin(), display.GetWindowLevelMax()
+    return {"low": round(low, 3), "high": round(high, 3)}

@@ -1,0 +1,94 @@
+"""Sessions and segmentations as files: what Slicer's own Save and Add data do there, on the same scene."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path, PurePosixPath
+from typing import Any
+from xml.etree import ElementTree
+
+import slicer
+
+from ..Logic.core.errors import InputError, shown
+
+MODULE = "ViTTransferFunction"
+LARGEST_SCENE = 8 << 30
+"""Bytes of all files of a session when they are unpacked."""
+
+
+def parameter_node(scene: Any) -> Any:
+    """The module's parameter node in a scene, made where it is missing; Slicer finds the same one."""
+    for index in range(scene.GetNumberOfNodesByClass("vtkMRMLScriptedModuleNode")):
+        node = scene.GetNthNodeByClass(index, "vtkMRMLScriptedModuleNode")
+        if node.GetModuleName() == MODULE:
+            return node
+    node = slicer.vtkMRMLScriptedModuleNode()
+    node.SetModuleName(MODULE)
+    node.SetSingletonTag(MODULE)
+    node.SetName(MODULE)
+    return scene.AddNode(node)
+
+
+def unpacked_session(path: Path, folder: Path) -> Path:
+    """Unpack a session (.mrb) into an empty folder; returns the scene's file (.mrml).
+
+    Raises:
+        InputError: not a session, too large, or one that would load something from elsewhere.
+    """
+    problem = f"{path.name} is no session of Slicer or of this app (.mrb)"
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > LARGEST_SCENE:
+                raise InputError(f"{path.name} has more than {LARGEST_SCENE >> 30} GB in it; open its volume alone.")
+            for entry in archive.infolist():
+                if ".." in PurePosixPath(entry.filename.replace("\\", "/")).parts:
+                    raise InputError(f"{problem}: it has a file outside of its folder.")
+            archive.extractall(folder)
+        scenes = sorted(folder.rglob("*.mrml"), key=lambda file: len(file.parts))
+        if not scenes:
+            raise InputError(f"{problem}: there is no scene in it.")
+        _check_local(scenes[0])
+    except (zipfile.BadZipFile, ElementTree.ParseError, NotImplementedError, EOFError, RuntimeError) as error:
+        raise InputError(f"{problem}, or it is damaged ({shown(str(error))}).") from error
+    return scenes[0]
+
+
+def import_scene(scene: Any, scene_file: Path) -> None:
+    """Add what is in a scene's file to an empty scene.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    scene.SetURL(scene_file.as_posix())
+    scene.SetRootDirectory(scene_file.parent.as_posix())
+    if not scene.Import():
+        raise InputError(f"{scene_file.stem} could not be read whole. Save the session again, or open its volume.")
+
+
+def write_session(scene: Any, path: Path) -> None:
+    """Write the scene with its volumes, points and segments to `path` (.mrb), which Slicer opens as well.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    if not scene.WriteToMRB(path.as_posix()) or not path.exists():
+        raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
+
+
+def write_segmentation(segmentation: Any, path: Path) -> None:
+    """Write a segmentation node to `path` (.seg.nrrd).
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    storage = slicer.vtkMRMLSegmentationStorageNode()
+    storage.SetFileName(path.as_posix())
+    if not storage.WriteData(segmentation):
+        raise InputError("The segments could not be written. Make room on the disk of temporary files, and try again.")
+
+
+def _check_local(scene_file: Path) -> None:
+    """Raise InputError where a scene would load something from the network."""
+    for element in ElementTree.parse(scene_file).iter():
+        if any(name.startswith("uri") and value for name, value in element.attrib.items()):
+            raise InputError(f"{scene_file.stem} refers to data in the network, which is not loaded. Save it with its data.")

@@ -1,0 +1,165 @@
+"""Slicer's three slice views and 3D view, drawn here and shown in the browser, which sends back what the mouse does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from trame.widgets import html
+from trame_slicer.app.logic import connect_slice_view_slider_to_state
+from trame_slicer.core import SlicerApp
+from trame_slicer.rca_view import RemoteSliceViewFactory
+from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
+from trame_slicer.views.threed_view import ViewDirection
+
+from ..Logic.scene.annotation_tool import MakeTool, SliceTool
+from ..Logic.scene.volume import numpy_matrix
+from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientThreeDViewFactory
+
+VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
+"""What users call the views, by their names, in the order of the page: row by row."""
+BACKGROUND_3D = "#0b0d0f"
+ZOOM_3D = 1.6
+"""VTK leaves room for the sphere about a volume; bodies fill less of it."""
+QUALITY = 75
+"""Of the JPEG pictures while something changes, in per cent; what stands still is sent again at 90."""
+_SIDES = ("LR", "PA", "IS")
+"""The patient's sides at the lower and upper end of each axis of RAS."""
+
+
+class SlicerViews:
+    """The four views.
+
+    Args:
+        server: trame's; its page shows the views by `ServerTemplate`s of their names.
+        app: Slicer's scene and logics.
+        is_urgent: whether the user waits for something that comes before the 3D view.
+    """
+
+    def __init__(self, server: Any, app: SlicerApp, is_urgent: Callable[[], bool]) -> None:
+        self._app = app
+        self._server = server
+        self._volume: Any = None
+        fps = {"target_fps": PICTURES_PER_S, "blur_fps": PICTURES_PER_S_ELSEWHERE}
+        slice_factory = RemoteSliceViewFactory(
+            server, populate_view_ui_f=self._add_slice_controls, interactive_quality=QUALITY, **fps
+        )
+        app.view_manager.register_factory(slice_factory)
+        self._factory_3d = PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
+        app.view_manager.register_factory(self._factory_3d)
+        slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
+        self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
+        definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
+        self.view_3d: ThreeDView = app.view_manager.create_view(definition_3d)
+        app.view_manager.set_current_view_ids(list(VIEWS))
+
+    def show(self, volume: Any) -> None:
+        """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
+        self._volume = volume
+        self._app.display_manager.show_volume_in_slice_background(volume)
+        self._app.display_manager.show_volume_in_slice_foreground(None)
+        for view in self.slices:
+            view.reset_view()
+        self._fit_3d()
+
+    def settle(self) -> None:
+        """What the session shows has changed: the 3D view follows when it has time."""
+        for strategy in self._factory_3d.strategies:
+            strategy.settle()
+
+    def _fit_3d(self) -> None:
+        """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""
+        bounds = [0.0] * 6
+        if self._volume is not None:
+            self._volume.GetRASBounds(bounds)
+        if bounds[0] < bounds[1]:
+            self.view_3d.renderer().ResetCamera(bounds)
+            self.view_3d.rotate_to_view_direction(ViewDirection.ANTERIOR)
+            self.view_3d.get_camera_node().GetCamera().Zoom(ZOOM_3D)
+        self.view_3d.schedule_render()
+        self.settle()
+
+    def _add_slice_controls(self, server: Any, view_id: str, view: SliceView) -> None:
+        slider = connect_slice_view_slider_to_state(server, view).name
+        html.Div(VIEWS[view_id], classes=f"view-name {view_id}")
+        _add_view_buttons(view_id, view.reset_view)
+        for side in ("left", "right", "top", "bottom"):
+            html.Div(f"{{{{ sides_{view_id}.{side} }}}}", classes=f"side {side}")
+        self._keep_sides(view_id, view)
+        with html.Div(classes="slice-row"):
+            html.Input(
+                type="range",
+                classes="slice",
+                raw_attrs=[f'aria-label="{VIEWS[view_id]} slice"', f'data-testid="slice-{view_id}"'],
+                min=(slider.min_value,),
+                max=(slider.max_value,),
+                step=(slider.step,),
+                value=(slider.value,),
+                input=f"{slider.value} = Number($event.target.value)",
+            )
+            html.Span(f"{{{{ {slider.value}.toFixed(1) }}}} mm", classes="offset")
+
+    def _add_3d_controls(self, server: Any, view_id: str, view: ThreeDView) -> None:
+        html.Div(VIEWS[view_id], classes="view-name")
+        _add_view_buttons(view_id, self._fit_3d)
+
+    def _keep_sides(self, view_id: str, view: SliceView) -> None:
+        """Keep the letters at the view's edges those of the patient's sides that lie there."""
+
+        def keep(_view: SliceView) -> None:
+            with self._server.state as state:
+                state[f"sides_{view_id}"] = sides(numpy_matrix(view.get_view_node().GetSliceToRAS()))
+
+        view.modified.connect(keep)
+        keep(view)
+
+
+def sides(slice_to_ras: np.ndarray) -> dict[str, str]:
+    """The patient's side that lies nearest to each edge of a slice view: R or L, A or P, S or I.
+
+    Args:
+        slice_to_ras: (4, 4); its first two columns are where right and up on the screen lead in the patient.
+    """
+    right, up = (_direction(slice_to_ras[:3, column]) for column in (0, 1))
+    left, down = (_direction(-slice_to_ras[:3, column]) for column in (0, 1))
+    return {"left": left, "right": right, "top": up, "bottom": down}
+
+
+def _direction(vector_ras: np.ndarray) -> str:
+    axis = int(np.abs(vector_ras).argmax())
+    return _SIDES[axis][int(vector_ras[axis] > 0.0)]
+
+
+class BrowserSliceTools:
+    """Keeps a tool in each of the slice views until it is stopped.
+
+    Args:
+        views: which.
+    """
+
+    def __init__(self, views: SlicerViews) -> None:
+        self._views = views
+        self._tools: list[SliceTool] = []
+
+    def start(self, make: MakeTool) -> None:
+        """Have a tool made for each view, and let them have the mouse."""
+        self.stop()
+        self._tools = [make(view.interactor(), view.get_view_node(), view.schedule_render) for view in self._views.slices]
+        for tool in self._tools:
+            tool.activate()
+
+    def stop(self) -> None:
+        """Give the mouse back to the views."""
+        for tool in self._tools:
+            tool.deactivate()
+        self._tools = []
+
+
+def _add_view_buttons(view_id: str, fit: Callable[[], None]) -> None:
+    with html.Div(classes="view-buttons"):
+        toggle = f"enlarged = enlarged === '{view_id}' ? '' : '{view_id}'"
+        with html.Button(click=toggle, title="Enlarge, or show all four views"):
+            html.Img(src="__vittf/enlarge.svg", alt="Enlarge")
+        with html.Button(click=fit, title="Fit to the volume"):
+            html.Img(src="__vittf/fit.svg", alt="Fit")

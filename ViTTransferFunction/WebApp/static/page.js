@@ -1,0 +1,92 @@
+// The keyboard, and files that are chosen or dropped. Everything else is in the page's template.
+(() => {
+  const state = (name) => window.trame.state.get(name);
+  const set = (name, value) => window.trame.state.set(name, value);
+  const act = (...request) => window.trame.trigger("act", request);
+
+  // Keys, by the table that all front ends share.
+  const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
+
+  function keyOf(event) {
+    const key = PLAIN[event.key] || (event.key.length === 1 ? event.key.toUpperCase() : event.key);
+    const isLetter = /^[A-Z]$/.test(key);
+    return (event.altKey ? "Alt+" : "") + (event.shiftKey && isLetter ? "Shift+" : "") + key;
+  }
+
+  function isTyping(element) {
+    return element && (element.tagName === "SELECT" || element.tagName === "TEXTAREA" ||
+      (element.tagName === "INPUT" && ["text", "number"].includes(element.type)));
+  }
+
+  window.addEventListener("keydown", (event) => {
+    if (!window.trame || event.ctrlKey || event.metaKey) return;
+    const key = keyOf(event);
+    const inDialog = document.querySelector(".backdrop");
+    if (key === "Esc" && (inDialog || state("asking_help"))) {
+      set("asking_open", false);
+      set("asking_help", false);
+      return;
+    }
+    if (isTyping(event.target) || inDialog) return;
+    const shortcut = (state("keys") || []).find((entry) => entry.key === key);
+    if (!shortcut) return;
+    const row = event.target.closest && event.target.closest("[data-class-row]");
+    if (state("table_keys").includes(shortcut.action)) {
+      if (!row) return;
+      if (shortcut.action === "rename") row.querySelector("input[type=text]").select();
+      else act(shortcut.action);
+    } else if (shortcut.action === "help") set("asking_help", !state("asking_help"));
+    else act(shortcut.action);
+    event.preventDefault();
+  });
+
+  // Files.
+  function send(files) {
+    if (!files.length) return;
+    const form = new FormData();
+    for (const file of files) form.append("files", file, file.name);
+    const request = new XMLHttpRequest();
+    request.open("POST", "upload");
+    request.upload.onprogress = (event) => set("sent", event.lengthComputable ? event.loaded / event.total : 0);
+    request.onloadend = () => set("sent", null);
+    set("asking_open", false);
+    set("sent", 0);
+    request.send(form);
+  }
+
+  document.addEventListener("change", (event) => {
+    if (!event.target.matches || !event.target.matches("[data-upload]")) return;
+    send([...event.target.files]);
+    event.target.value = "";
+  });
+
+  async function filesIn(entry) {
+    if (entry.isFile) return [await new Promise((resolve, reject) => entry.file(resolve, reject))];
+    const reader = entry.createReader();
+    const files = [];
+    for (;;) {
+      const entries = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+      if (!entries.length) return files;
+      for (const inner of entries) files.push(...(await filesIn(inner)));
+    }
+  }
+
+  const bringsFiles = (event) => event.dataTransfer && [...event.dataTransfer.types].includes("Files");
+  window.addEventListener("dragover", (event) => {
+    if (!bringsFiles(event)) return;
+    event.preventDefault();
+    if (!state("dragging")) set("dragging", true);
+  });
+  window.addEventListener("dragleave", (event) => {
+    if (!event.relatedTarget) set("dragging", false);
+  });
+  window.addEventListener("drop", async (event) => {
+    if (!bringsFiles(event)) return;
+    event.preventDefault();
+    set("dragging", false);
+    const entries = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry()).filter(Boolean);
+    const files = [];
+    for (const entry of entries) files.push(...(await filesIn(entry)));
+    send(files);
+  });
+})();

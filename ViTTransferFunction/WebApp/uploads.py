@@ -1,0 +1,148 @@
+"""Files that the browser sends: kept in a private folder while the app runs, and never taken at their word."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
+
+from aiohttp import BodyPartReader, web
+from aiohttp.http_exceptions import HttpProcessingError
+
+from ..Logic.core.errors import InputError, shown
+from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
+
+LARGEST_UPLOAD = 4 << 30
+"""Bytes of all files that are sent together: a CT of 1024×1024×2048 voxels."""
+
+MOST_FILES = 10_000
+"""Sent together. Each is a slice."""
+
+DISK_TO_SPARE = 1 << 30
+"""Bytes that an upload leaves free: other programs need the disk as well."""
+
+LONGEST_NAME = 100
+_CHUNK = 1 << 20
+_BESIDE_HEADERS = (".raw", ".raw.gz", ".zraw")
+_SCENES = (".mrb",)
+
+
+async def receive_files(request: web.Request, folder: Path) -> list[Path]:
+    """Write the files of a multipart request to `folder`, piece by piece as they come.
+
+    Args:
+        request: as a form or `FormData` is sent; fields without a file name are passed over.
+        folder: where to: one that only the user can enter (`tempfile`). Nothing in it is overwritten.
+
+    Returns:
+        The files, in the order in which they were sent. Names are kept as far as they are harmless.
+
+    Raises:
+        InputError: not a multipart request, too large, too many, a file that is no image, or a header that names voxels outside
+            of the folder. None of the request's files is left then.
+    """
+    _check_size(request.content_length or 0, folder)
+    if not request.content_type.startswith("multipart/"):
+        raise InputError(f"Files were sent as {shown(request.content_type)}; expected multipart/form-data.")
+    received: list[Path] = []
+    try:
+        await _receive(request, folder, received)
+        for path in received:
+            _check_voxels_are_inside(path, folder)
+    except BaseException:
+        for path in received:
+            path.unlink(missing_ok=True)
+        raise
+    return received
+
+
+async def _receive(request: web.Request, folder: Path, received: list[Path]) -> None:
+    total = 0
+    try:
+        reader = await request.multipart()
+        while (part := await reader.next()) is not None:
+            if not isinstance(part, BodyPartReader) or not part.filename:
+                continue
+            if len(received) == MOST_FILES:
+                raise InputError(f"More than {MOST_FILES} files at once; send one series alone.")
+            file, path = _create(folder, part.filename)
+            received.append(path)
+            with file:
+                start = b""
+                while chunk := await part.read_chunk(_CHUNK):
+                    total += len(chunk)
+                    _check_size(total, folder)
+                    start += chunk[: DICOM_START_BYTES - len(start)]
+                    _write(file, chunk)
+            _check_kind(part.filename, path, start)
+    except InputError:
+        raise
+    except (ValueError, HttpProcessingError, web.RequestPayloadError, ConnectionError) as error:
+        raise InputError("The files did not arrive whole; send them again.") from error
+    if not received:
+        raise InputError("No file was sent.")
+
+
+def _check_size(size: int, folder: Path) -> None:
+    if size > LARGEST_UPLOAD:
+        raise InputError(
+            f"The files are larger than {LARGEST_UPLOAD >> 30} GB together, which is the most that may be sent. Copy them to "
+            "the computer that the app runs on, and open them by their path."
+        )
+    if size and shutil.disk_usage(folder).free < DISK_TO_SPARE:
+        raise InputError(f"The disk of the computer that the app runs on is full ({folder}). Make room, and send them again.")
+
+
+def _create(folder: Path, name: str) -> tuple[BinaryIO, Path]:
+    """A new file under the harmless part of a name."""
+    for candidate in _candidates(_harmless(name)):
+        path = folder / candidate
+        try:
+            return path.open("xb"), path
+        except FileExistsError:
+            continue
+    raise AssertionError("names do not end")
+
+
+def _harmless(name: str) -> str:
+    """The last part of a name, of letters, digits, `.`, `_` and `-` alone; no hidden file, none of Windows' devices."""
+    last = PurePosixPath(name.replace("\\", "/")).name
+    plain = re.sub(r"[^A-Za-z0-9._-]", "_", last).strip(".")[-LONGEST_NAME:].lstrip(".-")
+    if re.fullmatch(r"(?i)(con|prn|aux|nul|com\d|lpt\d|)(\..*)?", plain):
+        return f"file_{plain}"
+    return plain
+
+
+def _candidates(name: str) -> Iterator[str]:
+    """The name itself, then ones with a number: folders of a series have files of equal names."""
+    yield name
+    stem, dot, ending = name.partition(".")
+    for number in range(2, MOST_FILES + 2):
+        yield f"{stem}-{number}{dot}{ending}"
+
+
+def _write(file: BinaryIO, chunk: bytes | bytearray) -> None:
+    try:
+        file.write(chunk)
+    except OSError as error:
+        raise InputError(f"The files cannot be kept: {error.strerror or error}. Make room, and send them again.") from error
+
+
+def _check_kind(name: str, path: Path, start: bytes) -> None:
+    known = image_ending(path) is not None or path.name.lower().endswith((*_BESIDE_HEADERS, *_SCENES))
+    if not known and not is_dicom_start(start):
+        raise InputError(
+            f"{shown(PurePosixPath(name).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
+            "MetaImage (.mha), or a saved session (.mrb)."
+        )
+
+
+def _check_voxels_are_inside(path: Path, folder: Path) -> None:
+    """A header may name any file of the computer as that of its voxels."""
+    if image_ending(path) is None:
+        return
+    stored = locate_voxels(path)
+    if stored is not None and folder.resolve() not in stored.path.resolve().parents:
+        raise InputError(f"{path.name} names a file elsewhere as that of its voxels. Save it as one file, .nrrd say.")

@@ -1,0 +1,79 @@
+"""Volumes from files, as nodes of the scene."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..Logic.core.errors import InputError
+from ..Logic.core.intensity_window import (
+    CT_BONE,
+    CT_LUNG,
+    CT_SOFT_TISSUE,
+    IntensityWindow,
+    display_window,
+    looks_like_hounsfield_units,
+)
+from ..Logic.core.volume import Volume
+from ..Logic.files.volume_files import read_volume
+from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
+
+CT_WINDOWS = {"Soft tissue": CT_SOFT_TISSUE, "Lung": CT_LUNG, "Bone": CT_BONE}
+
+
+def sample_path() -> Path:
+    """A chest CT that comes with the Python package slicerio.
+
+    Raises:
+        InputError: the package is not installed, or came without it.
+    """
+    try:
+        import slicerio
+    except ImportError as error:
+        raise InputError("The sample is part of the Python package slicerio: pip install slicerio.") from error
+    path = Path(slicerio.__file__).parent / "data" / "CTChest4.nrrd"
+    if not path.exists():
+        raise InputError("This version of the Python package slicerio has no sample (CTChest4.nrrd); open a file of your own.")
+    return path
+
+
+def volume_of_files(paths: list[Path]) -> Volume:
+    """The volume in some files: one image, a header with its voxels, or the slices of a DICOM series in one folder.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    headers = [path for path in paths if path.name.lower().endswith((".nhdr", ".mhd", ".hdr"))]
+    if len(paths) == 1:
+        return read_volume(paths[0])
+    return read_volume(headers[0]) if len(headers) == 1 else read_volume(paths[0].parent)
+
+
+def add_volume(scene: Any, volume: Volume) -> Any:
+    """A node of the scene with a volume's voxels; returns it."""
+    node = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", volume.name)
+    set_image(node, volume.array, volume.geometry.ijk_to_ras)
+    node.CreateDefaultDisplayNodes()
+    return node
+
+
+def windows_of(node: Any) -> dict[str, IntensityWindow]:
+    """In which intensities people look at a volume node, by what they call that; the one to begin with is the first.
+
+    Raises:
+        InputError: the node is no scalar volume.
+    """
+    volume = Volume(array_from_node(node), geometry_from_node(node), node.GetName())
+    return CT_WINDOWS if looks_like_hounsfield_units(volume) else {"Automatic": display_window(volume)}
+
+
+def set_window(node: Any, low: float, high: float) -> None:
+    """Show a volume node in the slice views from black at `low` to white at `high`.
+
+    Raises:
+        InputError: that is no window.
+    """
+    window = IntensityWindow(low, high)
+    display = node.GetScalarVolumeDisplayNode()
+    display.SetAutoWindowLevel(False)
+    display.SetWindowLevelMinMax(window.low, window.high)
