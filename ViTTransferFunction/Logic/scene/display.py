@@ -96,6 +96,10 @@ class SceneDisplay:
             self._filling = rendering, SteppedWork(bytes_image(rendering.voxels))
             self._fill()
 
+    def export_rendering(self, name: str) -> slicer.vtkMRMLVectorVolumeNode | None:
+        """Nodes that go on showing what 3D views show now, without us; the volume among them. None: they show nothing."""
+        return self._rendering.export(name)
+
     @property
     def pending(self) -> bool:
         """Whether there is something still to be shown."""

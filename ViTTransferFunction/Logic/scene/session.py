@@ -281,6 +281,16 @@ class SceneSession:
             self._proxy.segment(self.parameters.refinement())
         self._notify()
 
+    def export_rendering(self) -> None:
+        """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
+        self._problems.solve("views")
+        volume = self.parameters.volume
+        if volume is None or self._display.export_rendering(f"{volume.GetName()} structures") is None:
+            self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
+        else:
+            self.parameters.set("rendering", "off")
+        self._notify()
+
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
         node = self.parameters.segmentation

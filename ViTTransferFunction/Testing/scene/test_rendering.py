@@ -263,7 +263,7 @@ def test_what_is_around_structures_is_seen_as_far_as_it_is_wanted(stage: Stage) 
     shown = stage.show_structures(two_balls()[:1], appearances([RED]), intensities=intensities)
     assert (stage.mean(stage.picture(), RIGHT) == 0).all()
     strong = stage.mean(stage.change(shown, appearances([RED]), around), RIGHT)
-    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.005)), RIGHT)
+    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.001)), RIGHT)
     assert hue(strong) == pytest.approx([0, 1, 0], abs=0.1)
     assert strong[1] > 100 > faint[1] > 3
 
