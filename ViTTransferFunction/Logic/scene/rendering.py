@@ -85,6 +85,32 @@ class ClassRendering:
         if shader is not None:
             set_uniforms(shader.GetShaderProperty(), uniforms)
 
+    def cut(self, box: Any) -> None:
+        """Show only what lies in a vtkMRMLMarkupsROINode, whose handles are then in the views; None: all."""
+        display = self._nodes.find(DISPLAY_NAME)
+        if display is not None and (display.GetROINode(), bool(display.GetCroppingEnabled())) != (box, box is not None):
+            display.SetAndObserveROINodeID(box.GetID() if box is not None else None)
+            display.SetCroppingEnabled(box is not None)
+
+    def export(self, name: str) -> Any:
+        """Leave what is shown to the scene: it is saved, and shown alike by a Slicer without this extension.
+
+        Args:
+            name: of the volume node that users see.
+
+        Returns:
+            The volume node; None where nothing is shown.
+        """
+        volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
+        if volume is None or display is None or not display.GetVisibility():
+            return None
+        volume.GetVolumeDisplayNode().SetSaveWithScene(True)
+        for node in self._nodes.release():
+            node.SetName(node.GetName().replace(VOLUME_NAME, name))
+        # What is shown next has nodes of its own.
+        self._smoothing.restore()
+        return volume
+
     def hide(self) -> None:
         """Take the structures out of the views, and undo what was set in them."""
         display = self._nodes.find(DISPLAY_NAME)

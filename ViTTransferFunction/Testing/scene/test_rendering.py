@@ -263,7 +263,7 @@ def test_what_is_around_structures_is_seen_as_far_as_it_is_wanted(stage: Stage) 
     shown = stage.show_structures(two_balls()[:1], appearances([RED]), intensities=intensities)
     assert (stage.mean(stage.picture(), RIGHT) == 0).all()
     strong = stage.mean(stage.change(shown, appearances([RED]), around), RIGHT)
-    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.005)), RIGHT)
+    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.001)), RIGHT)
     assert hue(strong) == pytest.approx([0, 1, 0], abs=0.1)
     assert strong[1] > 100 > faint[1] > 3
 
@@ -301,6 +301,29 @@ def test_a_structure_has_a_smooth_surface_where_the_one_that_touches_it_is_hidde
     # Flat, and seen at a right angle.
     assert cut_face.min() > 120
     assert np.ptp(cut_face) < 40
+
+
+def test_a_box_cuts_and_the_cut_is_closed(stage: Stage) -> None:
+    stage.show([one_ball(8.0)], [RED])
+    box = stage.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode")
+    box.CreateDefaultDisplayNodes()
+    box.GetDisplayNode().SetVisibility(False)
+    left = GRID.ijk_to_ras_points(np.array([[17.0, 9.5, 7.5]]))[0]
+    right = GRID.ijk_to_ras_points(np.array([[6.0, 9.5, 7.5]]))[0]
+    box.SetXYZ((left - np.array([9.0, 0.0, 0.0])).tolist())
+    box.SetRadiusXYZ([20.0, 100.0, 100.0])
+    stage.rendering.cut(box)
+    cut = stage.picture()
+    seen = [stage.mean(cut, point).max() > 40 for point in (left, right)]
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0) if seen[1] else (-1.0, 0.0, 0.0))
+    face = stage.mean(stage.picture(), MIDDLE)
+    stage.rendering.cut(None)
+    look_from(stage.view, MIDDLE, DISTANCE_MM)
+    whole = stage.picture()
+    assert sorted(seen) == [False, True]
+    assert hue(face) == pytest.approx([1, 0, 0], abs=0.1)
+    assert face.max() > 120
+    assert all(stage.mean(whole, point).max() > 40 for point in (left, right))
 
 
 def displayed_volume(stage: Stage) -> Any:
