@@ -1,0 +1,66 @@
+"""A real browser without a window, and pages of the app in it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BROWSER_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_BROWSER") == "1"
+PICTURES = os.environ.get("VITTF_APP_PICTURES")
+"""Folder for a picture of each step of the tests; else pytest's temporary folder."""
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, or what is made of it, driven by Playwright."""
+    # Within the fixture, since tests that run a loop of their own cannot do so beside Playwright's.
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        _missing("the Python package playwright is not installed")
+    with sync_playwright() as playwright:
+        own = playwright.chromium.executable_path
+        path = next(filter(None, map(shutil.which, NAMES)), own if Path(own).exists() else None)
+        if path is None:
+            _missing(f"no browser was found: none of {', '.join(NAMES)}, nor one of `playwright install chromium`")
+        # Containers have little shared memory.
+        browser = playwright.chromium.launch(executable_path=path, args=["--disable-dev-shm-usage"])
+        yield browser
+        browser.close()
+
+
+def _missing(reason: str) -> Any:
+    if BROWSER_IS_REQUIRED:
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(PICTURES) if PICTURES else tmp_path_factory.mktemp("pictures")
+
+
+@pytest.fixture
+def new_page(browser: Any, pictures: Path, request: pytest.FixtureRequest) -> Iterator[Callable[[], Any]]:
+    """Opens a page in a browser of its own: one that shares nothing with the others."""
+    from ViTTransferFunction.Testing.support.web_app import AppPage
+
+    pages: list[AppPage] = []
+    contexts: list[Any] = []
+
+    def open_one() -> AppPage:
+        contexts.append(browser.new_context(viewport={"width": 1280, "height": 800}))
+        pages.append(AppPage(contexts[-1].new_page(), pictures / request.module.__name__.rpartition(".")[2]))
+        return pages[-1]
+
+    yield open_one
+    for context in contexts:
+        context.close()
+    assert not [error for page in pages for error in page.errors]

@@ -1,0 +1,231 @@
+"""What users do in the browser, on a made-up volume and a network of random weights: each test goes on from a fresh page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Testing.support.tiny_model import random_state_dict
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+from ViTTransferFunction.Testing.support.web_app import (
+    AppPage,
+    Server,
+    change_near,
+    changed_share,
+    serving,
+    still_running,
+)
+
+pytestmark = pytest.mark.slow
+MODEL = "dinov2_vits14_focus"
+NewPage = Callable[[], AppPage]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Holds the volume, the weights, and what the servers cache."""
+    import SimpleITK as sitk  # noqa: N813
+    import torch
+
+    from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+
+    folder = tmp_path_factory.mktemp("app")
+    torch.save(random_state_dict(PRETRAINED_MODELS[MODEL]), folder / "random.pt")
+    shape, spacing_mm = (40, 48, 56), 2.0
+    kji = np.stack(np.meshgrid(*[np.arange(n) for n in shape], indexing="ij"), axis=-1)
+    voxels = np.random.default_rng(0).normal(0.0, 8.0, shape)
+    for centre, radius, intensity in (((20, 24, 18), 10, 200), ((20, 24, 40), 8, 100)):
+        voxels[np.linalg.norm(kji - centre, axis=-1) < radius] += intensity
+    image = sitk.GetImageFromArray(voxels.astype(np.int16))
+    image.SetSpacing([spacing_mm] * 3)
+    sitk.WriteImage(image, str(folder / "two balls.nrrd"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def options(folder: Path) -> list[str]:
+    return ["--weights", str(folder / "random.pt"), "--model", MODEL, "--device", "cpu"]
+
+
+@pytest.fixture(scope="module")
+def server(browser: object, folder: Path, options: list[str]) -> Iterator[Server]:
+    with serving(*options, "--grid", "8", cache=folder) as server:
+        yield server
+
+
+@pytest.fixture
+def at_app(new_page: NewPage, server: Server) -> AppPage:
+    """A page of the app. The browser before has left, so that it may have the session."""
+    page = new_page()
+    page.page.goto(server.address)
+    page["app"].wait_for()
+    return page
+
+
+def open_volume(page: AppPage, path: Path) -> None:
+    page["open"].click()
+    page["open-path"].fill(str(path))
+    page["open-path-go"].click()
+    page.wait_for_state(f"volume_name === '{path.stem}' && opening === '' && phase !== 'extracting'")
+
+
+def extract(page: AppPage) -> None:
+    page["extract"].click()
+    page.wait_for_state("phase === 'ready'")
+
+
+def add_structure(page: AppPage, number: int) -> None:
+    page["add-class"].click()
+    page[f"class-{number}"].wait_for()
+
+
+def click_at(page: AppPage, extent: tuple[int, int, int, int], i: float, j: float) -> tuple[float, float]:
+    """Click in the axial view at a voxel; returns the pixel. The volume's axes are those of the view: to the left and back."""
+    left, right, top, bottom = extent
+    pixel = left + (i + 0.5) / 56 * (right - left), top + (j + 0.5) / 48 * (bottom - top)
+    page.click_in("Red", *pixel)
+    return pixel
+
+
+def test_without_the_token_there_is_no_page(new_page: NewPage, server: Server) -> None:
+    page = new_page()
+    root = server.address.split("/")[2]
+    for path in ("", "index.html", "ws", "x" * 43 + "/"):
+        response = page.page.goto(f"http://{root}/{path}")
+        assert response.status == 403
+    page.keep_picture("no token")
+    assert "whole address" in page.page.inner_text("body")
+
+
+def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: AppPage, folder: Path, tmp_path: Path) -> None:
+    import slicerio
+
+    page = at_app
+    page.keep_picture("welcome")
+    open_volume(page, folder / "two balls.nrrd")
+    extract(page)
+    extent = page.extent_in("Red")
+    page.keep_picture("features")
+    add_structure(page, 0)
+    before, before_3d = page.picture("Red"), page.picture("ThreeD")
+    pixel = click_at(page, extent, 18, 24)
+    page.wait_for_state("classes[0].positive === 1 && up_to_date")
+    positive = page.wait_for_picture("Red", lambda picture: change_near(before, picture, *pixel) > 15)
+    assert change_near(before, positive, extent[0] + 12, extent[2] + 12) < 5, "the overlay is everywhere"
+    page.wait_for_picture("ThreeD", lambda picture: changed_share(before_3d, picture) > 0.02)
+    page.keep_picture("a positive point")
+
+    page["tool-pointOff"].click()
+    outside = click_at(page, extent, 40, 24)
+    page.wait_for_state("classes[0].negative === 1 && up_to_date")
+    page.wait_for_picture("Red", lambda picture: change_near(positive, picture, *outside, radius=3) > 5)
+    page.keep_picture("a negative point")
+    page["refine"].uncheck()
+    page.wait_for_state("up_to_date")
+    page["refine"].check()
+    page.wait_for_state("up_to_date")
+
+    page["class-name-0"].fill("bright ball")
+    page["class-name-0"].press("Enter")
+    page["write-segments"].click()
+    page.wait_for_state("written && progress === null")
+    page.keep_picture("segments")
+    with page.page.expect_download() as download:
+        page["download-segmentation"].click()
+    download.value.save_as(tmp_path / download.value.suggested_filename)
+    assert download.value.suggested_filename == "two_balls.seg.nrrd"
+    segmentation = slicerio.read_segmentation(str(tmp_path / "two_balls.seg.nrrd"))
+    (segment,) = segmentation["segments"]
+    assert segment["name"] == "bright ball"
+    voxels = segmentation["voxels"] == segment["labelValue"]
+    # The file has the axes i, j, k, and a crop of the volume at least as large as what was found.
+    assert voxels.sum() > 500
+
+
+def test_a_file_is_sent_by_the_browser_and_a_bad_one_gives_a_message(at_app: AppPage, folder: Path) -> None:
+    page = at_app
+    bad = folder / "notes.nrrd"
+    bad.write_text("not an image", encoding="utf-8")
+    for path, said in ((bad, "notes.nrrd"), (folder / "random.pt", "no known format")):
+        page["open"].click()
+        page["open-upload"].set_input_files(path)
+        page["message"].wait_for()
+        page.keep_picture("bad file")
+        text = page["message"].inner_text()
+        assert said in text
+        assert "Traceback" not in text
+        page["message-close"].click()
+        page["message"].wait_for(state="detached")
+    page["open"].click()
+    page["open-upload"].set_input_files({
+        "name": "sent.nrrd", "mimeType": "application/octet-stream", "buffer": (folder / "two balls.nrrd").read_bytes()
+    })  # fmt: skip
+    page.wait_for_state("volume_name === 'sent' && opening === ''")
+
+
+def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, folder: Path) -> None:
+    page = at_app
+    open_volume(page, folder / "two balls.nrrd")
+    extent = page.extent_in("Red")
+    add_structure(page, 0)
+    click_at(page, extent, 18, 24)
+    page.wait_for_state("classes[0].positive === 1")
+    hostile = "{{ constructor.constructor('window.owned = true')() }}<img src=x onerror='window.owned = true'>"
+    page["class-name-0"].fill(hostile)
+    page["class-name-0"].press("Enter")
+    page.wait_for_state("classes[0].name.startsWith('{{')")
+    picture = page.picture("Red")
+    page.page.reload()
+    page.wait_for_state("classes.length === 1 && classes[0].positive === 1")
+    assert page["class-name-0"].input_value() == hostile
+    assert page["volume-name"].inner_text() == "two balls"
+    page.wait_for_picture("Red", lambda again: np.abs(again.astype(int) - picture).mean() < 5)
+    page.keep_picture("after a reload")
+    assert page.page.evaluate("window.owned") is None
+
+
+def test_a_second_browser_is_told_and_the_first_goes_on(at_app: AppPage, new_page: NewPage, server: Server) -> None:
+    other = new_page()
+    assert other.page.goto(server.address).status == 409
+    other.keep_picture("second browser")
+    assert "open in another browser" in other.page.inner_text("body")
+    at_app["theme"].click()
+    at_app.page.locator("[data-theme=light]").wait_for()
+    at_app.keep_picture("light")
+
+
+def test_an_extraction_is_cancelled_and_an_interruption_of_another_leaves_no_process(
+    new_page: NewPage, folder: Path, options: list[str]
+) -> None:
+    with serving(folder / "two balls.nrrd", *options, "--grid", "48", cache=folder) as server:
+        page = new_page()
+        page.page.goto(server.address)
+        page["extract"].click()
+        page["extract-cancel"].click()
+        page.wait_for_state("phase === 'no features'")
+        page.keep_picture("cancelled")
+        page["extract"].click()
+        page.wait_for_state("progress && progress.share > 0")
+        processes = server.processes()
+        assert len(processes) > 1, "features are not computed in a process of their own"
+        assert server.interrupt() == 0
+        assert not still_running(processes)
+        assert "Traceback" not in server.log()
+
+
+def test_closing_the_tab_leaves_no_process(new_page: NewPage, folder: Path, options: list[str]) -> None:
+    with serving(*options, "--grid", "8", cache=folder, seconds_to_return=0.5) as server:
+        page = new_page()
+        page.page.goto(server.address)
+        page["app"].wait_for()
+        processes = server.processes()
+        page.page.close()
+        assert not still_running(processes)
+        assert server.process.wait() == 0
+        assert "Traceback" not in server.log()
