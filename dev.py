@@ -1,6 +1,7 @@
 """Set up and run everything, on a machine that has Python and pip.
 
     python dev.py demo     segment a chest CT from a few points and draw the result, in demo_output/
+    python dev.py app      the tool in a browser, on a sample CT; or on a volume of yours: `app VOLUME`, and further arguments
     python dev.py test     run the tests; `--quick` leaves out the slow ones; further arguments go to pytest
     python dev.py lint     check style and types
     python dev.py attack   run `vittf` on odd, damaged and hostile input: `attack --cases 5000 --seed 1`
@@ -48,7 +49,7 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    every = (demo, test, lint, attack, bench, screenshots, rooms, lock)
+    every = (demo, app, test, lint, attack, bench, screenshots, rooms, lock)
     commands = {command.__name__: command for command in every}
     parser.add_argument("command", choices=list(commands))
     command, rest = parser.parse_known_args()
@@ -59,6 +60,12 @@ def demo(arguments: list[str]) -> int:
     """Run the demo."""
     set_up("demo")
     return run("-m", "ViTTransferFunction.CommandLine.demo", *arguments)
+
+
+def app(arguments: list[str]) -> int:
+    """Run the app in a browser."""
+    set_up("app", "demo")
+    return run("-m", "ViTTransferFunction.CommandLine.app_demo", *arguments)
 
 
 def test(arguments: list[str]) -> int:

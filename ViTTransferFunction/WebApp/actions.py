@@ -155,7 +155,10 @@ class Actions:
         if mode in RENDERINGS:
             self._app.session.parameters.set("rendering", mode)
 
-    def _set_window(self, low: float, high: float) -> None:
+    def _set_window(self, low: float | None, high: float | None) -> None:
+        """Set both ends of the window, or one; None: as it is."""
         volume = self._app.session.parameters.volume
         if volume is not None:
-            set_window(volume, float(low), float(high))
+            display = volume.GetScalarVolumeDisplayNode()
+            low = display.GetWindowLevelMin() if low is None else float(low)
+            set_window(volume, low, display.GetWindowLevelMax() if high is None else float(high))

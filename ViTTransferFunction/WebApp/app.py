@@ -116,6 +116,7 @@ class WebApp:
             disable_logging=True,
             exec_mode="coroutine",
         )
+        asyncio.get_running_loop().set_exception_handler(_without_lost_connections)
         following = asyncio.create_task(self._follow())
         serving_task = asyncio.create_task(serving)
         if volume is not None:
@@ -187,10 +188,8 @@ class WebApp:
         was_busy = False
         while True:
             self.session.poll()
-            if self._stale:
+            if self._stale or self.session.busy != was_busy:
                 self.refresh()
-            if was_busy and not self.session.busy:
-                self.views.settle()
             was_busy = self.session.busy
             pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
             with suppress(asyncio.TimeoutError):
@@ -288,3 +287,9 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
+
+
+def _without_lost_connections(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Handle what a task ended with: that the browser was gone when pictures were sent to it is nothing to report."""
+    if not isinstance(context.get("exception"), ConnectionError):
+        loop.default_exception_handler(context)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_anywhere, imports_at_file_scope
-from ViTTransferFunction.Testing.support.rooms import ARROWS, KNOWS_MRML, drawing
+from ViTTransferFunction.Testing.support.rooms import ARROWS, FRONT_ENDS, KNOWS_MRML, drawing
 
 MODULE = Path(__file__).parents[2]
 ROOT = MODULE.parent
@@ -50,6 +50,24 @@ def test_a_file_imports_from_no_room_but_those_that_its_own_may_enter(path: Path
         if package == PACKAGE:
             assert rest[0] == "Logic", f"{module} is no part of the Logic"
             assert rest[1] == room or rest[1] in ARROWS[room], f"{room} may not import {module}"
+
+
+@pytest.mark.parametrize("front_end", FRONT_ENDS)
+def test_a_front_end_imports_from_no_room_but_its_own(front_end: str) -> None:
+    for path in sorted((MODULE / front_end).rglob("*.py")):
+        for module in imported(path):
+            package, *rest = module.split(".")
+            if package != PACKAGE or rest[0] == front_end:
+                continue
+            if rest[0] == "Logic":
+                assert rest[1] in FRONT_ENDS[front_end], f"{path.name} imports {module}"
+            else:
+                assert (front_end, rest[0]) == ("CommandLine", "WebApp"), f"{path.name} imports {module}"
+
+
+def test_the_app_in_the_browser_computes_nothing_itself() -> None:
+    for path in (MODULE / "WebApp").rglob("*.py"):
+        assert not {"torch", "scipy", "SimpleITK"} & {module.partition(".")[0] for module in imported(path)}, path.name
 
 
 @pytest.mark.parametrize("room", sorted(ARROWS))

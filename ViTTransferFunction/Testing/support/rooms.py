@@ -18,6 +18,13 @@ ARROWS: dict[str, tuple[str, ...]] = {
 }
 """Room → the rooms that its files may import."""
 
+FRONT_ENDS: dict[str, tuple[str, ...]] = {
+    "Widget": ("core", "weights", "features", "refinement", "session", "scene"),
+    "WebApp": ("core", "files", "session", "scene"),
+    "CommandLine": tuple(ARROWS)[:-1],
+}
+"""Folder beside the Logic → the rooms that its files may import. Of each other, only `CommandLine` knows `WebApp`."""
+
 KNOWS_MRML = {"scene"}
 """Rooms that know VTK and Slicer's scene, and no PyTorch; all others are the other way round."""
 

@@ -1,6 +1,6 @@
 // The keyboard, and files that are chosen or dropped. Everything else is in the page's template.
 (() => {
-  const state = (name) => window.trame.state.get(name);
+  const state = (name) => window.trame && window.trame.state && window.trame.state.get(name);
   const set = (name, value) => window.trame.state.set(name, value);
   const act = (...request) => window.trame.trigger("act", request);
 
@@ -15,7 +15,7 @@
 
   function isTyping(element) {
     return element && (element.tagName === "SELECT" || element.tagName === "TEXTAREA" ||
-      (element.tagName === "INPUT" && ["text", "number"].includes(element.type)));
+      (element.tagName === "INPUT" && ["text", "number"].includes(element.type) && !element.readOnly));
   }
 
   window.addEventListener("keydown", (event) => {
@@ -33,7 +33,11 @@
     const row = event.target.closest && event.target.closest("[data-class-row]");
     if (state("table_keys").includes(shortcut.action)) {
       if (!row) return;
-      if (shortcut.action === "rename") row.querySelector("input[type=text]").select();
+      if (shortcut.action === "rename") {
+        const name = row.querySelector("[data-name]");
+        name.readOnly = false;
+        name.select();
+      }
       else act(shortcut.action);
     } else if (shortcut.action === "help") set("asking_help", !state("asking_help"));
     else act(shortcut.action);
