@@ -108,7 +108,7 @@ class Rendering:
         self._reach_ras = _reach(rgba, grid)
         renderer = vtkRenderer()
         renderer.AddVolume(color_volume_prop(rgba, grid.ijk_to_ras))
-        _add_lights(renderer)
+        add_lights(renderer)
         self._window = OffscreenWindow(renderer)
 
     def __enter__(self) -> Rendering:
@@ -244,7 +244,7 @@ def _material(lowest_code: float, highest_code: float) -> vtkVolumeProperty:
     return material
 
 
-def _add_lights(renderer: vtkRenderer) -> None:
+def add_lights(renderer: vtkRenderer) -> None:
     """A warm key light from the upper left, a cool fill from the right, a faint one from below; they move with the camera."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in (
