@@ -7,6 +7,7 @@
     python dev.py attack   run `vittf` on odd, damaged and hostile input: `attack --cases 5000 --seed 1`
     python dev.py bench    run a benchmark: `bench solver`, say; further arguments go to it
     python dev.py screenshots    draw the pictures of the README; arguments go to it, `--help` names them
+    python dev.py gallery  draw the README's gallery, of scans that `--volumes` names the folder of
     python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
     python dev.py lock     write locked-requirements.txt anew, after a change of constraints.txt or pyproject.toml
 
@@ -49,7 +50,7 @@ def main() -> int:
         )
         return 2
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    every = (demo, app, test, lint, attack, bench, screenshots, rooms, lock)
+    every = (demo, app, test, lint, attack, bench, screenshots, gallery, rooms, lock)
     commands = {command.__name__: command for command in every}
     parser.add_argument("command", choices=list(commands))
     command, rest = parser.parse_known_args()
@@ -103,6 +104,12 @@ def screenshots(arguments: list[str]) -> int:
     """Draw the pictures of the README."""
     set_up("test")
     return run("-m", "ViTTransferFunction.Testing.support.readme_pictures.run", *arguments)
+
+
+def gallery(arguments: list[str]) -> int:
+    """Draw the gallery of the README."""
+    set_up("test")
+    return run("-m", "ViTTransferFunction.Testing.support.readme_pictures.gallery", *arguments)
 
 
 def rooms(arguments: list[str]) -> int:

@@ -63,7 +63,11 @@ def check_segments(segments: Sequence[PictureSegment], shape: tuple[int, int, in
 
 
 def save_png(picture: np.ndarray, path: Path) -> None:
-    """Write `picture` (H, W, 3) uint8 to `path`, whole or not at all; its folder is made if missing.
+    """Write a picture to `path`, whole or not at all; its folder is made if missing.
+
+    Args:
+        picture: (H, W, 3) uint8, or (H, W, 4) with the opacity of each pixel.
+        path: of the file.
 
     Raises:
         InputError: the file cannot be written.
@@ -71,7 +75,7 @@ def save_png(picture: np.ndarray, path: Path) -> None:
     image = vtkImageData()
     image.SetDimensions(picture.shape[1], picture.shape[0], 1)
     # VTK counts rows from the bottom.
-    image.GetPointData().SetScalars(numpy_to_vtk(np.ascontiguousarray(picture[::-1]).reshape(-1, 3), deep=True))
+    image.GetPointData().SetScalars(numpy_to_vtk(np.ascontiguousarray(picture[::-1]).reshape(-1, picture.shape[2]), deep=True))
     # Written to memory: the file's own errors then come from Python, not from VTK's error log.
     writer = vtkPNGWriter()
     writer.SetInputData(image)

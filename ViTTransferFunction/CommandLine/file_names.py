@@ -1,6 +1,8 @@
-"""Names of files that every system takes, for what users call their classes and cases."""
+"""Names of files: that every system takes, for what users call their classes and cases; and beside another file."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 _DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in range(10))}
 
@@ -14,3 +16,8 @@ def file_stem(name: str) -> str:
 def is_device(name: str) -> bool:
     """Whether Windows takes a file's name for that of a device, as it does in every folder and with every ending."""
     return name.partition(".")[0].strip().upper() in _DEVICES_OF_WINDOWS
+
+
+def rendering_path(path: Path) -> Path:
+    """Where the 3D rendering lies, by the path of the slice picture."""
+    return path.with_name(f"{path.stem}_3d{path.suffix}")

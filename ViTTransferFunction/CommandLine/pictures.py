@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ViTTransferFunction.CommandLine.canvas import PictureSegment, save_png
-from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, render_3d
+from ViTTransferFunction.CommandLine.file_names import rendering_path
+from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
 from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
@@ -43,27 +44,51 @@ def draw_pictures(
     Raises:
         InputError: a picture cannot be drawn or written.
     """
-    window = display_window(volume)
-    bounds = (window.low, window.high)
-    shown = [
+    shown = shown_segments(labels, segments, opacities)
+    progress(0, 2, "Drawing pictures")
+    draw_slice_picture(path, volume, shown, classes)
+    progress(1, 2, "Drawing pictures")
+    save_png(render_3d(volume, shown, context_above=_context_above(volume)), rendering_path(path))
+    progress(2, 2, "Drawing pictures")
+    return path, rendering_path(path)
+
+
+def shown_segments(
+    labels: np.ndarray, segments: Sequence[Segment], opacities: Sequence[float] | None = None
+) -> list[PictureSegment]:
+    """The segments of labels (K, J, I), as `draw_pictures` has them."""
+    return [
         PictureSegment(segment.name, segment.color, opacity, labels == label)
         for label, (segment, opacity) in enumerate(zip(segments, opacities or [1.0] * len(segments), strict=True), start=1)
     ]
+
+
+def draw_slice_picture(
+    path: Path, volume: Volume, shown: Sequence[PictureSegment], classes: Sequence[AnnotatedClass] = ()
+) -> None:
+    """Draw the slices with overlay, and mark the points of the annotations, which are in the order of what is shown.
+
+    Raises:
+        InputError: the picture cannot be written.
+    """
+    window = display_window(volume)
     points = [
         PicturePoint(position, index, positive)
         for index, annotated in enumerate(classes)
         for positive, positions in ((True, annotated.request.positive), (False, annotated.request.negative))
         for position in positions
     ]
-    progress(0, 2, "Drawing pictures")
-    save_png(draw_slices(volume, shown, window=bounds, points=points), path)
-    progress(1, 2, "Drawing pictures")
-    bone = BONE_HU if looks_like_hounsfield_units(volume) else None
-    save_png(render_3d(volume, shown, context_above=bone), rendering_path(path))
-    progress(2, 2, "Drawing pictures")
-    return path, rendering_path(path)
+    save_png(draw_slices(volume, shown, window=(window.low, window.high), points=points), path)
 
 
-def rendering_path(path: Path) -> Path:
-    """Where the 3D rendering lies, by the path of the slice picture."""
-    return path.with_name(f"{path.stem}_3d{path.suffix}")
+def open_rendering(volume: Volume, shown: Sequence[PictureSegment]) -> Rendering:
+    """The segments in 3D, one of which at least has voxels; in CT, among the bones.
+
+    Raises:
+        InputError: OpenGL is missing.
+    """
+    return Rendering(volume, shown, context_above=_context_above(volume))
+
+
+def _context_above(volume: Volume) -> float | None:
+    return BONE_HU if looks_like_hounsfield_units(volume) else None

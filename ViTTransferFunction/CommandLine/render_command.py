@@ -1,40 +1,197 @@
-"""`vittf render`: pictures of a segmentation over its volume."""
+"""`vittf render`: a segmentation over its volume as slices, in 3D, and as a film that turns."""
 
 from __future__ import annotations
 
 import argparse
+import math
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from ViTTransferFunction.CommandLine.file_names import rendering_path
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.Logic.core.errors import InputError
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ViTTransferFunction.CommandLine.camera import Camera, Direction, Size
+    from ViTTransferFunction.CommandLine.canvas import PictureSegment
+    from ViTTransferFunction.CommandLine.film import FilmPlan
+    from ViTTransferFunction.CommandLine.rendering_picture import Rendering
+    from ViTTransferFunction.Logic.core.progress import Progress
+    from ViTTransferFunction.Logic.core.volume import Volume
+    from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
+
+VIEW_DEGREES = {
+    "front": (0.0, 0.0),
+    "back": (180.0, 0.0),
+    "left": (90.0, 0.0),
+    "right": (-90.0, 0.0),
+    "top": (180.0, 90.0),
+    "bottom": (0.0, -90.0),
+}
+"""Azimuth and elevation of the patient's sides. From top and bottom, what is in front is up, as in Slicer."""
+
+FILM_HEIGHT = 480
+"""Of films whose size nobody gave: without a GPU, a frame of this height takes about a second."""
+
 
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
-    parser = subparsers.add_parser("render", help="draw a segmentation: slices with overlay, and in 3D")
+    parser = subparsers.add_parser(
+        "render",
+        help="draw a segmentation: slices with overlay, in 3D, and as a film",
+        description="Draw a segmentation over its volume, as -o, --3d and --turntable say, of which at least one is needed.",
+    )
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="the segmented volume: an image, or a DICOM folder")
     parser.add_argument("segmentation", metavar="OUT.seg.nrrd", type=Path, help="its segmentation, or a label map")
-    parser.add_argument("-o", "--output", metavar="P.png", type=Path, required=True, help="slices; the 3D picture is P_3d.png")
-    parser.add_argument("--annotations", metavar="A.json", type=Path, help="also mark these points")
+    parser.add_argument("-o", "--output", metavar="P.png", type=Path, help="slices; and in 3D, as P_3d.png or what --3d says")
+    parser.add_argument("--3d", metavar="P.png", type=Path, dest="picture_3d", help="the 3D picture; without -o, it alone")
+    parser.add_argument("--turntable", metavar="F.mp4|F.gif", type=Path, help="a film, once around the patient")
+    parser.add_argument("--annotations", metavar="A.json", type=Path, help="also mark these points in the slices")
+    parser.add_argument("--size", metavar="WxH", help="pixels in all, such as 1920x1080; else as wide as what is shown")
+    parser.add_argument(
+        "--view", choices=VIEW_DEGREES, help="the patient's side that is seen; else the front, from slightly above"
+    )
+    parser.add_argument("--azimuth", metavar="DEGREES", type=float, help="0 from the front, 90 from the patient's left")
+    parser.add_argument("--elevation", metavar="DEGREES", type=float, help="0 level, 90 from above, -90 from below")
+    parser.add_argument("--camera", metavar="C.json", type=Path, help="see it as another picture did, side and scale")
+    parser.add_argument("--save-camera", metavar="C.json", type=Path, help="write the camera, for other cases")
+    parser.add_argument("--transparent", action="store_true", help="3D picture without background, legend and letters")
+    parser.add_argument("--frames", metavar="N", type=int, help="of the film (default 96)")
+    parser.add_argument("--seconds", metavar="S", type=float, help="that the film takes (default 8)")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
-    if args.output.suffix.lower() != ".png":
-        raise InputError(f"{args.output}: expected a name that ends in .png.")
-    from ViTTransferFunction.CommandLine.pictures import draw_pictures, rendering_path
+    outputs = _outputs(args)
+    size, seen_from = _size(args), _direction(args)
+    from ViTTransferFunction.CommandLine.camera import read_camera, write_camera
+    from ViTTransferFunction.CommandLine.pictures import draw_slice_picture, open_rendering
     from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.files.volume_files import files_of
+
+    film = _film(args)
+    inputs = {"the volume": files_of(args.volume), "the segmentation": files_of(args.segmentation)}
+    for name, path in (("the annotations", args.annotations), ("the camera", args.camera)):
+        inputs |= {name: [path]} if path else {}
+    check_outputs(outputs, inputs)
+    camera = read_camera(args.camera) if args.camera else None
+    volume, shown, classes = _read(args)
+    look = _Look(seen_from, camera, size, _above_legend(size, shown) if film or not args.transparent else None)
+    with ProgressBar() as progress:
+        progress(0, 1, "Preparing 3D")
+        with open_rendering(volume, shown) as rendering:
+            progress(1, 1, "Preparing 3D")
+            if "the picture" in outputs:
+                draw_slice_picture(outputs["the picture"], volume, shown, classes)
+            cameras = []
+            if "the 3D picture" in outputs:
+                cameras.append(_draw_3d(outputs["the 3D picture"], rendering, look, args.transparent))
+            if film:
+                cameras.append(_shoot(film, rendering, look, progress))
+    if args.save_camera:
+        write_camera(cameras[0], args.save_camera)
+    for path in outputs.values():
+        print(path)
+    return 0
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How everything is seen.
+
+    Attributes:
+        seen_from: the side, where there is no `camera`.
+        camera: of a file.
+        size: of pictures in all; None leaves it to the camera.
+        above_legend: what the legend leaves of `size`.
+    """
+
+    seen_from: Direction
+    camera: Camera | None
+    size: Size | None
+    above_legend: Size | None
+
+    def camera_of(self, rendering: Rendering, room: Size | None, height: int, turning: bool = False) -> Camera:
+        """The camera of the file, or one that sees everything; its pictures fill the `room`, or are of a `height`."""
+        if self.camera is None:
+            return rendering.framing(self.seen_from, height=height, size=room, turning=turning)
+        return replace(self.camera, size=room or self.camera.size)
+
+
+def _outputs(args: argparse.Namespace) -> dict[str, Path]:
+    """What is to be written, in the user's words, and where to.
+
+    Raises:
+        InputError: nothing, something that has another ending, or options that do not go together.
+    """
+    picture_3d = args.picture_3d or (rendering_path(args.output) if args.output else None)
+    named = {
+        "the picture": args.output,
+        "the 3D picture": picture_3d,
+        "the film": args.turntable,
+        "the camera": args.save_camera,
+    }
+    outputs = {name: path for name, path in named.items() if path is not None}
+    if not {"the 3D picture", "the film"} & outputs.keys():
+        raise InputError("Nothing to draw: give -o P.png for slices and 3D, --3d P.png for 3D alone, or --turntable F.mp4.")
+    for name, ending in (("the picture", ".png"), ("the 3D picture", ".png"), ("the camera", ".json")):
+        if name in outputs and outputs[name].suffix.lower() != ending:
+            raise InputError(f"{outputs[name]}: expected a name that ends in {ending}.")
+    if args.transparent and "the 3D picture" not in outputs:
+        raise InputError("A film has no transparent background; --transparent goes with --3d P.png or -o P.png.")
+    if not args.turntable and (args.frames is not None or args.seconds is not None):
+        raise InputError("--frames and --seconds are a film's; give --turntable F.mp4 as well.")
+    return outputs
+
+
+def _size(args: argparse.Namespace) -> Size | None:
+    if args.size is None:
+        return None
+    from ViTTransferFunction.CommandLine.camera import checked_side
+
+    width, separator, height = args.size.lower().replace("×", "x").partition("x")
+    if not (separator and all(side.isdecimal() and len(side) < 10 for side in (width, height))):
+        raise InputError(f"--size {args.size[:40]}: expected width and height in pixels, such as 1920x1080.")
+    return checked_side(int(width), "--size"), checked_side(int(height), "--size")
+
+
+def _direction(args: argparse.Namespace) -> Direction:
+    from ViTTransferFunction.CommandLine.camera import DEFAULT_DEGREES, direction
+
+    given = {name: value for name in ("view", "azimuth", "elevation") if (value := getattr(args, name)) is not None}
+    if args.camera and given:
+        raise InputError(f"--camera says from where everything is seen, and so does --{next(iter(given))}; give one of them.")
+    azimuth, elevation = VIEW_DEGREES[args.view] if args.view else DEFAULT_DEGREES
+    azimuth, elevation = given.get("azimuth", azimuth), given.get("elevation", elevation)
+    if not math.isfinite(azimuth) or not -90.0 <= elevation <= 90.0:
+        raise InputError(f"--azimuth {azimuth:g} --elevation {elevation:g}: expected degrees, of elevation from -90 to 90.")
+    return direction(azimuth, elevation)
+
+
+def _film(args: argparse.Namespace) -> FilmPlan | None:
+    if not args.turntable:
+        return None
+    from ViTTransferFunction.CommandLine.film import DEFAULT_FRAMES, DEFAULT_SECONDS, FilmPlan, check_film_writer
+
+    frames = DEFAULT_FRAMES if args.frames is None else args.frames
+    plan = FilmPlan(args.turntable, frames, DEFAULT_SECONDS if args.seconds is None else args.seconds)
+    check_film_writer(plan.path)
+    return plan
+
+
+def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[AnnotatedClass]]:
+    """The volume, what is to be shown of it, and the annotations of that, in the same order."""
+    from ViTTransferFunction.CommandLine.pictures import shown_segments
     from ViTTransferFunction.Logic.core.resampling import resample_labels
     from ViTTransferFunction.Logic.files.annotation_files import read_annotations
     from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
-    from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
+    from ViTTransferFunction.Logic.files.volume_files import read_volume
 
-    inputs = {"the volume": files_of(args.volume), "the segmentation": files_of(args.segmentation)}
-    if args.annotations:
-        inputs["the annotations"] = [args.annotations]
-    check_outputs({"the picture": args.output, "the 3D picture": rendering_path(args.output)}, inputs)
     volume = read_volume(args.volume)
     labels, geometry, segments = read_segmentation(args.segmentation)
     labels = resample_labels(labels, geometry, volume.geometry)
@@ -48,8 +205,45 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{args.annotations} lacks some of the segments: it has {', '.join(by_name)}.")
     ordered = [by_name[segment.name] for segment in segments] if classes else []
     opacities = [annotated.opacity for annotated in ordered] or None
-    with ProgressBar() as progress:
-        pictures = draw_pictures(args.output, volume, labels, segments, opacities, ordered, progress)
-    for path in pictures:
-        print(path)
-    return 0
+    return volume, shown_segments(labels, segments, opacities), ordered
+
+
+def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None:
+    """What is left of a picture's size for the rendering.
+
+    Raises:
+        InputError: nothing.
+    """
+    if size is None:
+        return None
+    from ViTTransferFunction.CommandLine.camera import SMALLEST_SIDE
+    from ViTTransferFunction.CommandLine.rendering_picture import height_below
+
+    left = size[1] - height_below(shown, size)
+    if left < SMALLEST_SIDE:
+        raise InputError("--size leaves no room for the legend; give a larger one, or --transparent, which has none.")
+    return size[0], left
+
+
+def _draw_3d(path: Path, rendering: Rendering, look: _Look, transparent: bool) -> Camera:
+    """Draw the 3D picture; returns its camera."""
+    from ViTTransferFunction.CommandLine.camera import DEFAULT_HEIGHT
+    from ViTTransferFunction.CommandLine.canvas import save_png
+
+    camera = look.camera_of(rendering, look.size if transparent else look.above_legend, DEFAULT_HEIGHT)
+    picture = rendering.picture(camera, transparent=True) if transparent else rendering.labelled_picture(camera, look.size)
+    save_png(picture, path)
+    return camera
+
+
+def _shoot(plan: FilmPlan, rendering: Rendering, look: _Look, progress: Progress) -> Camera:
+    """Shoot the film; returns the camera of its first frame."""
+    from ViTTransferFunction.CommandLine.film import write_film
+
+    camera = look.camera_of(rendering, look.above_legend, FILM_HEIGHT, turning=True)
+
+    def frame(number: int) -> np.ndarray:
+        return rendering.labelled_picture(camera.turned(360.0 * number / plan.frames), look.size)
+
+    write_film(plan, frame, progress)
+    return camera

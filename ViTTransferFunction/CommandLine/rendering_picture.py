@@ -1,39 +1,32 @@
 """A picture of segments in 3D, by GPU volume rendering: each segment a surface in its colour and opacity.
 
 What is rendered is what Slicer's 3D views show of such classes: one volume for all of them (`mask_volume`), with the
-same shader and light. Without a GPU, software OpenGL (Mesa) draws the same picture in some seconds.
+same shader and light.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from types import TracebackType
 
 import numpy as np
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  (importing it gives VTK its OpenGL classes)
 from scipy.ndimage import binary_dilation, label
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkRenderingCore import (
-    vtkCamera,
-    vtkLight,
-    vtkRenderer,
-    vtkRenderWindow,
-    vtkWindowToImageFilter,
-)
+from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer
 
-from ViTTransferFunction.CommandLine.canvas import (
-    BACKGROUND,
-    Canvas,
-    PictureSegment,
-    check_segments,
-    draw_legend,
-    legend_height,
+from ViTTransferFunction.CommandLine.camera import (
+    DEFAULT_DIRECTION,
+    DEFAULT_HEIGHT,
+    Camera,
+    Direction,
+    Size,
+    framing,
+    middle_of,
 )
+from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment, check_segments, draw_legend, legend_height
+from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, SURFACE
@@ -51,21 +44,16 @@ CONTEXT_COLOR: Color = (0.93, 0.90, 0.82)
 CONTEXT_OPACITY = 0.3
 SMALLEST_CONTEXT_MM3 = 5000.0
 
-BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
-ELEVATION_DEGREES = 8.0
-VIEW_ANGLE_DEGREES = 20.0
-
 
 def render_3d(
-    volume: Volume, segments: Sequence[PictureSegment], *, context_above: float | None = None, height: int = 1000
+    volume: Volume, segments: Sequence[PictureSegment], *, context_above: float | None = None, height: int = DEFAULT_HEIGHT
 ) -> np.ndarray:
     """Render segments in 3D, seen from the front and slightly above, patient's right on the left, with a legend.
 
     Args:
         volume: where the segments lie.
         segments: what to show. Those without voxels stay in the legend; if none has any, the picture says so.
-        context_above: intensity above which the rest of the volume is faintly shown around the segments, `BONE_HU` for CT, say;
-            None shows the segments alone, and so do volumes of thick slices.
+        context_above: as `Rendering` has it.
         height: the picture's height in pixels, without the legend; its width follows from what is shown.
 
     Returns:
@@ -76,19 +64,93 @@ def render_3d(
         ValueError: a mask's shape is not the volume's.
     """
     check_segments(segments, volume.shape)
-    shown = [segment for segment in segments if segment.mask.any()]
-    if shown and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
-        shown.append(_context(volume, shown, context_above))
-    looks = [Appearance(segment.color, segment.opacity) for segment in shown]
-    rendered = _render(_structures_of(volume, shown), looks, height) if shown else _nothing_to_show(height)
+    if not any(segment.mask.any() for segment in segments):
+        return with_legend(_nothing_to_show(height), segments)
+    with Rendering(volume, segments, context_above=context_above) as rendering:
+        return rendering.labelled_picture(rendering.framing(height=height))
 
-    text_size = max(10, round(0.02 * height))
-    canvas = Canvas(rendered.shape[1], height + legend_height(segments, rendered.shape[1], text_size) + text_size)
-    canvas.pixels[:height] = rendered / np.float32(255.0)
-    if shown:
-        _draw_letters(canvas, height, text_size)
-    draw_legend(canvas, height + text_size // 2, segments, text_size)
+
+class Rendering:
+    """Segments in 3D, ready to be pictured from anywhere; to be used in a `with` statement.
+
+    Args:
+        volume: where the segments lie.
+        segments: what to show; one of them at least has voxels.
+        context_above: intensity above which the rest of the volume is faintly shown around the segments, `BONE_HU` for CT,
+            say; None shows the segments alone, and so do volumes of thick slices.
+
+    Attributes:
+        middle_ras: the segments' middle (3,), from which cameras are measured.
+
+    Raises:
+        InputError: OpenGL is missing.
+    """
+
+    def __init__(self, volume: Volume, segments: Sequence[PictureSegment], *, context_above: float | None = None) -> None:
+        self._segments = segments
+        shown = [segment for segment in segments if segment.mask.any()]
+        self.middle_ras = middle_of(volume.geometry, [segment.mask for segment in shown])
+        if context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
+            shown.append(_context(volume, shown, context_above))
+        structures = _structures_of(volume, shown)
+        self._reach_ras = _reach(structures)
+        renderer = vtkRenderer()
+        renderer.AddVolume(structure_prop(structures, [Appearance(segment.color, segment.opacity) for segment in shown]))
+        add_lights(renderer)
+        self._window = OffscreenWindow(renderer)
+
+    def __enter__(self) -> Rendering:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._window.__exit__(kind, error, trace)
+
+    def framing(
+        self,
+        seen_from: Direction = DEFAULT_DIRECTION,
+        *,
+        height: int = DEFAULT_HEIGHT,
+        size: Size | None = None,
+        turning: bool = False,
+    ) -> Camera:
+        """A camera that sees all that is shown; `camera.framing` says what the arguments are."""
+        return framing(self._reach_ras, self.middle_ras, seen_from, height=height, size=size, turning=turning)
+
+    def picture(self, camera: Camera, *, transparent: bool = False) -> np.ndarray:
+        """What the camera sees, of its size: (H, W, 3) uint8, or (H, W, 4) with opacities where `transparent`."""
+        return self._window.picture(camera.placed(self.middle_ras), camera.size, transparent=transparent)
+
+    def labelled_picture(self, camera: Camera, size: Size | None = None) -> np.ndarray:
+        """What the camera sees, with the patient's directions at its edges, above a legend: (H, W, 3) uint8.
+
+        Args:
+            camera: of the picture without the legend.
+            size: in all, at least `height_below` higher than the camera's; without it, as high as needed.
+        """
+        canvas = Canvas(*camera.size)
+        canvas.pixels[:] = self.picture(camera) / np.float32(255.0)
+        _draw_letters(canvas, camera)
+        return with_legend(canvas.picture(), self._segments, size)
+
+
+def with_legend(picture: np.ndarray, segments: Sequence[PictureSegment], size: Size | None = None) -> np.ndarray:
+    """A picture (H, W, 3) uint8 above the names and colours of the segments; `size` is in all."""
+    height, width = picture.shape[:2]
+    canvas = Canvas(*(size or (width, height + height_below(segments, (width, height)))))
+    canvas.pixels[:height] = picture / np.float32(255.0)
+    letters = text_size(height)
+    draw_legend(canvas, height + letters // 2, segments, letters)
     return canvas.picture()
+
+
+def height_below(segments: Sequence[PictureSegment], size: Size) -> int:
+    """Height in pixels of what `with_legend` adds to a picture of `size`, and enough of it for a lower one."""
+    return legend_height(segments, size[0], text_size(size[1])) + text_size(size[1])
+
+
+def text_size(height: int) -> int:
+    """Size of the letters in a picture of `height` pixels."""
+    return max(10, round(0.02 * height))
 
 
 def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: float) -> PictureSegment:
@@ -119,79 +181,19 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> Struct
     return structure_volume(voxels, len(segments), intensity_levels(volume), grid, volume)
 
 
-def _render(structures: StructureVolume, looks: Sequence[Appearance], height: int) -> np.ndarray:
-    """Pixels (height, W, 3) uint8 of a volume of structures, framed by what it holds."""
-    camera, width = framing(structures.voxels, structures.geometry, height)
-    renderer = vtkRenderer()
-    renderer.SetBackground(*BACKGROUND)
-    renderer.SetBackground2(*BACKGROUND_ABOVE)
-    renderer.GradientBackgroundOn()
-    renderer.SetActiveCamera(camera)
-    renderer.AddVolume(structure_prop(structures, looks))
-    _add_lights(renderer)
-    renderer.ResetCameraClippingRange()
-    with _vtk_warnings_off():
-        # VTK tries one kind of window after the other, and warns of each that this machine does not have.
-        window = vtkRenderWindow()
-        window.SetOffScreenRendering(1)
-        window.SetSize(width, height)
-        # Without a context VTK does not fail but crashes, and only as it renders.
-        window.Initialize()
-        if not window.IsCurrent():
-            raise InputError(
-                "The 3D picture needs OpenGL 3.2, and this machine offers none. Install a graphics driver or Mesa's software "
-                "OpenGL (on Debian and Ubuntu: apt install libegl1 libgl1-mesa-dri), or do without the 3D picture."
-            )
-    window.AddRenderer(renderer)
-    window.Render()
-    grabber = vtkWindowToImageFilter()
-    grabber.SetInput(window)
-    grabber.ReadFrontBufferOff()
-    grabber.ShouldRerenderOff()
-    grabber.Update()
-    pixels = vtk_to_numpy(grabber.GetOutput().GetPointData().GetScalars()).reshape(height, width, 3)[::-1].copy()
-    window.Finalize()
-    return pixels
-
-
-@contextmanager
-def _vtk_warnings_off() -> Iterator[None]:
-    before = vtkObject.GetGlobalWarningDisplay()
-    vtkObject.GlobalWarningDisplayOff()
-    try:
-        yield
-    finally:
-        vtkObject.SetGlobalWarningDisplay(before)
-
-
-def framing(voxels: np.ndarray, grid: Geometry, height: int) -> tuple[vtkCamera, int]:
-    """A camera in front of and slightly above the patient that sees all of the volume, and the picture's width for it."""
-    elevation = np.radians(ELEVATION_DEGREES)
-    towards = np.array([0.0, np.cos(elevation), np.sin(elevation)])
-    up = np.array([0.0, -np.sin(elevation), np.cos(elevation)])
+def _reach(structures: StructureVolume) -> np.ndarray:
+    """Places of what a volume of structures shows, (N, 3) RAS millimetres."""
+    voxels, grid = structures.voxels, structures.geometry
     # Some of the voxels will do to know how far they reach.
     step = 1 + max(grid.shape) // 100
     seen_ijk = step * np.argwhere(voxels[::step, ::step, ::step, DEPTH] > SURFACE)[:, ::-1]
     if not len(seen_ijk):
         # Everything is transparent.
         seen_ijk = np.array([np.zeros(3), grid.shape[::-1]])
-    seen = grid.ijk_to_ras_points(seen_ijk)
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    seen -= middle
-    across, along = abs(seen[:, 0]), abs(seen @ up)
-    # Neither a strip nor a panorama.
-    aspect = float(np.clip(across.max() / along.max(), 0.75, 1.6))
-    margin = 1.05
-    reach = margin * np.maximum(across / aspect, along) / np.tan(np.radians(VIEW_ANGLE_DEGREES / 2))
-    camera = vtkCamera()
-    camera.SetViewAngle(VIEW_ANGLE_DEGREES)
-    camera.SetFocalPoint(*middle)
-    camera.SetPosition(*(middle + (reach + seen @ towards).max() * towards))
-    camera.SetViewUp(*up)
-    return camera, round(aspect * height)
+    return grid.ijk_to_ras_points(seen_ijk)
 
 
-def _add_lights(renderer: vtkRenderer) -> None:
+def add_lights(renderer: vtkRenderer) -> None:
     """A warm key light from the upper left, a cool fill from the right, a faint one from below; they move with the camera."""
     renderer.AutomaticLightCreationOff()
     for position, intensity, color in (
@@ -215,13 +217,27 @@ def _nothing_to_show(height: int) -> np.ndarray:
     return canvas.picture()
 
 
-def _draw_letters(canvas: Canvas, height: int, text_size: int) -> None:
-    """The patient's directions at the edges of the rendering."""
-    width, margin = canvas.pixels.shape[1], 1.2 * text_size
-    for x, y, letter in (
-        (margin, height / 2, "R"),
-        (width - margin, height / 2, "L"),
-        (width / 2, margin, "S"),
-        (width / 2, height - margin, "I"),
+def _draw_letters(canvas: Canvas, camera: Camera) -> None:
+    """The patient's directions at the edges of the rendering, where they are near enough to an axis of the patient."""
+    width, height = camera.size
+    size = text_size(height)
+    margin = 1.2 * size
+    towards = np.subtract(camera.position_mm, camera.focal_point_mm)
+    rightwards = np.cross(camera.view_up, towards)
+    upwards = np.cross(towards, rightwards)
+    for x, y, outwards in (
+        (margin, height / 2, -rightwards),
+        (width - margin, height / 2, rightwards),
+        (width / 2, margin, upwards),
+        (width / 2, height - margin, -upwards),
     ):
-        canvas.label(x, y, letter, text_size, anchor="center")
+        letter = _letter(outwards)
+        if letter:
+            canvas.label(x, y, letter, size, anchor="center")
+
+
+def _letter(outwards: np.ndarray) -> str:
+    """R, L, A, P, S or I where a direction (3,) RAS is less than 40° away from it, nothing elsewhere."""
+    shares = outwards / np.linalg.norm(outwards)
+    axis = int(abs(shares).argmax())
+    return "" if abs(shares[axis]) < np.cos(np.radians(40.0)) else ("RL", "AP", "SI")[axis][int(shares[axis] < 0)]

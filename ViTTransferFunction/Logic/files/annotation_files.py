@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +13,7 @@ from ..core.colors import Color, default_color
 from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-from ..core.regular_file import check_regular_file
+from .json_files import read_json
 
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine"})
 
@@ -60,7 +57,7 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     Raises:
         InputError: unreadable, not of this form, or a class is invalid.
     """
-    content = _read_json(path)
+    content = read_json(path)
     classes = content.get("classes") if isinstance(content, dict) else None
     if not isinstance(classes, list) or not all(isinstance(entry, dict) for entry in classes):
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')
@@ -74,7 +71,7 @@ def read_markups(path: Path) -> np.ndarray:
     Raises:
         InputError: unreadable or not a markups file.
     """
-    content = _read_json(path)
+    content = read_json(path)
     try:
         lists = [
             transform_points(_markups_to_ras(markup, path), as_points(_placed(markup["controlPoints"]), f"points of {path}"))
@@ -107,34 +104,6 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -
         )
         for index, (name, path) in enumerate(positive.items())
     ]
-
-
-def _read_json(path: Path) -> Any:
-    check_regular_file(path)
-    try:
-        # Notepad puts a mark in front.
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}).") from error
-    try:
-        return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
-    except RecursionError as error:
-        raise InputError(f"{path} is not a file with annotations: its brackets are nested too deeply.") from error
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path} is not valid JSON: {error}.") from error
-
-
-def _without_repetition(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """A dictionary of pairs. Of two fields of one name, JSON would silently keep the second, and points would be lost."""
-    fields = dict(pairs)
-    if len(fields) < len(pairs):
-        name, _ = Counter(name for name, _ in pairs).most_common(1)[0]
-        raise InputError(f"{path}: the field {shown(name)} stands twice in one place; join them, or remove one.")
-    return fields
 
 
 def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Path) -> AnnotatedClass:

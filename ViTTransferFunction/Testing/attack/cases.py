@@ -12,8 +12,8 @@ from typing import Any
 from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 from ViTTransferFunction.Testing.attack.scans import Scan
 
-OUTPUT_OPTIONS = ("-o", "--output", "--report", "--similarity-dir")
-INPUT_OPTIONS = ("--annotations", "--weights", "--positive", "--negative")
+OUTPUT_OPTIONS = ("-o", "--output", "--report", "--similarity-dir", "--3d", "--turntable", "--save-camera")
+INPUT_OPTIONS = ("--annotations", "--weights", "--positive", "--negative", "--camera")
 DONE_OR_REFUSED = frozenset({0, 2})
 
 

@@ -123,8 +123,9 @@ def outputs(call: Call) -> set[Path]:
     """What a run may write; folders stand for what is in them."""
     folder = Path(call.folder)
     named = {folder / value for value in option(call, *OUTPUT_OPTIONS)}
-    if call.arguments[:1] == ("render",):
-        named |= {path.with_name(f"{path.stem}_3d{path.suffix}") for path in named}
+    if call.arguments[:1] == ("render",) and not option(call, "--3d"):
+        slices = [folder / value for value in option(call, "-o", "--output")]
+        named |= {path.with_name(f"{path.stem}_3d{path.suffix}") for path in slices}
     return named
 
 

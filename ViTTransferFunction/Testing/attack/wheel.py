@@ -41,6 +41,7 @@ SHARES: dict[Maker, int] = {
     cache_attacks.changed_weights: 5,
     protocol_attacks.changed_requests: 6,
     picture_attacks.pictures: 1,
+    picture_attacks.views: 1,
 }
 """How often each comes."""
 

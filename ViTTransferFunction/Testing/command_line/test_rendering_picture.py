@@ -7,13 +7,12 @@ import colorsys
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine import rendering_picture
+from ViTTransferFunction.CommandLine import offscreen_window
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
-from ViTTransferFunction.CommandLine.rendering_picture import framing, render_3d
+from ViTTransferFunction.CommandLine.rendering_picture import Rendering, render_3d
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,
@@ -146,7 +145,9 @@ def _spiked_ellipsoid(geometry: Geometry) -> np.ndarray:
 
 def _silhouette(geometry: Geometry, mask: np.ndarray, height: int, part: np.ndarray) -> np.ndarray:
     """Which pixels of a 3D picture of the mask the voxels of a part of it cover, as boxes, (height, W) bool."""
-    camera, width = framing(*mask_volume(geometry, [mask], [1.0]), height)
+    with Rendering(dark_volume(geometry), [PictureSegment("any", RED, 1.0, mask)]) as rendering:
+        framed = rendering.framing(height=height)
+        camera, width = framed.placed(rendering.middle_ras), framed.size[0]
     steps = (np.arange(6) - 2.5) / 6
     within = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
     ijk = (np.argwhere(part)[:, None, ::-1] + within).reshape(-1, 3)
@@ -176,11 +177,11 @@ def test_the_picture_shows_all_of_a_mask_and_nothing_else(opengl: None, spacing_
 def test_missing_opengl_is_an_input_error(monkeypatch: pytest.MonkeyPatch, aligned: Geometry) -> None:
     class NoWindow:
         def SetOffScreenRendering(self, _): ...  # noqa: N802
-        def SetSize(self, *_): ...  # noqa: N802
+        def SetAlphaBitPlanes(self, _): ...  # noqa: N802
         def Initialize(self): ...  # noqa: N802
         def IsCurrent(self):  # noqa: N802
             return False
 
-    monkeypatch.setattr(rendering_picture, "vtkRenderWindow", NoWindow)
+    monkeypatch.setattr(offscreen_window, "vtkRenderWindow", NoWindow)
     with pytest.raises(InputError, match="OpenGL"):
         render_3d(dark_volume(aligned), [ball(aligned, "ball", RED)], height=HEIGHT)

@@ -1,0 +1,180 @@
+"""Films out of pictures: MP4 (H.264) by the program ffmpeg that the package imageio-ffmpeg carries, GIF by Pillow.
+
+Frames are asked for one by one, so that a long film takes no more memory than a short one, but for a GIF's, which is kept as
+palette indices.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+
+from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+ENDINGS = (".mp4", ".gif")
+
+DEFAULT_FRAMES, DEFAULT_SECONDS = 96, 8.0
+MOST_FRAMES = 10_000
+FASTEST = {".mp4": 120.0, ".gif": 50.0}
+"""Frames a second. A GIF counts hundredths of seconds, and browsers slow down what is to take less than two of them."""
+
+_PALETTE_FRAMES = 6
+"""Frames of a turn whose colours are the palette of a GIF."""
+
+_CONSTANT_RATE_FACTOR = 18
+"""H.264's quality: no difference is seen from 18 on downwards."""
+
+
+@dataclass(frozen=True)
+class FilmPlan:
+    """A film to be written.
+
+    Attributes:
+        path: of the file, whose ending is one of `ENDINGS`.
+        frames: how many.
+        seconds: that they take in all.
+
+    Raises:
+        InputError: another ending, or a number out of range.
+    """
+
+    path: Path
+    frames: int = DEFAULT_FRAMES
+    seconds: float = DEFAULT_SECONDS
+
+    def __post_init__(self) -> None:
+        if self.path.suffix.lower() not in ENDINGS:
+            raise InputError(f"{self.path}: expected the film's name to end in {' or '.join(ENDINGS)}.")
+        if not 2 <= self.frames <= MOST_FRAMES:
+            raise InputError(f"A film of {self.frames} frames cannot be made; expected 2 to {MOST_FRAMES}.")
+        fastest = FASTEST[self.path.suffix.lower()]
+        if not self.frames / fastest <= self.seconds <= 3600.0:
+            raise InputError(
+                f"{self.frames} frames cannot be shown in {self.seconds:g} seconds; expected {self.frames / fastest:g} to 3600 "
+                f"seconds, as {self.path.suffix} shows at most {fastest:g} frames a second."
+            )
+
+
+def write_film(plan: FilmPlan, frame: Callable[[int], np.ndarray], progress: Progress = no_progress) -> None:
+    """Write a film, whole or not at all; its folder is made if missing.
+
+    Args:
+        plan: of the film.
+        frame: the picture (H, W, 3) uint8 by its number, all of one size. An MP4 of an odd number of rows or columns lacks the
+            last one: its colours are stored for squares of four pixels.
+        progress: called with frames done.
+
+    Raises:
+        InputError: the film cannot be written, or what it is written by is missing.
+    """
+
+    def shown(number: int) -> np.ndarray:
+        picture = frame(number)
+        progress(number + 1, plan.frames, "Filming")
+        return picture
+
+    progress(0, plan.frames, "Filming")
+    with replacing(plan.path) as temporary:
+        if plan.path.suffix.lower() == ".gif":
+            _write_gif(temporary, plan, shown, _palette(plan, frame))
+        else:
+            _write_mp4(temporary, plan, shown)
+
+
+def check_film_writer(path: Path) -> None:
+    """Raise InputError now if the library is missing that a film of this name needs."""
+    try:
+        if path.suffix.lower() == ".gif":
+            import PIL.Image  # noqa: F401
+        else:
+            import imageio_ffmpeg
+
+            imageio_ffmpeg.get_ffmpeg_exe()
+    except (ImportError, RuntimeError) as error:
+        raise InputError(f"A film needs what is not installed ({error}): pip install 'vit-transfer-function[film]'") from error
+
+
+def _write_gif(path: Path, plan: FilmPlan, frame: Callable[[int], np.ndarray], palette: Image.Image) -> None:
+    from PIL import Image
+
+    def indexed(number: int) -> Image.Image:
+        return Image.fromarray(frame(number)).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    # In whole hundredths of seconds, whose rounding does not add up.
+    ends = np.rint(np.arange(plan.frames + 1) * 100.0 * plan.seconds / plan.frames)
+    indexed(0).save(
+        path,
+        format="GIF",
+        save_all=True,
+        append_images=(indexed(number) for number in range(1, plan.frames)),
+        duration=(10 * np.diff(ends)).astype(int).tolist(),
+        loop=0,
+        optimize=False,
+    )
+
+
+def _palette(plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> Image.Image:
+    """256 colours for all frames: one palette, so that what stands still does not flicker."""
+    from PIL import Image
+
+    count = min(_PALETTE_FRAMES, plan.frames)
+    some = np.concatenate([frame(number * plan.frames // count) for number in range(count)])
+    return Image.fromarray(some).quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
+
+
+def _write_mp4(path: Path, plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> None:
+    first = _even(frame(0))
+    height, width = first.shape[:2]
+    with _encoder(path, width, height, plan.frames / plan.seconds) as raw:
+        raw.write(first.tobytes())
+        for number in range(1, plan.frames):
+            raw.write(_even(frame(number)).tobytes())
+
+
+def _even(picture: np.ndarray) -> np.ndarray:
+    height, width = picture.shape[:2]
+    return picture[: height - height % 2, : width - width % 2]
+
+
+@contextmanager
+def _encoder(path: Path, width: int, height: int, frames_per_second: float) -> Iterator[IO[bytes]]:
+    """What takes the pixels of one frame after the other; the file is finished at the end of the `with` statement."""
+    import imageio_ffmpeg
+
+    command = [
+        imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-y",
+        "-f", "rawvideo", "-pixel_format", "rgb24", "-video_size", f"{width}x{height}",
+        "-framerate", f"{frames_per_second:.6f}", "-i", "pipe:0",
+        # What every player and browser shows, also before it has all of the file.
+        "-codec:v", "libx264", "-crf", str(_CONSTANT_RATE_FACTOR), "-pix_fmt", "yuv420p", "-movflags", "+faststart",
+        "-f", "mp4", str(path),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors)
+        assert process.stdin is not None
+        try:
+            with suppress(BrokenPipeError):  # It has ended early, and said why.
+                yield process.stdin
+                process.stdin.close()
+            code = process.wait()
+        finally:
+            process.kill()
+            process.wait()
+        if code:
+            errors.seek(0)
+            said = errors.read().decode(errors="replace").strip().splitlines() or [f"exit code {code}"]
+            raise InputError(
+                f"The film could not be written: {said[-1][:200]}. Is the disk full? A .gif is made without ffmpeg."
+            )

@@ -1,0 +1,94 @@
+"""Pixels of what VTK renders, without a screen: opaque over the pictures' background, or on none.
+
+Without a GPU, software OpenGL (Mesa) draws the same picture in some seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+
+import numpy as np
+import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (importing it gives VTK its OpenGL classes)
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkObject
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+
+from ViTTransferFunction.CommandLine.camera import Size
+from ViTTransferFunction.CommandLine.canvas import BACKGROUND
+from ViTTransferFunction.Logic.core.colors import Color
+from ViTTransferFunction.Logic.core.errors import InputError
+
+BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
+
+
+class OffscreenWindow:
+    """Takes pictures of what a renderer holds; to be used in a `with` statement, which gives the window back.
+
+    Args:
+        renderer: with volumes and lights.
+
+    Raises:
+        InputError: OpenGL is missing.
+    """
+
+    def __init__(self, renderer: vtkRenderer) -> None:
+        self._renderer = renderer
+        renderer.SetBackground2(*BACKGROUND_ABOVE)
+        with _vtk_warnings_off():
+            # VTK tries one kind of window after the other, and warns of each that this machine does not have.
+            self._window = vtkRenderWindow()
+            self._window.SetOffScreenRendering(1)
+            self._window.SetAlphaBitPlanes(1)
+            # Without a context VTK does not fail but crashes, and only as it renders.
+            self._window.Initialize()
+            if not self._window.IsCurrent():
+                raise InputError(
+                    "The 3D picture needs OpenGL 3.2, and this machine offers none. Install a graphics driver or Mesa's "
+                    "software OpenGL (on Debian and Ubuntu: apt install libegl1 libgl1-mesa-dri), or do without the 3D picture."
+                )
+        self._window.AddRenderer(renderer)
+
+    def __enter__(self) -> OffscreenWindow:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._window.Finalize()
+
+    def picture(self, camera: vtkCamera, size: Size, *, transparent: bool = False) -> np.ndarray:
+        """What the camera sees: (H, W, 3) uint8, or (H, W, 4) with the opacity of each pixel and nothing behind it."""
+        self._renderer.SetGradientBackground(not transparent)
+        self._renderer.SetBackground(*((0.0, 0.0, 0.0) if transparent else BACKGROUND))
+        self._renderer.SetBackgroundAlpha(0.0 if transparent else 1.0)
+        self._renderer.SetActiveCamera(camera)
+        self._renderer.ResetCameraClippingRange()
+        self._window.SetSize(*size)
+        self._window.Render()
+        grabber = vtkWindowToImageFilter()
+        grabber.SetInput(self._window)
+        if transparent:
+            grabber.SetInputBufferTypeToRGBA()
+        grabber.ReadFrontBufferOff()
+        grabber.ShouldRerenderOff()
+        grabber.Update()
+        scalars = grabber.GetOutput().GetPointData().GetScalars()
+        pixels = vtk_to_numpy(scalars).reshape(size[1], size[0], -1)[::-1].copy()
+        return _straight(pixels) if transparent else pixels
+
+
+def _straight(pixels: np.ndarray) -> np.ndarray:
+    """Pixels (H, W, 4) whose colours VTK weighed by their opacity, with the colours themselves, as PNG has them."""
+    opacity = pixels[..., 3:].astype(np.float32) / 255.0
+    colors = np.divide(pixels[..., :3], opacity, out=np.zeros(pixels[..., :3].shape, np.float32), where=opacity > 0.0)
+    return np.concatenate([np.rint(np.minimum(colors, 255.0)).astype(np.uint8), pixels[..., 3:]], axis=-1)
+
+
+@contextmanager
+def _vtk_warnings_off() -> Iterator[None]:
+    before = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        yield
+    finally:
+        vtkObject.SetGlobalWarningDisplay(before)

@@ -1,0 +1,45 @@
+"""JSON that a user wrote: read, or refused with what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import InputError, shown
+from ..core.regular_file import check_regular_file
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file in UTF-8.
+
+    Raises:
+        InputError: it cannot be read, is no JSON, or names a field twice in one place.
+    """
+    check_regular_file(path)
+    try:
+        # Notepad puts a mark in front.
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}).") from error
+    try:
+        return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
+    except RecursionError as error:
+        raise InputError(f"{path} cannot be used: its brackets are nested too deeply.") from error
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is not valid JSON: {error}.") from error
+
+
+def _without_repetition(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """A dictionary of pairs. Of two fields of one name, JSON would silently keep the second, and the first would be lost."""
+    fields = dict(pairs)
+    if len(fields) < len(pairs):
+        name, _ = Counter(name for name, _ in pairs).most_common(1)[0]
+        raise InputError(f"{path}: the field {shown(name)} stands twice in one place; join them, or remove one.")
+    return fields

@@ -1,0 +1,182 @@
+"""`vittf render`: pictures and films as they were asked for, and refusals before anything is drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.CommandLine.camera import read_camera
+from ViTTransferFunction.CommandLine.canvas import BACKGROUND
+from ViTTransferFunction.CommandLine.rendering_picture import Rendering
+from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.core.colors import default_color
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Testing.support.pictures import BLUE, GREEN, RED, ball, dark_volume, landmarks, pixels_of, place_of
+
+SHAPE, SPACING_MM = (40, 40, 40), 2.0
+
+
+@pytest.fixture(scope="module")
+def opengl() -> None:
+    """Skip where nothing can be rendered."""
+    geometry = Geometry((8, 8, 8), np.eye(4))
+    try:
+        with Rendering(dark_volume(geometry), [_anything(geometry)]):
+            pass
+    except InputError as error:
+        pytest.skip(str(error))
+
+
+def _anything(geometry: Geometry):
+    segment = ball(geometry, "any", RED)
+    segment.mask[:] = True
+    return segment
+
+
+def write_case(folder: Path, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple[str, str]:
+    """A scan and its labels: a large ball in front, and a small one to the patient's left; in LPS, as ITK has it."""
+    folder.mkdir()
+    k, j, i = np.indices(SHAPE)
+    labels = np.zeros(SHAPE, dtype=np.uint8)
+    labels[(i - 15) ** 2 + (j - 10) ** 2 + (k - 20) ** 2 < 64] = 1
+    labels[(i - 32) ** 2 + (j - 25) ** 2 + (k - 20) ** 2 < 16] = 2
+    for name, array in (("scan.nrrd", labels.astype(np.int16) * 50), ("labels.nrrd", labels)):
+        image = sitk.GetImageFromArray(array)
+        image.SetSpacing([SPACING_MM] * 3)
+        image.SetOrigin(origin)
+        sitk.WriteImage(image, str(folder / name))
+    return str(folder / "scan.nrrd"), str(folder / "labels.nrrd")
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> tuple[str, str]:
+    return write_case(tmp_path / "case")
+
+
+def read_png(path: Path) -> np.ndarray:
+    return sitk.GetArrayFromImage(sitk.ReadImage(str(path)))
+
+
+@pytest.mark.parametrize("options", [[], ["--transparent"]], ids=str)
+def test_a_picture_has_the_size_that_was_asked_for(
+    opengl: None, tmp_path: Path, case: tuple[str, str], options: list[str]
+) -> None:
+    assert main(["render", *case, "--3d", str(tmp_path / "p.png"), "--size", "211x160", *options]) == 0
+    assert read_png(tmp_path / "p.png").shape == (160, 211, 4 if options else 3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "p.png"]
+
+
+def test_both_pictures_are_drawn_where_they_were_before(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
+    assert main(["render", *case, "-o", str(tmp_path / "p.png"), "--size", "200x160"]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "p.png", "p_3d.png"]
+
+
+def test_views_by_name_show_the_patient_from_that_side(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
+    places = {}
+    for view in ("front", "left", "back"):
+        assert main(["render", *case, "--3d", str(tmp_path / "p.png"), "--size", "200x160", "--view", view]) == 0
+        # Above the legend, which has the colours as well.
+        picture = read_png(tmp_path / "p.png")[:125]
+        places[view] = place_of(picture, default_color(0))[0] - place_of(picture, default_color(1))[0]
+    # The first ball is the patient's right one, and in front.
+    assert places["front"] < -0.1
+    assert places["back"] > 0.1
+    assert places["left"] < -0.1
+
+
+def test_a_saved_camera_shows_another_case_alike(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
+    other = write_case(tmp_path / "other", origin=(400.0, -90.0, 777.0))
+    camera, first, second = tmp_path / "c.json", tmp_path / "first.png", tmp_path / "second.png"
+    view = ["--azimuth", "-35", "--elevation", "20", "--size", "200x160"]
+    assert main(["render", *case, "--3d", str(first), *view, "--save-camera", str(camera)]) == 0
+    assert main(["render", *other, "--3d", str(second), "--camera", str(camera)]) == 0
+    assert read_camera(camera).size[0] == 200
+    # The second is as high as the first without its legend, and has one of its own below.
+    height = read_camera(camera).size[1]
+    difference = abs(read_png(first)[:height].astype(int) - read_png(second)[:height])
+    assert np.percentile(difference, 99) <= 8
+
+
+def test_a_transparent_picture_is_clear_where_nothing_is_and_laid_on_the_background_is_the_other(
+    opengl: None, aligned: Geometry
+) -> None:
+    glass = ball(aligned, "glass", GREEN, radius_mm=30.0, opacity=0.4)
+    with Rendering(dark_volume(aligned), [*landmarks(aligned), glass]) as rendering:
+        camera = rendering.framing(size=(240, 240))
+        clear, solid = rendering.picture(camera, transparent=True), rendering.picture(camera)
+    opacity = clear[..., 3:] / 255.0
+    assert (opacity[[0, 0, -1, -1], [0, -1, 0, -1]] == 0.0).all()
+    assert opacity.max() == 1.0
+    assert 0.2 < np.median(opacity[(opacity > 0.0) & (opacity < 1.0)]) < 0.9
+    background = solid[:, :1].astype(float)
+    laid = opacity * clear[..., :3] + (1.0 - opacity) * background
+    assert abs(laid - solid).max() <= 4.0
+    assert pixels_of(clear[..., :3], BLUE).any()
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_a_turntable_shows_all_sides(opengl: None, tmp_path: Path, case: tuple[str, str], ending: str) -> None:
+    from ViTTransferFunction.Testing.command_line.test_film import frames_of
+
+    pytest.importorskip({"gif": "PIL", "mp4": "imageio_ffmpeg"}[ending])
+    film = tmp_path / f"film.{ending}"
+    arguments = ["--turntable", str(film), "--frames", "8", "--seconds", "2", "--size", "160x144"]
+    assert main(["render", *case, *arguments]) == 0
+    frames, seconds = frames_of(film)
+    assert seconds == pytest.approx(2.0, abs=0.02)
+    assert [frame.shape for frame in frames] == [(144, 160, 3)] * 8
+    across = [place_of(frame[:110], default_color(0))[0] for frame in frames]
+    # The first ball is to the left of the axis from the front, and on its other side from behind.
+    assert across[0] < 0.45
+    assert across[4] > 0.55
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["case", film.name]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ([], "Nothing to draw"),
+        (["--save-camera", "c.json"], "Nothing to draw"),
+        (["--3d", "p.jpg"], "ends in .png"),
+        (["--turntable", "f.avi"], ".mp4 or .gif"),
+        (["--turntable", "f.gif", "--frames", "1"], "frames"),
+        (["--turntable", "f.gif", "--seconds", "0.1"], "seconds"),
+        (["--turntable", "f.gif", "--transparent"], "transparent"),
+        (["--3d", "p.png", "--frames", "20"], "--turntable"),
+        (["--3d", "p.png", "--size", "big"], "--size"),
+        (["--3d", "p.png", "--size", "0x100"], "--size"),
+        (["--3d", "p.png", "--size", "100x99999999999"], "--size"),
+        (["-o", "p.png", "--size", "400x20"], "legend"),
+        (["--3d", "p.png", "--elevation", "91"], "elevation"),
+        (["--3d", "p.png", "--azimuth", "nan"], "azimuth"),
+        (["--3d", "p.png", "--camera", "c.json", "--view", "left"], "--camera"),
+        (["--3d", "p.png", "--camera", "missing.json"], "missing.json"),
+        (["--3d", "p.png", "--save-camera", "c.txt"], ".json"),
+        (["-o", "p.png", "--3d", "p.png"], "written over"),
+        (["--3d", "p.png", "--turntable", "p.png"], ".mp4 or .gif"),
+        (["--3d", "p.png", "--camera", "case/labels.nrrd"], "JSON"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_what_cannot_be_drawn_is_refused_in_one_sentence(
+    tmp_path: Path,
+    case: tuple[str, str],
+    options: list[str],
+    says: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["render", *case, *options]) == 2
+    (line,) = (line for line in capsys.readouterr().err.splitlines() if line.startswith("error:"))
+    assert says in line
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]
+
+
+def test_the_background_of_a_picture_is_dark_unless_transparent(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
+    assert main(["render", *case, "--3d", str(tmp_path / "p.png"), "--size", "200x160"]) == 0
+    np.testing.assert_allclose(read_png(tmp_path / "p.png")[-1, 0], np.array(BACKGROUND) * 255.0, atol=2)
