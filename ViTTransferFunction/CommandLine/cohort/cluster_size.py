@@ -16,6 +16,7 @@ import SimpleITK as sitk  # noqa: N813
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.Logic.core.available_memory import available_memory_bytes
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.regular_file import check_regular_file
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -103,9 +104,10 @@ def _voxels(path: Path) -> int:
         if path.is_dir():
             # DICOM files are seldom compressed, and have two bytes a voxel.
             return sum(file.stat().st_size for file in path.iterdir()) // 2
+        check_regular_file(path)
         reader = sitk.ImageFileReader()
         reader.SetFileName(str(path))
         reader.ReadImageInformation()
-    except (OSError, RuntimeError):
+    except (InputError, OSError, RuntimeError):
         return 0
     return math.prod(reader.GetSize())

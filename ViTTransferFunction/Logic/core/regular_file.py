@@ -28,8 +28,15 @@ def mode_of(path: Path) -> int | None:
     """The `st_mode` of what is at `path`, links followed; None where nothing is.
 
     Raises:
-        InputError: it cannot be found out: the name is too long, links lead in a circle, a folder may not be entered.
+        InputError: it cannot be found out: the name is too long, links lead in a circle, a folder may not be entered. Or the
+            name is no text, which ITK ends the program at.
     """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise InputError(
+            f"{str(path)!a}: this name holds bytes that are no text (UTF-8). Rename the file or folder."
+        ) from error
     try:
         return path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):

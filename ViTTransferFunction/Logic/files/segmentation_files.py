@@ -97,7 +97,7 @@ def write_image(path: Path, array: np.ndarray, geometry: Geometry, tags: Mapping
     with replacing(path) as temporary:
         try:
             _write_by_itk(temporary, array, geometry, tags or {})
-        except (RuntimeError, UnicodeEncodeError) as error:
+        except RuntimeError as error:
             _raise_if_full(temporary)
             raise InputError(f"Cannot write {path}: {last_line(error).replace(str(temporary), str(path))}") from error
         if not _is_as_written(temporary, array):

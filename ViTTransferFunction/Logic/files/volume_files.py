@@ -135,7 +135,7 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
             reader.SetFileName(str(name))
             reader.ReadImageInformation()
             yield reader
-        except (RuntimeError, UnicodeEncodeError) as error:
+        except RuntimeError as error:
             raise InputError(f"{path} cannot be read as an image: {last_line(error).replace(str(name), str(path))}") from error
 
 

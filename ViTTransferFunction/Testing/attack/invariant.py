@@ -259,12 +259,13 @@ def _scan_of(path: Path) -> Scan | None:
 
 
 def read_image(path: Path) -> sitk.Image:
-    """Read an image; ITK's own warnings are nobody's business here, and its NIfTI knows no endings in mixed case."""
+    """Read an image, in silence. ITK's NIfTI knows no endings in mixed case, and its Python ends at names that are no text."""
+    # Whatever needs a second file is read where it lies.
+    by_link = path.name.lower().endswith((".nii", ".nii.gz")) or not str(path).isprintable()
     with silenced_libraries(), TemporaryDirectory() as folder:
-        link = Path(folder, path.name.lower())
+        link = Path(folder, f"image{''.join(path.suffixes[-2:]).lower()}")
         link.symlink_to(path.absolute())
-        # Whatever needs a second file is read where it lies.
-        return sitk.ReadImage(str(link if path.name.lower().endswith((".nii", ".nii.gz")) else path))
+        return sitk.ReadImage(str(link if by_link else path))
 
 
 def label_map(path: Path) -> np.ndarray:

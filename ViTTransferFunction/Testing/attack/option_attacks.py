@@ -139,6 +139,7 @@ def _convert(work: os.PathLike[str], name: str) -> None:
 def other_commands(chance: random.Random, place: Place) -> Case:
     """`features`, `cache`, `weights`, and what is no command."""
     write_scan(chance, place)
+    shutil.copy(place.work / "scan.nrrd", place.work / "\udcff.nrrd")
     if chance.random() < 0.5:
         _fill_cache_with_other_things(place)
     arguments = chance.choice((
@@ -148,6 +149,7 @@ def other_commands(chance: random.Random, place: Place) -> Case:
         ["weights", "remove", "nonsense"], ["weights", "remove", "../../x"], ["features", "scan.nrrd", "--grid", "4"],
         ["features", "missing"], ["features", "scan.nrrd", "--weights", "scan.nrrd"], ["features", "clicks.json"],
         ["features", "scan.nrrd", "--model", "dinov2_vits14"], ["features", ""], ["features", "\udcff"], ["", ""],
+        ["features", "\udcff.nrrd"],
     ))  # fmt: skip
     environment = chance.choice((
         {}, {}, {}, {"VITTF_CACHE": "~nosuchuser"}, {"VITTF_WEIGHTS": ""},
