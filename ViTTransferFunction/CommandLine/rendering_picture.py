@@ -1,7 +1,7 @@
 """A picture of segments in 3D, by GPU volume rendering: each segment a surface in its colour and opacity.
 
-What is rendered is what Slicer's 3D views show of such classes: one volume of colours for all of them (`mask_rgba`), with the
-same optical properties.
+What is rendered is what Slicer's 3D views show of such classes: one volume for all of them (`mask_volume`), with the
+same shader and light.
 """
 
 from __future__ import annotations
@@ -12,11 +12,7 @@ from types import TracebackType
 import numpy as np
 import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  (importing it gives VTK its OpenGL classes)
 from scipy.ndimage import binary_dilation, label
-from vtkmodules.util.numpy_support import numpy_to_vtk
-from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
-from vtkmodules.vtkCommonMath import vtkMatrix4x4
-from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer, vtkVolume, vtkVolumeProperty
-from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
+from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer
 
 from ViTTransferFunction.CommandLine.camera import (
     DEFAULT_DIRECTION,
@@ -29,19 +25,14 @@ from ViTTransferFunction.CommandLine.camera import (
 )
 from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment, check_segments, draw_legend, legend_height
 from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
+from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
-from ViTTransferFunction.Logic.rendering.optical_properties import (
-    AMBIENT,
-    CODE_COMPONENT,
-    DIFFUSE,
-    SPECULAR,
-    SPECULAR_POWER,
-    UNIT_VOXELS,
-    opacity_points,
-)
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, SURFACE
+from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -52,9 +43,6 @@ BONE_HU = 250.0
 CONTEXT_COLOR: Color = (0.93, 0.90, 0.82)
 CONTEXT_OPACITY = 0.3
 SMALLEST_CONTEXT_MM3 = 5000.0
-
-STEP_VOXELS = 0.7
-"""Length of a ray's steps: a third of the layer in which opacity gathers."""
 
 
 def render_3d(
@@ -104,10 +92,10 @@ class Rendering:
         self.middle_ras = middle_of(volume.geometry, [segment.mask for segment in shown])
         if context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
             shown.append(_context(volume, shown, context_above))
-        rgba, grid = _colors_of(volume.geometry, shown)
-        self._reach_ras = _reach(rgba, grid)
+        structures = _structures_of(volume, shown)
+        self._reach_ras = _reach(structures)
         renderer = vtkRenderer()
-        renderer.AddVolume(color_volume_prop(rgba, grid.ijk_to_ras))
+        renderer.AddVolume(structure_prop(structures, [Appearance(segment.color, segment.opacity) for segment in shown]))
         add_lights(renderer)
         self._window = OffscreenWindow(renderer)
 
@@ -179,69 +167,30 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
-def _colors_of(geometry: Geometry, segments: Sequence[PictureSegment]) -> tuple[np.ndarray, Geometry]:
-    """The segments' volume of colours and codes, (K, J, I, 4) uint8, and where its voxels lie."""
-    return mask_rgba(
-        geometry,
+def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> StructureVolume:
+    """The segments as a volume of structures."""
+    voxels, grid = mask_volume(
+        volume.geometry,
         [segment.mask for segment in segments],
-        [segment.color for segment in segments],
         [segment.opacity for segment in segments],
         [
             None if segment.similarity is None or segment.iso is None else (segment.similarity, segment.iso)
             for segment in segments
         ],
     )
+    return structure_volume(voxels, len(segments), intensity_levels(volume), grid, volume)
 
 
-def _reach(rgba: np.ndarray, grid: Geometry) -> np.ndarray:
-    """Places of what a volume of colours and codes shows, (N, 3) RAS millimetres."""
+def _reach(structures: StructureVolume) -> np.ndarray:
+    """Places of what a volume of structures shows, (N, 3) RAS millimetres."""
+    voxels, grid = structures.voxels, structures.geometry
     # Some of the voxels will do to know how far they reach.
     step = 1 + max(grid.shape) // 100
-    seen_ijk = step * np.argwhere(rgba[::step, ::step, ::step, CODE_COMPONENT] > 0)[:, ::-1]
+    seen_ijk = step * np.argwhere(voxels[::step, ::step, ::step, DEPTH] > SURFACE)[:, ::-1]
     if not len(seen_ijk):
         # Everything is transparent.
         seen_ijk = np.array([np.zeros(3), grid.shape[::-1]])
     return grid.ijk_to_ras_points(seen_ijk)
-
-
-def color_volume_prop(rgba: np.ndarray, ijk_to_ras: np.ndarray) -> vtkVolume:
-    """A volume of colours and codes (K, J, I, 4) uint8 to be added to a renderer, as Slicer's 3D views show it."""
-    image = vtkImageData()
-    image.SetDimensions(*rgba.shape[2::-1])
-    image.GetPointData().SetScalars(numpy_to_vtk(rgba.reshape(-1, 4), deep=True))
-    mapper = vtkGPUVolumeRayCastMapper()
-    mapper.SetInputData(image)
-    mapper.SetAutoAdjustSampleDistances(0)
-    mapper.SetSampleDistance(STEP_VOXELS)
-    # Rays that start at random depths turn the rings that steps leave on translucent surfaces into faint grain.
-    mapper.UseJitteringOn()
-    matrix = vtkMatrix4x4()
-    matrix.DeepCopy(ijk_to_ras.ravel().tolist())
-    volume = vtkVolume()
-    volume.SetMapper(mapper)
-    # Voxels are 1 apart, and only this places them: VTK measures steps and the unit of opacity before.
-    volume.SetUserMatrix(matrix)
-    codes = rgba[..., CODE_COMPONENT]
-    volume.SetProperty(_material(float(codes.min()), float(codes.max())))
-    return volume
-
-
-def _material(lowest_code: float, highest_code: float) -> vtkVolumeProperty:
-    opacity = vtkPiecewiseFunction()
-    for position, value in opacity_points(lowest_code, highest_code):
-        opacity.AddPoint(position, value)
-    material = vtkVolumeProperty()
-    material.IndependentComponentsOff()
-    material.SetInterpolationTypeToLinear()
-    material.SetScalarOpacity(opacity)
-    # VTK takes the function from component 0, its unit from the component that it is applied to.
-    material.SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS)
-    material.ShadeOn()
-    material.SetAmbient(AMBIENT)
-    material.SetDiffuse(DIFFUSE)
-    material.SetSpecular(SPECULAR)
-    material.SetSpecularPower(SPECULAR_POWER)
-    return material
 
 
 def add_lights(renderer: vtkRenderer) -> None:

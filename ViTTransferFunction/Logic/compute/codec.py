@@ -11,6 +11,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
+from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from ..session.settings import SessionSettings
 from . import requests
@@ -31,7 +32,6 @@ _TYPES: dict[str, type] = {
         requests.Done,
         requests.Maps,
         requests.Labels,
-        requests.ColorVolume,
         requests.Progressed,
         requests.CoarseFeatures,
         requests.GivenUp,
@@ -43,6 +43,7 @@ _TYPES: dict[str, type] = {
         Geometry,
         IsoProposals,
         SessionSettings,
+        StructureVolume,
         WeightsDownload,
     )
 }

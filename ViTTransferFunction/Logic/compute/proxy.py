@@ -13,16 +13,15 @@ from typing import Any, Literal
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
-from ..core.colors import Color
 from ..core.errors import InputError
 from ..core.progress import SEGMENTING, WorkProgress
+from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .client import ComputeClient
 from .requests import (
     UNFINISHED,
     CoarseFeatures,
-    ColorVolume,
     ComputeMaps,
     Done,
     Extract,
@@ -42,10 +41,10 @@ from .requests import (
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
 Event = Literal["state", "maps", "refined", "rendering", "labels"]
-"""What a poll can bring: phase, progress, estimate or an error; S_L; S_H; a volume of colours; a label map."""
+"""What a poll can bring: phase, progress, estimate or an error; S_L; S_H; a volume of structures; a label map."""
 
-Styles = Mapping[str, tuple[Color, float]]
-"""By class id, its colour and its opacity in [0, 1]; classes that are missing are not shown."""
+Casting = Mapping[str, bool]
+"""By class id, whether it casts shadows in 3D; classes that are missing do not."""
 
 RENDER_AFTER_S = 0.15
 REFINE_AFTER_S = 0.4
@@ -55,7 +54,6 @@ OVERTAKE_AFTER_S = 0.5
 """How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
 once. It is not given up sooner, so that answers come while changes follow each other quickly."""
 
-_HIDDEN = ((0.0, 0.0, 0.0), 0.0)
 _WAITED_FOR = (Extract, SegmentClasses)
 """Requests whose progress is shown. A refinement after a click is quick, and the user does not wait for it."""
 
@@ -75,6 +73,7 @@ class SegmentationProxy:
         low_maps: by class id, S_L, also where `maps` are refined.
         volumes_ml: by class id, of the segment that the class gets by these maps, millilitres.
         rendering: for the 3D views; None until there is one.
+        rendered: ids of the classes in it, in the order of their numbers.
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
     """
 
@@ -86,7 +85,7 @@ class SegmentationProxy:
         self._pending: dict[int, Any] = {}
         self._classes: tuple[ClassRequest, ...] = ()
         self._refinement: Refinement | None = None
-        self._look: tuple[RenderingMode, Styles] | None = None
+        self._look: tuple[RenderingMode, Casting, bool] | None = None
         self._maps_due = False
         self._rendering_due_s: float | None = None
         self._refine_due_s: float | None = None
@@ -99,7 +98,7 @@ class SegmentationProxy:
             (Extract, Done): self._on_features,
             (ComputeMaps, Maps): self._on_maps,
             (RefineMaps, Maps): self._on_refined_maps,
-            (Render, ColorVolume): self._on_rendering,
+            (Render, StructureVolume): self._on_rendering,
             (SegmentClasses, Labels): self._on_labels,
         }
         self._reset()
@@ -116,7 +115,9 @@ class SegmentationProxy:
         self.low_maps: dict[str, ClassMap] = {}
         self.volumes_ml: dict[str, float] = {}
         self.refined = False
-        self.rendering: ColorVolume | None = None
+        self.rendering: StructureVolume | None = None
+        self.rendered: tuple[str, ...] = ()
+        self._rendered: tuple[str, ...] = ()
         self.labels: tuple[Labels, list[str]] | None = None
         self._pending.clear()
         self._maps_due, self._refine_due_s = True, None
@@ -168,9 +169,9 @@ class SegmentationProxy:
         self._resize()
         self._send_due()
 
-    def look(self, mode: RenderingMode | None, styles: Styles) -> None:
-        """Choose what the 3D views are to show; None: nothing."""
-        look = (mode, styles) if mode is not None else None
+    def look(self, mode: RenderingMode | None, casting: Casting, surroundings: bool = False) -> None:
+        """Choose what the 3D views are to show; None: nothing. See `Render`; classes that `casting` lacks cast no shadows."""
+        look = (mode, casting, surroundings) if mode is not None else None
         if look != self._look:
             self._look, self._rendering_due_s = look, time.monotonic()
             if look is None:
@@ -287,11 +288,12 @@ class SegmentationProxy:
         return self._rendering_due_s is not None and self._look is not None and bool(self.maps)
 
     def _send_rendering(self) -> None:
-        """Ask for the maps that are shown now as a volume of colours."""
+        """Ask for the maps that are shown now as a volume of structures."""
         assert self._look is not None
         self._rendering_due_s = None
-        mode, styles = self._look
-        self._ask(Render(mode, self.refined, tuple(styles.get(id_, _HIDDEN) for id_ in self.maps)))
+        mode, casting, surroundings = self._look
+        self._rendered = tuple(self.maps)
+        self._ask(Render(mode, self.refined, tuple(casting.get(id_, False) for id_ in self.maps), surroundings))
 
     def _receive(self, number: int, reply: Any) -> set[Event]:
         if number not in self._pending:
@@ -378,8 +380,8 @@ class SegmentationProxy:
         self.low_maps = {request.id: self.low_maps[request.id].resized(request) for request in asked}
         self.maps, self.refined, self._answered = self.low_maps, False, asked
 
-    def _on_rendering(self, request: Render, reply: ColorVolume) -> set[Event]:
-        self.rendering = reply
+    def _on_rendering(self, request: Render, reply: StructureVolume) -> set[Event]:
+        self.rendering, self.rendered = reply, self._rendered
         return {"rendering"}
 
     def _on_labels(self, request: SegmentClasses, reply: Labels) -> set[Event]:

@@ -9,13 +9,12 @@ import numpy as np
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
-from ..core.colors import Color
 from ..core.geometry import Geometry
 from ..refinement.refinement import RefinementMethod
 from ..session.settings import SessionSettings
 
 RenderingMode = Literal["similarity", "transfer function"]
-"""Smooth surfaces alone, or the volume's own detail within them."""
+"""Smooth surfaces alone, or where the volume's own detail takes them."""
 
 
 @dataclass(frozen=True)
@@ -89,17 +88,19 @@ class SegmentClasses:
 
 @dataclass(frozen=True)
 class Render:
-    """The maps that were replied last as a volume of colours. Replied to by `ColorVolume`.
+    """The maps that were replied last as a volume of structures. Replied to by `StructureVolume`.
 
     Attributes:
-        mode: what is to be seen.
+        mode: what decides where structures are.
         refined: whether the last refined maps are meant.
-        styles: of each class, colour and opacity.
+        casting: of each class, whether it casts shadows on the others.
+        surroundings: whether what belongs to no structure is wanted as well, as far as the volume reaches.
     """
 
     mode: RenderingMode
     refined: bool
-    styles: tuple[tuple[Color, float], ...]
+    casting: tuple[bool, ...]
+    surroundings: bool = False
 
 
 @dataclass(frozen=True)
@@ -146,21 +147,6 @@ class Labels:
 
     array: np.ndarray
     first: tuple[int, int, int]
-
-
-@dataclass(frozen=True, eq=False)
-class ColorVolume:
-    """Colours and codes for the 3D views (`rendering.composition`).
-
-    Attributes:
-        rgba: (K, J, I, 4) uint8.
-        codes: the smallest and the largest code.
-        geometry: of its voxels, in the volume's frame.
-    """
-
-    rgba: np.ndarray
-    codes: tuple[int, int]
-    geometry: Geometry
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, whole_box
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
@@ -17,15 +17,17 @@ from ..core.geometry import Box
 from ..core.progress import Progress
 from ..core.volume import Volume
 from ..features.networks import Networks
-from ..rendering.iso_surfaces import similarity_rgba
-from ..rendering.optical_properties import CODE_COMPONENT
-from ..rendering.transfer_function import transfer_function_rgba
+from ..rendering.class_membership import on_whole_grid
+from ..rendering.composition import shape_within_budget
+from ..rendering.intensity_levels import gray_levels, intensity_levels
+from ..rendering.iso_surfaces import similarity_volume
+from ..rendering.structure_volume import StructureVolume, structure_volume
+from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, crop_voxel_map, on_common_box, restricted
 from ..session.opening import open_session
 from ..session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
 from .requests import (
-    ColorVolume,
     ComputeMaps,
     Done,
     Extract,
@@ -144,21 +146,27 @@ class SegmentationService:
     def _segment_classes(self, request: SegmentClasses) -> Labels:
         return cropped_labels(self._segment(request.classes, request.refinement).segmentation.labels, len(request.classes))
 
-    def _render(self, request: Render) -> ColorVolume:
+    def _render(self, request: Render) -> StructureVolume:
         session = self._the_session
+        scan = session.volume.geometry
         maps, isos, box = self._last_maps(request.refined)
-        if len(maps) != len(request.styles):
+        if len(maps) != len(request.casting):
             # They are others by now: the answer to a click that has given this request up.
             raise Cancelled
-        colors, opacities = [color for color, _ in request.styles], [opacity for _, opacity in request.styles]
+        shape = None
+        if request.surroundings:
+            shape = shape_within_budget(scan.shape)
+            if request.refined:
+                maps = [on_whole_grid(array, box, scan.shape, shape) for array in maps]
+            box = whole_box(scan.shape)
+        intensities = session.volume.array[box]
         if request.mode == "similarity":
-            rgba = similarity_rgba(maps, isos, colors, opacities, self._progress)
+            composition = similarity_volume(maps, isos, shape, self._progress)
         else:
-            intensities, window = session.volume.array[box], session.display_window
-            rgba = transfer_function_rgba(intensities, window, maps, isos, colors, opacities, self._progress)
-        k, j, i, _ = rgba.shape
-        codes = rgba[..., CODE_COMPONENT]
-        return ColorVolume(rgba, (int(codes.min()), int(codes.max())), session.volume.geometry.part(box).resized((k, j, i)))
+            composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
+        levels = intensity_levels(session.volume)
+        voxels = composition.voxels(gray_levels(intensities, levels, composition.shape), request.casting)
+        return structure_volume(voxels, len(maps), levels, scan.part(box).resized(composition.shape), session.volume)
 
     def _last_maps(self, refined: bool) -> tuple[list[Any], list[float], Box]:
         """The arrays of the maps that were replied last, their thresholds, and the part of the volume that they fill."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -34,21 +33,18 @@ class Membership(NamedTuple):
 def memberships(
     maps: Sequence[np.ndarray],
     isos: Sequence[float],
-    opacities: Sequence[float],
     shape: Shape,
     softness_voxels: Sequence[float],
     cell_sizes: Sequence[float] = (1.0, 1.0, 1.0),
 ) -> Iterator[tuple[int, Membership]]:
-    """The index of each class, by increasing opacity, and its membership; not of those whose map is nowhere near its iso value.
+    """The index of each class and its membership, one after the other; not of those whose map is nowhere near its iso value.
 
     The surface of a class is where its map reaches its iso value, or, where classes overlap, where another class's map exceeds
-    its own iso value by as large a factor: as in `session.labels.assign_labels`. But a class ignores those that are more
-    opaque. So one that encloses another does not wrap it in a second surface.
+    its own iso value by as large a factor: as in `session.labels.assign_labels`.
 
     Args:
         maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1; of the same box, but possibly of different shapes.
         isos: for each map, the value at its surface, in [0, 1].
-        opacities: of the classes, in [0, 1].
         shape: (K', J', I') of the volume that memberships are for, of the same box.
         softness_voxels: for each class half the distance over which its membership rises from 0 to 255, in voxels of that
             volume. It is less where the map is too low or too steep.
@@ -60,25 +56,23 @@ def memberships(
         grid = shape
     voxel_size = min(size * cells / voxels for size, cells, voxels in zip(cell_sizes, grid, shape, strict=True))
     largest, second = np.zeros(grid, dtype=np.uint16), np.zeros(grid, dtype=np.uint16)
-    by_opacity = sorted(range(len(maps)), key=lambda index: opacities[index])
-    for _, equals in groupby(by_opacity, key=lambda index: opacities[index]):
-        near: dict[int, tuple[Box, np.ndarray]] = {}
-        for index in equals:
-            similarity = _on_grid(maps[index], grid)
-            box = box_above(similarity, NEAR_SHARE_OF_ISO * isos[index], margin=2)
-            if box is not None:
-                ratios = _ratios(similarity[box], isos[index])
-                np.maximum(second[box], np.minimum(largest[box], ratios), out=second[box])
-                np.maximum(largest[box], ratios, out=largest[box])
-                near[index] = box, ratios
-        for index, (box, ratios) in near.items():
-            others = np.where(ratios == largest[box], second[box], largest[box])
-            # What others are above their iso values counts against the class.
-            ratios -= np.minimum(ratios, np.maximum(others, UNIT) - UNIT)
-            rise = _rise(ratios, softness_voxels[index] * voxel_size, cell_sizes)
-            if grid != shape:
-                box, ratios = _refined(ratios, box, grid, shape)
-            yield index, Membership(box, rise[ratios])
+    near: dict[int, tuple[Box, np.ndarray]] = {}
+    for index, iso in enumerate(isos):
+        similarity = _on_grid(maps[index], grid)
+        box = box_above(similarity, NEAR_SHARE_OF_ISO * iso, margin=2)
+        if box is not None:
+            ratios = _ratios(similarity[box], iso)
+            np.maximum(second[box], np.minimum(largest[box], ratios), out=second[box])
+            np.maximum(largest[box], ratios, out=largest[box])
+            near[index] = box, ratios
+    for index, (box, ratios) in near.items():
+        others = np.where(ratios == largest[box], second[box], largest[box])
+        # What others are above their iso values counts against the class.
+        ratios -= np.minimum(ratios, np.maximum(others, UNIT) - UNIT)
+        rise = _rise(ratios, softness_voxels[index] * voxel_size, cell_sizes)
+        if grid != shape:
+            box, ratios = _refined(ratios, box, grid, shape)
+        yield index, Membership(box, rise[ratios])
 
 
 def finest_shape(maps: Sequence[np.ndarray]) -> Shape:
@@ -93,6 +87,26 @@ def nearest_voxels(array: np.ndarray, shape: Shape) -> np.ndarray:
         if count != size:
             array = array.take(((np.arange(count) + 0.5) * size / count).astype(int), axis=axis)
     return array
+
+
+def on_whole_grid(similarity: np.ndarray, box: Box, whole: Shape, shape: Shape) -> np.ndarray:
+    """A map (k, j, i) of a box of the volume, 0 elsewhere, on a grid of `shape`, not finer, that fills all of the volume.
+
+    Args:
+        similarity: one value for each voxel of the box.
+        box: of the volume's voxels.
+        whole: the volume's shape.
+        shape: (K', J', I') of the result.
+    """
+    result = np.zeros(shape, dtype=similarity.dtype)
+    taken, places = [], []
+    for extent, size, count in zip(box, whole, shape, strict=True):
+        nearest = ((np.arange(count) + 0.5) * size / count).astype(int)
+        within = np.flatnonzero((nearest >= extent.start) & (nearest < extent.stop))
+        taken.append(nearest[within] - extent.start)
+        places.append(within)
+    result[np.ix_(*places)] = similarity[np.ix_(*taken)]
+    return result
 
 
 def _on_grid(similarity: np.ndarray, grid: Shape) -> np.ndarray:

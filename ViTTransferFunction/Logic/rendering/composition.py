@@ -1,7 +1,7 @@
-"""All classes in one volume of colours, so that one volume rendering shows any number of them.
+"""All structures in one volume, so that one volume rendering shows any number of them.
 
-A scalar volume takes one transfer function, and renderers show few volumes at once. So the transfer functions are applied here:
-every voxel gets the colour of its class and a code (`codes`).
+A voxel has four numbers: of its structure, how deep it lies in that, the intensity, and how much light reaches it. Nothing of
+how structures look is in them: a renderer's shader (`shader`) adds that.
 """
 
 from __future__ import annotations
@@ -11,14 +11,21 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from ..core.colors import Color
+from ..core.errors import InputError
 from ..core.geometry import Box
 from ..core.resampling import interpolated
 from .class_membership import Shape
-from .optical_properties import SURFACE
+
+NUMBER, DEPTH, INTENSITY, LIGHT = range(4)
+"""What the four numbers of a voxel are: of its structure, from 1; how deep it lies in that; and so on."""
+
+SURFACE = 127
+"""Depth up to which a voxel lies outside: a surface is between this and the next."""
+
+MOST_STRUCTURES = 255
 
 VOXEL_BUDGET = 17_000_000
-"""Voxels that a volume of colours has at most: those of 256³, which any graphics card takes."""
+"""Voxels that the volume has at most: those of 256³, which any graphics card takes."""
 
 COMPOSING = "Preparing the 3D view"
 """The name of this work, for those who watch."""
@@ -29,38 +36,50 @@ SHADOW_REACHES = (0.02, 0.05)
 SHADOW_STEPS = 85
 """Shadows are soft: a grid of this many voxels along the longest side shows them."""
 
+TYPICAL_DEPTH = 200
+"""From here on inwards, a voxel's intensity is taken as the structure's own."""
+
+OWN_SHARE = (3.0, 97.0)
+"""Percentiles of its voxels between which a structure's own intensities lie."""
+
 
 class Composition:
-    """A volume to which classes are added one after the other; of two, the one with the higher code shows.
+    """A volume to which structures are added one after the other; of two, the one in which a voxel lies deeper has it.
 
-    Attributes:
-        codes: (K, J, I) uint8.
-        keys: (K, J, I), 256 times the number of the class, from 1, plus how bright its colour is, of 255.
+    Args:
+        shape: of the volume, (K, J, I).
+        structures: how many there will be.
+
+    Raises:
+        InputError: they are too many.
     """
 
-    def __init__(self, shape: Shape, classes: int) -> None:
-        self.codes = np.zeros(shape, dtype=np.uint8)
-        self.keys = np.zeros(shape, dtype=np.min_scalar_type(256 * classes + 255))
+    def __init__(self, shape: Shape, structures: int) -> None:
+        if structures > MOST_STRUCTURES:
+            raise InputError(
+                f"A 3D rendering shows up to {MOST_STRUCTURES} structures, and there are {structures}. Show fewer of them."
+            )
+        self.shape = shape
+        self._voxels = np.zeros((*shape, 4), dtype=np.uint8)
 
-    def add(self, box: Box, index: int, codes: np.ndarray, brightness: np.ndarray | int = 255) -> None:
-        """Write a class's codes and brightness (k, j, i) into a box wherever its codes exceed those that are there."""
-        higher = codes > self.codes[box]
-        np.copyto(self.codes[box], codes, where=higher)
-        np.copyto(self.keys[box], self.keys.dtype.type(256 * (index + 1)) + brightness, where=higher)
+    def add(self, box: Box, index: int, depths: np.ndarray) -> None:
+        """Add the structure of an index, from 0: how deep voxels lie in it, (k, j, i) uint8 of a box."""
+        part = self._voxels[box]
+        deeper = depths > part[..., DEPTH]
+        np.copyto(part[..., DEPTH], depths, where=deeper)
+        np.copyto(part[..., NUMBER], np.uint8(index + 1), where=deeper)
 
-    def rgba(self, colors: Sequence[Color]) -> np.ndarray:
-        """(K, J, I, 4) uint8, with the classes' colours where they are brightest and in the light."""
-        low_byte = self.keys.dtype.type(255)
-        brightness = (self.keys & low_byte).astype(np.uint16)
-        brightness *= _ambient_light(self.codes)
-        self.keys &= ~low_byte
-        self.keys |= brightness >> np.uint16(8)
-        palette = np.zeros((len(colors) + 1, 256, 4), dtype=np.uint8)
-        palette[1:, :, :3] = np.rint(np.asarray(colors)[:, None] * np.arange(256)[:, None])
-        # Four bytes at a time.
-        voxels = palette.reshape(-1, 4).view("<u4")[:, 0][self.keys]
-        voxels |= self.codes.astype("<u4") << np.uint32(24)
-        return voxels.view(np.uint8).reshape(*self.codes.shape, 4)
+    def voxels(self, gray: np.ndarray | None = None, casting: Sequence[bool] | None = None) -> np.ndarray:
+        """The volume, (K, J, I, 4) uint8.
+
+        Args:
+            gray: the intensities, (K, J, I) uint8; None: there are none.
+            casting: which structures cast shadows; None: all.
+        """
+        if gray is not None:
+            self._voxels[..., INTENSITY] = gray
+        self._voxels[..., LIGHT] = _ambient_light(self._voxels, casting)
+        return self._voxels
 
 
 def shape_within_budget(shape: Shape) -> Shape:
@@ -72,13 +91,38 @@ def shape_within_budget(shape: Shape) -> Shape:
     return k, j, i
 
 
-def _ambient_light(codes: np.ndarray) -> np.ndarray:
+def own_levels(voxels: np.ndarray, structures: int) -> np.ndarray:
+    """The grey levels between which most of a structure's own voxels lie, (structures, 2) float64; of one without any, all."""
+    histograms = inside_histograms(voxels, structures)
+    found = np.tile([0.0, 255.0], (structures, 1))
+    for index, counts in enumerate(histograms):
+        if counts.sum():
+            share = 100.0 * np.cumsum(counts) / counts.sum()
+            low, high = (float(np.searchsorted(share, bound)) for bound in OWN_SHARE)
+            found[index] = low, max(high, low + 1.0)
+    return found
+
+
+def inside_histograms(voxels: np.ndarray, structures: int) -> np.ndarray:
+    """How many voxels well inside each structure have each grey level, (structures, 256) int; a sample of large volumes."""
+    step = max(1, int(np.cbrt(voxels[..., 0].size / 2_000_000)))
+    sample = voxels[::step, ::step, ::step].reshape(-1, 4)
+    inside = sample[sample[:, DEPTH] >= TYPICAL_DEPTH]
+    keys = inside[:, NUMBER].astype(np.int32) * 256 + inside[:, INTENSITY]
+    return np.bincount(keys, minlength=256 * (structures + 1))[256 : 256 * (structures + 1)].reshape(structures, 256)
+
+
+def _ambient_light(voxels: np.ndarray, casting: Sequence[bool] | None) -> np.ndarray:
     """How much of the light around reaches each voxel, (K, J, I) uint8, 255 for all: soft shadows, at no cost to renderers."""
-    step = max(1, round(max(codes.shape) / SHADOW_STEPS))
-    matter = np.maximum(codes[::step, ::step, ::step], SURFACE) - np.float32(SURFACE)
+    shape = voxels.shape[:3]
+    step = max(1, round(max(shape) / SHADOW_STEPS))
+    coarse = voxels[::step, ::step, ::step]
+    matter = np.maximum(coarse[..., DEPTH], SURFACE) - np.float32(SURFACE)
     matter /= 255.0 - SURFACE
+    if casting is not None:
+        matter *= np.array([False, *casting])[coarse[..., NUMBER]]
     sigmas = [reach * max(matter.shape) for reach in SHADOW_REACHES]
     # Half of what is around a flat surface is matter.
     occlusion = sum(gaussian_filter(matter, sigma, mode="constant", truncate=2.5) for sigma in sigmas) / len(sigmas)
     light = 255.0 * np.clip(1.45 - 0.95 * occlusion, 0.4, 1.0)
-    return interpolated(light, [np.arange(count) / step for count in codes.shape]).astype(np.uint8)
+    return interpolated(light, [np.arange(count) / step for count in shape]).astype(np.uint8)

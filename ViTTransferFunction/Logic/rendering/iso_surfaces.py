@@ -1,4 +1,4 @@
-"""Every class as an iso-surface of its map, as a volume of colours."""
+"""Every class as an iso-surface of its map, in one volume of structures."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..core.colors import Color
 from ..core.progress import Progress, no_progress
 from .class_membership import Shape, finest_shape, memberships
-from .codes import class_codes
 from .composition import COMPOSING, Composition, shape_within_budget
+from .smoothing import smoothed
 
 VOXELS_FROM_CELLS = 6_000_000
 """Voxels up to which coarse maps are refined: enough for smooth surfaces, and fast enough to follow clicks."""
@@ -18,81 +17,63 @@ VOXELS_FROM_CELLS = 6_000_000
 MOST_VOXELS_PER_CELL = 3
 """Along an axis; refining coarse maps further shows nothing more."""
 
-SMOOTH_RAMP = (0.02, 0.3, 0.73, 1.0)
-"""Of an opaque class whose map is smooth: at a membership of 0.5 it is already opaque, so that it looks as large as it is, and
-thin parts are seen."""
-
-OPAQUE_SOFTNESS_VOXELS, TRANSLUCENT_SOFTNESS_VOXELS = 1.5, 3.0
+SOFTNESS_VOXELS = 1.5
 
 SMOOTH_SOFTNESS_VOXELS = 1.9
-"""Of maps that are smooth, so that nothing else softens an opaque class."""
+"""Of maps that are smooth, so that nothing else softens a class."""
+
+SMOOTH_SURFACE = 0.38
+"""Membership, of 1, at the surface that smooth maps of masks show. At 0.5 it would cut the corners of voxels, which are boxes:
+masks would look smaller than they are, and thin parts break."""
 
 
-def similarity_rgba(
+def similarity_volume(
     maps: Sequence[np.ndarray],
     isos: Sequence[float],
-    colors: Sequence[Color],
-    opacities: Sequence[float],
+    shape: Shape | None = None,
     progress: Progress = no_progress,
-) -> np.ndarray:
+) -> Composition:
     """Every class as an iso-surface of its map; where classes overlap, cut as `memberships` says.
 
     Args:
         maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1. Where their shapes differ, they fill the same box.
         isos: for each map, the value at its surface, in (0, 1).
-        colors: of the surfaces.
-        opacities: of the surfaces, in [0, 1]; a class of opacity 0 is not seen but keeps its place.
+        shape: (K', J', I') of the volume, which fills the box of the maps; None: `similarity_shape`.
         progress: called with classes done; may raise `Cancelled`.
-
-    Returns:
-        (K', J', I', 4) uint8, colours and codes; fills the box of the maps (`Geometry.resized` says where it lies).
     """
-    shape = _refined_shape(shape_within_budget(finest_shape(maps)))
+    shape = shape or similarity_shape(maps)
     composition = Composition(shape, len(maps))
-    softness = [OPAQUE_SOFTNESS_VOXELS if opacity == 1.0 else TRANSLUCENT_SOFTNESS_VOXELS for opacity in opacities]
-    for done, (index, membership) in enumerate(memberships(maps, isos, opacities, shape, softness)):
+    for done, (index, membership) in enumerate(memberships(maps, isos, shape, [SOFTNESS_VOXELS] * len(maps))):
         progress(done, len(maps), COMPOSING)
-        if opacities[index] > 0.0:
-            composition.add(membership.box, index, class_codes(membership.values, opacities[index], passes=2))
-    return composition.rgba(colors)
+        composition.add(membership.box, index, smoothed(membership.values, passes=2))
+    return composition
 
 
-def smooth_map_rgba(
-    maps: Iterable[np.ndarray],
-    iso: float,
-    colors: Sequence[Color],
-    opacities: Sequence[float],
-    shape: Shape,
-    cell_sizes: Sequence[float],
-) -> np.ndarray:
-    """Every class as an iso-surface of its map, of maps that are smooth already: thin parts need not be smoothed away.
-
-    Classes do not compete as in `similarity_rgba`: each is all that its map says. Of two that overlap, the more opaque shows.
-
-    Args:
-        maps: (K, J, I) each, all of one shape; taken one after the other, so that not all of them need be in memory at once.
-        iso: the value at the surface, in (0, 1).
-        colors: of the surfaces.
-        opacities: of the surfaces, in [0, 1].
-        shape: (K', J', I') of the result, of about equally long voxels along all axes, not fewer than there are cells.
-        cell_sizes: of the maps along K, J, I, in any unit.
-
-    Returns:
-        (K', J', I', 4) uint8, colours and codes; fills the box of the maps.
-    """
-    composition = Composition(shape, len(colors))
-    for index, (similarity, opacity) in enumerate(zip(maps, opacities, strict=True)):
-        softness = SMOOTH_SOFTNESS_VOXELS if opacity == 1.0 else TRANSLUCENT_SOFTNESS_VOXELS
-        for _, membership in memberships([similarity], [iso], [opacity], shape, [softness], cell_sizes):
-            if opacity > 0.0:
-                composition.add(
-                    membership.box, index, class_codes(membership.values, opacity, passes=0, opaque_ramp=SMOOTH_RAMP)
-                )
-    return composition.rgba(colors)
-
-
-def _refined_shape(shape: Shape) -> Shape:
-    """Whole voxels for each cell, more than one if the map is coarse."""
+def similarity_shape(maps: Sequence[np.ndarray]) -> Shape:
+    """Whole voxels for each cell of the finest map, more than one if it is coarse."""
+    shape = shape_within_budget(finest_shape(maps))
     per_cell = max(1, min(int(np.cbrt(VOXELS_FROM_CELLS / np.prod(shape))), MOST_VOXELS_PER_CELL))
     k, j, i = (per_cell * cells for cells in shape)
     return k, j, i
+
+
+def smooth_map_volume(
+    maps: Iterable[np.ndarray], count: int, iso: float, shape: Shape, cell_sizes: Sequence[float]
+) -> Composition:
+    """Every class as an iso-surface of its map, of maps that are smooth already: thin parts need not be smoothed away.
+
+    Classes do not compete as in `similarity_volume`: each is all that its map says.
+
+    Args:
+        maps: (K, J, I) each, all of one shape; taken one after the other, so that not all of them need be in memory at once.
+        count: how many they are.
+        iso: the value at the surface, in (0, 1).
+        shape: (K', J', I') of the result, of about equally long voxels along all axes, not fewer than there are cells.
+        cell_sizes: of the maps along K, J, I, in any unit.
+    """
+    depths = np.rint(np.interp(np.arange(256) / 255.0, [0.0, SMOOTH_SURFACE, 1.0], [0.0, 127.5, 255.0])).astype(np.uint8)
+    composition = Composition(shape, count)
+    for index, similarity in enumerate(maps):
+        for _, membership in memberships([similarity], [iso], shape, [SMOOTH_SOFTNESS_VOXELS], cell_sizes):
+            composition.add(membership.box, index, depths[membership.values])
+    return composition

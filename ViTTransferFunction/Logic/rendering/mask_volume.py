@@ -1,4 +1,4 @@
-"""Segments that are masks as one volume of colours: as maps, they go the way of all classes."""
+"""Segments that are masks as one volume of structures: as maps, they go the way of all classes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..core.bounding_box import bounding_box, common_box
-from ..core.colors import Color
 from ..core.geometry import Box, Geometry
 from .class_membership import Shape, nearest_voxels
-from .iso_surfaces import smooth_map_rgba
+from .intensity_levels import gray_levels
+from .iso_surfaces import smooth_map_volume
 from .mask_maps import ISO, mask_map
 
 VOXEL_BUDGET = 12_000_000
@@ -23,32 +23,49 @@ MARGIN_CELLS = 2
 """Cells around the masks, also beyond the volume, so that what its border cuts is closed."""
 
 
-def mask_rgba(
+def mask_volume(
     geometry: Geometry,
     masks: Sequence[np.ndarray],
-    colors: Sequence[Color],
     opacities: Sequence[float],
     guides: Sequence[tuple[np.ndarray, float] | None] | None = None,
+    surroundings: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, Geometry]:
-    """Segments as surfaces in a volume that just encloses them.
+    """Segments as surfaces in a volume that just encloses them, or in the whole volume where what is around them is wanted.
 
     Args:
         geometry: the masks' grid.
-        masks: (K, J, I) bool each; at least one has voxels. Where two overlap, the more opaque one shows.
-        colors: of the segments.
-        opacities: of the segments, in [0, 1].
+        masks: (K, J, I) bool each; at least one has voxels.
+        opacities: of the segments, in [0, 1]. Where two overlap, the more opaque one has the voxel.
         guides: for each segment, if there is one, a similarity map (K, J, I) and its iso value, by which its surface is placed
             between the voxels.
+        surroundings: intensities (K, J, I) of all voxels, and grey levels for them (`intensity_levels`); None: what is around
+            the segments is not wanted.
 
     Returns:
-        (K', J', I', 4) uint8, colours and codes, and where its voxels lie.
+        (K', J', I', 4) uint8, a volume of structures (`composition`), and where its voxels lie.
     """
-    part, box = _part_with(geometry, masks)
+    part, box = _part_with(geometry, masks) if surroundings is None else _all_of(geometry)
     shape = _fine_shape(part)
     cells = part.resized(tuple(np.minimum(part.shape, shape).tolist()))
-    maps = (_map(mask, box, cells, guide) for mask, guide in zip(masks, guides or [None] * len(masks), strict=True))
-    rgba = smooth_map_rgba(maps, ISO, colors, opacities, shape, cells.spacing_mm[::-1].tolist())
-    return rgba, part.resized(shape)
+    order = sorted(range(len(masks)), key=lambda index: -opacities[index])
+    taken = np.zeros(geometry.shape, dtype=bool)
+    own = list(masks)
+    for index in order:
+        own[index] = masks[index] & ~taken
+        taken |= masks[index]
+    maps = (_map(mask, box, cells, guide) for mask, guide in zip(own, guides or [None] * len(masks), strict=True))
+    composition = smooth_map_volume(maps, len(masks), ISO, shape, cells.spacing_mm[::-1].tolist())
+    gray = None
+    if surroundings is not None:
+        intensities, levels = surroundings
+        gray = gray_levels(_cut(intensities, box, mode="edge"), levels, shape)
+    return composition.voxels(gray, [opacity > 0.0 for opacity in opacities]), part.resized(shape)
+
+
+def _all_of(geometry: Geometry) -> tuple[Geometry, Box]:
+    """All of a grid, and as a box, which reaches a little beyond it."""
+    k, j, i = (slice(-MARGIN_CELLS, size + MARGIN_CELLS) for size in geometry.shape)
+    return geometry.part((k, j, i)), (k, j, i)
 
 
 def _part_with(geometry: Geometry, masks: Sequence[np.ndarray]) -> tuple[Geometry, Box]:

@@ -7,6 +7,7 @@ scene holds everything, and a user who deletes or renames a list in the Data mod
 
 from __future__ import annotations
 
+import math
 import uuid
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ import vtk
 
 from ..core.colors import Color, default_color
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ..rendering.appearance import DEFAULT_STYLE, STYLES, Appearance
 from .derived_nodes import nodes_of_class
 from .folder import put_into_folder
 
@@ -40,6 +42,12 @@ class ClassState:
         name: what the user calls it.
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
+        style: of its rendering, one of `STYLES`.
+        low: intensity at which the window of its rendering begins; see `Appearance`, as for all that follow up to `tone`.
+        high: intensity at which it ends.
+        ramp: opacity at its low end.
+        edges: how much is seen only where intensities change.
+        tone: how much darker it is at the low end.
         iso: threshold in [0, 1]; None: chosen from the annotations.
         size: offset from what is chosen, see `ClassRequest`; 0 where there is an `iso`.
         proximity: in [0, 1]; see `ClassRequest`.
@@ -54,6 +62,12 @@ class ClassState:
     name: str
     color: Color
     opacity: float = 1.0
+    style: str = DEFAULT_STYLE
+    low: float | None = None
+    high: float | None = None
+    ramp: float | None = None
+    edges: float | None = None
+    tone: float | None = None
     iso: float | None = None
     size: float = 0.0
     proximity: float = 0.0
@@ -64,10 +78,20 @@ class ClassState:
     continues: str = ""
 
 
-SETTINGS: tuple[str, ...] = ("opacity", "iso", "size", "proximity", "refine", "visible")
+LOOK: tuple[str, ...] = ("opacity", "style", "low", "high", "ramp", "edges", "tone")
+"""The fields of `ClassState` that decide, with its colour, how a class looks in 3D."""
+SETTINGS: tuple[str, ...] = (*LOOK, "iso", "size", "proximity", "refine", "visible")
 """The fields of `ClassState` that are attributes of the list of positive points."""
-_RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE)}
+_ANY = (-math.inf, math.inf)
+_RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE), "low": _ANY, "high": _ANY}
 """Of numbers among them that are no shares in [0, 1]."""
+
+
+def appearance(state: ClassState | None) -> Appearance:
+    """How a class looks in 3D; None: one that is not shown."""
+    if state is None:
+        return Appearance((0.0, 0.0, 0.0), opacity=0.0)
+    return Appearance(state.color, **{name: getattr(state, name) for name in LOOK})
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
@@ -223,6 +247,8 @@ def _read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any
         settings[name] = default
         if text in ("True", "False"):
             settings[name] = text == "True"
+        elif isinstance(default, str):
+            settings[name] = text if text in STYLES else default
         elif text is not None:
             settings[name] = _number(text, _RANGES.get(name, (0.0, 1.0)), default)
     return settings
@@ -233,6 +259,8 @@ def _number(text: str, between: tuple[float, float], default: float | None) -> f
     try:
         number = float(text)
     except ValueError:
+        return default
+    if not math.isfinite(number):
         return default
     return number if between[0] <= number <= between[1] else default
 

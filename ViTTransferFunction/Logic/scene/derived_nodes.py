@@ -39,6 +39,14 @@ class DerivedNodes:
         self._nodes[name] = node
         return node
 
+    def release(self) -> list[Any]:
+        """Leave those that are there to the scene, which saves them from now on; they are nobody's derived nodes any more."""
+        nodes = [node for name in self._nodes if (node := self.find(name)) is not None]
+        for node in nodes:
+            node.SetSaveWithScene(True)
+        self._nodes.clear()
+        return nodes
+
     def remove(self) -> None:
         """Take them out of the scene, and what displays them."""
         # The latest first: what uses another node, colours say, was made after it.

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import slicer
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
-from ..compute.requests import ColorVolume
 from ..core.stepped_work import SteppedWork
+from ..rendering.appearance import Appearance
+from ..rendering.structure_volume import StructureVolume
+from ..rendering.surroundings import Surroundings
 from .contours import Contours, ShownMap, Surface, iso_surface
 from .overlay import SimilarityOverlay
 from .proposal_outlines import ProposalOutlines, Proposals
@@ -36,8 +38,9 @@ class SceneDisplay:
         self._shown: dict[str, ShownMap] = {}
         self._outlined: dict[str, tuple[ShownMap, Surface]] = {}
         self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
-        self._rendered: ColorVolume | None = None
-        self._filling: tuple[ColorVolume, SteppedWork[vtkImageData]] | None = None
+        self._rendered: StructureVolume | None = None
+        self._look: tuple[tuple[Appearance, ...], Surroundings] = (), Surroundings()
+        self._filling: tuple[StructureVolume, SteppedWork[vtkImageData]] | None = None
 
     def show_maps(
         self,
@@ -63,16 +66,39 @@ class SceneDisplay:
         """Show the outlines of a class's other proposals, when everything else is shown; None: of no class."""
         self._proposals.show(volume, proposals)
 
-    def show_rendering(self, volume: slicer.vtkMRMLScalarVolumeNode, rendering: ColorVolume | None) -> None:
-        """Show a volume of colours in the 3D views, at once if it is small, else by `advance`; None: nothing."""
+    def show_rendering(
+        self,
+        volume: slicer.vtkMRMLScalarVolumeNode,
+        rendering: StructureVolume | None,
+        looks: Sequence[Appearance] = (),
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        """Show structures in the 3D views, at once if they are few voxels, else by `advance`; None: nothing.
+
+        Where they are shown already and only look otherwise, they do at once.
+
+        Args:
+            volume: which they are of.
+            rendering: the structures.
+            looks: how they look, in the order of their numbers.
+            surroundings: how what belongs to none looks; None: it is not shown.
+        """
         if rendering is None:
             self._rendered = self._filling = None
             self._rendering.hide()
             return
         self._follow(volume)
+        look = tuple(looks), surroundings or Surroundings()
+        if self._rendered is rendering and look != self._look:
+            self._rendering.change(rendering.uniforms(*look))
+        self._look = look
         if self._rendered is not rendering and (self._filling is None or self._filling[0] is not rendering):
-            self._filling = rendering, SteppedWork(bytes_image(rendering.rgba))
+            self._filling = rendering, SteppedWork(bytes_image(rendering.voxels))
             self._fill()
+
+    def export_rendering(self, name: str) -> slicer.vtkMRMLVectorVolumeNode | None:
+        """Nodes that go on showing what 3D views show now, without us; the volume among them. None: they show nothing."""
+        return self._rendering.export(name)
 
     @property
     def pending(self) -> bool:
@@ -100,13 +126,14 @@ class SceneDisplay:
             self._moved, self._rendered = True, None
 
     def _fill(self) -> None:
-        """Go on to make the image of the colours, and show it when it is ready."""
+        """Go on to make the image of the structures, and show it when it is ready."""
         assert self._filling is not None
         rendering, work = self._filling
         if work.advance():
             assert work.result is not None
             self._rendered, self._filling = rendering, None
-            self._rendering.show(self._volume, work.result, rendering.codes, rendering.geometry.ijk_to_ras)
+            structures, uniforms = len(rendering.own_levels), rendering.uniforms(*self._look)
+            self._rendering.show(self._volume, work.result, structures, uniforms, rendering.geometry.ijk_to_ras)
 
     def _lacks_outline(self, of_class: ShownMap) -> bool:
         outlined = self._outlined.get(of_class.class_id)

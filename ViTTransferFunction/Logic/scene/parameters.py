@@ -40,6 +40,10 @@ class SceneParameters:
         overlayVisible, overlayOpacity: of the selected class's similarity in the slice views.
         proposalsVisible: whether slice views outline faintly what else the selected class may be.
         rendering: what the 3D views show ("off", "similarity" or "transfer function").
+        renderingSolo: whether 3D views show the selected class alone.
+        context: what 3D views show around the structures ("off", or one of `SceneSession.context_names`).
+        contextStrength: how dense that is, in [0, 1].
+        contextCutAway: whether it gives way where it would hide a structure.
         selectedClass: id of the class that is annotated.
     """
 
@@ -60,6 +64,10 @@ class SceneParameters:
         "overlayOpacity": 0.5,
         "proposalsVisible": True,
         "rendering": "similarity",
+        "renderingSolo": False,
+        "context": "off",
+        "contextStrength": 0.5,
+        "contextCutAway": False,
         "selectedClass": "",
     }
 

@@ -1,24 +1,16 @@
-"""The classes in 3D, in Slicer's views: one volume of colours (`rendering.composition`), by GPU volume rendering."""
+"""The classes in 3D, in Slicer's views: one volume of structures (`rendering.composition`), by GPU volume rendering."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from vtkmodules.vtkCommonDataModel import vtkImageData, vtkPiecewiseFunction
+from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..core.errors import InputError
-from ..rendering.optical_properties import (
-    AMBIENT,
-    CODE_COMPONENT,
-    DIFFUSE,
-    SPECULAR,
-    SPECULAR_POWER,
-    SURFACE,
-    UNIT_VOXELS,
-    opacity_points,
-)
 from .derived_nodes import DerivedNodes
+from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
 from .volume import take_image
 
@@ -28,13 +20,14 @@ if TYPE_CHECKING:
 VOLUME_NAME = "Structure rendering"
 DISPLAY_NAME = "Structure rendering display"
 PROPERTY_NAME = "Structure rendering property"
+SHADER_NAME = "Structure rendering shader"
 DISPLAY_CLASS = "vtkMRMLGPURayCastVolumeRenderingDisplayNode"
 
 
 class ClassRendering:
-    """Shows a volume of colours in all 3D views.
+    """Shows a volume of structures in all 3D views.
 
-    Soft shadows are in the colours. Slicer's ambient shadows, a setting of its views, are left as they are: with OpenGL in
+    Soft shadows are in the volume. Slicer's ambient shadows, a setting of its views, are left as they are: with OpenGL in
     software they cover volumes with a chequered pattern.
 
     Args:
@@ -52,15 +45,17 @@ class ClassRendering:
         self,
         volume_node: slicer.vtkMRMLScalarVolumeNode,
         image: vtkImageData,
-        codes: tuple[int, int],
+        structures: int,
+        uniforms: Mapping[str, np.ndarray],
         ijk_to_ras: np.ndarray,
     ) -> None:
-        """Show colours, or others instead, in all 3D views.
+        """Show structures, or others instead, in all 3D views.
 
         Args:
             volume_node: the volume that they are of; they move with it.
-            image: uint8, colours and codes, four numbers in each voxel. It must not be changed later.
-            codes: the smallest and the largest code.
+            image: uint8, the voxels of a volume of structures, four numbers in each. It must not be changed later.
+            structures: how many there are.
+            uniforms: how they look (`StructureVolume.uniforms`).
             ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
 
         Raises:
@@ -72,24 +67,52 @@ class ClassRendering:
             volume.GetVolumeDisplayNode().SetSaveWithScene(False)
         display = self._nodes.find(DISPLAY_NAME) or self._add_display()
         material = self._nodes.find(PROPERTY_NAME) or self._add_property()
+        shader = self._nodes.find(SHADER_NAME) or self._nodes.add("vtkMRMLShaderPropertyNode", SHADER_NAME)
         take_image(volume, image, ijk_to_ras)
-        _set_opacity(material, codes)
+        set_shader(shader.GetShaderProperty(), structures)
+        set_uniforms(shader.GetShaderProperty(), uniforms)
         volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
         display.SetAndObserveVolumePropertyNodeID(material.GetID())
+        display.SetAndObserveShaderPropertyNodeID(shader.GetID())
         if not volume.HasNodeReferenceID(volume.GetDisplayNodeReferenceRole(), display.GetID()):
             volume.AddAndObserveDisplayNodeID(display.GetID())
-        display.SetVisibility(codes[1] > SURFACE)
+        display.SetVisibility(True)
         self._smoothing.switch_on()
 
+    def change(self, uniforms: Mapping[str, np.ndarray]) -> None:
+        """Let what is shown look otherwise, at once."""
+        shader = self._nodes.find(SHADER_NAME)
+        if shader is not None:
+            set_uniforms(shader.GetShaderProperty(), uniforms)
+
+    def export(self, name: str) -> Any:
+        """Leave what is shown to the scene: it is saved, and shown alike by a Slicer without this extension.
+
+        Args:
+            name: of the volume node that users see.
+
+        Returns:
+            The volume node; None where nothing is shown.
+        """
+        volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
+        if volume is None or display is None or not display.GetVisibility():
+            return None
+        volume.GetVolumeDisplayNode().SetSaveWithScene(True)
+        for node in self._nodes.release():
+            node.SetName(node.GetName().replace(VOLUME_NAME, name))
+        # What is shown next has nodes of its own.
+        self._smoothing.restore()
+        return volume
+
     def hide(self) -> None:
-        """Take the colours out of the views, and undo what was set in them."""
+        """Take the structures out of the views, and undo what was set in them."""
         display = self._nodes.find(DISPLAY_NAME)
         if display is not None:
             display.SetVisibility(False)
         self._smoothing.restore()
 
     def remove(self) -> None:
-        """Hide the colours, and take their nodes out of the scene."""
+        """Hide the structures, and take their nodes out of the scene."""
         self.hide()
         self._nodes.remove()
 
@@ -109,25 +132,5 @@ class ClassRendering:
 
     def _add_property(self) -> Any:
         node = self._nodes.add("vtkMRMLVolumePropertyNode", PROPERTY_NAME)
-        material = node.GetVolumeProperty()
-        material.IndependentComponentsOff()
-        material.SetInterpolationTypeToLinear()
-        material.ShadeOn()
-        material.SetAmbient(AMBIENT)
-        material.SetDiffuse(DIFFUSE)
-        material.SetSpecular(SPECULAR)
-        material.SetSpecularPower(SPECULAR_POWER)
+        set_material(node.GetVolumeProperty())
         return node
-
-
-def _set_opacity(node: Any, codes: tuple[int, int]) -> None:
-    """The opacity of each code in a volume whose codes range from the one to the other."""
-    opacity = vtkPiecewiseFunction()
-    for position, value in opacity_points(*codes):
-        opacity.AddPoint(position, value)
-    was_modifying = node.StartModify()
-    node.SetScalarOpacity(opacity)
-    # VTK takes the function from component 0, its unit from the component that it is applied to.
-    # Slicer hands it voxels that are 1 apart, and VTK measures the unit there, not in millimetres.
-    node.GetVolumeProperty().SetScalarOpacityUnitDistance(CODE_COMPONENT, UNIT_VOXELS)
-    node.EndModify(was_modifying)

@@ -22,10 +22,12 @@ from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
+from ..rendering.surroundings import Surroundings
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, Point, Polarity
+from .classes import ClassState, Point, Polarity, appearance
+from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .corrections import Corrections
 from .display import SceneDisplay
@@ -182,6 +184,11 @@ class SceneSession:
         """Choose the volume to segment. Where its features are cached, they load at once."""
         self.parameters.set_reference("volume", node)
 
+    @property
+    def context_names(self) -> list[str]:
+        """What the parameter `context` may be: what 3D views can show around the structures."""
+        return context_names(self._app_logic)
+
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
         self._problems.solve("segments")
@@ -272,6 +279,16 @@ class SceneSession:
         else:
             self._corrections = corrections
             self._proxy.segment(self.parameters.refinement())
+        self._notify()
+
+    def export_rendering(self) -> None:
+        """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
+        self._problems.solve("views")
+        volume = self.parameters.volume
+        if volume is None or self._display.export_rendering(f"{volume.GetName()} structures") is None:
+            self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
+        else:
+            self.parameters.set("rendering", "off")
         self._notify()
 
     def segment_of(self, id_: str) -> str | None:
@@ -418,9 +435,10 @@ class SceneSession:
         """Bring the views up to date with maps, classes and parameters."""
         volume, selected = self.parameters.volume, self.selected_class
         visible = {state.id: state for state in self.classes if state.visible}
-        styles = {id_: (state.color, state.opacity) for id_, state in visible.items()}
         mode = self.parameters.rendering_mode()
-        self._proxy.look(mode, styles)
+        rendered = {selected.id: selected} if selected and self.parameters.get("renderingSolo") else visible
+        casting = {id_: state.opacity > 0.0 for id_, state in rendered.items() if state.visible}
+        self._proxy.look(mode, casting, self.parameters.get("context") != OFF and self.parameters.get("contextStrength") > 0.0)
         if mode is None:
             self._problems.solve("views")
         maps = self._proxy.maps
@@ -435,7 +453,13 @@ class SceneSession:
             self.parameters.get("overlayOpacity"),
         )
         self._display.show_proposals(volume, self._other_proposals(selected))
-        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering))
+        looks = [appearance(rendered.get(id_)) for id_ in self._proxy.rendered]
+        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings()))
+
+    def _surroundings(self) -> Surroundings:
+        """What the 3D views show around the structures."""
+        name, strength, cut_away = (self.parameters.get(name) for name in ("context", "contextStrength", "contextCutAway"))
+        return named_surroundings(self._app_logic, name, strength, cut_away, self._proxy.rendering)
 
     def _other_proposals(self, selected: ClassState | None) -> Proposals | None:
         """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""

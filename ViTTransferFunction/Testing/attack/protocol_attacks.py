@@ -87,7 +87,7 @@ def _requests(scan: Scan) -> list[Any]:
         Extract(),
         ComputeMaps(classes),
         RefineMaps(classes, Refinement()),
-        Render("similarity", True, (((1.0, 0.0, 0.0), 1.0), ((0.0, 1.0, 0.0), 0.5))),
+        Render("similarity", True, (True, False), True),
         Cancel((5,)),
         SegmentClasses(classes, Refinement()),
     ]

@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate, WeightsDownload
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
@@ -33,7 +34,7 @@ BODIES = [
     requests.ComputeMaps((LIVER, SPLEEN)),
     requests.RefineMaps((LIVER,), REFINEMENT),
     requests.SegmentClasses((), REFINEMENT),
-    requests.Render("transfer function", True, (((1.0, 0.5, 0.0), 0.25),)),
+    requests.Render("transfer function", True, (True, False), True),
     requests.Cancel((3, 4)),
     requests.Started(4711),
     requests.Done(),
@@ -41,7 +42,7 @@ BODIES = [
         (ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5), ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1)), (2.5, 0.0)
     ),
     requests.Labels(ARRAY.astype(np.uint16), (1, 2, 3)),
-    requests.ColorVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), (0, 200), GEOMETRY),
+    StructureVolume(np.zeros((2, 3, 4, 4), dtype=np.uint8), np.array([[10.0, 200.0]]), np.arange(256.0), True, 1.5, GEOMETRY),
     requests.Progressed(1, 2, "Computing features"),
     requests.CoarseFeatures(),
     requests.GivenUp(),

@@ -13,7 +13,6 @@ from ViTTransferFunction.Logic.compute import proxy as proxy_module
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import (
     CoarseFeatures,
-    ColorVolume,
     ComputeMaps,
     Done,
     Extract,
@@ -34,6 +33,7 @@ from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
@@ -43,6 +43,7 @@ SETTINGS = SessionSettings(grid=16)
 COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9)
 LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
 MAP = ClassMap(np.zeros((2, 2, 2), dtype=np.float32), GEOMETRY, 0.4)
+RENDERING = StructureVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), np.zeros((1, 2)), np.arange(256.0), False, 1.0, GEOMETRY)
 
 
 class Client:
@@ -160,18 +161,18 @@ def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(
 
 
 def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, client: Client) -> None:
-    ready.look("similarity", {"liver": ((1.0, 0.0, 0.0), 1.0)})
+    ready.look("similarity", {"liver": True})
     ready.update([LIVER], Refinement())
     ready.poll()
     client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
     ready.poll()
-    assert client.asked[-1] == Render("similarity", False, (((1.0, 0.0, 0.0), 1.0),))
+    assert client.asked[-1] == Render("similarity", False, (True,))
     rendering = len(client.asked)
     ready.update([LIVER, SPLEEN], Refinement())
     ready.poll()
     assert client.cancelled == [rendering]
     assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
-    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
+    client.answer(Render, RENDERING)
     assert "rendering" not in ready.poll()
     assert ready.rendering is None
 
@@ -201,8 +202,9 @@ def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: Segment
     client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
     assert ready.poll() == {"maps"}
     assert ready.maps == {"liver": MAP}
-    client.answer(Render, ColorVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), (0, 0), GEOMETRY))
+    client.answer(Render, RENDERING)
     assert ready.poll() == {"rendering"}
+    assert ready.rendered == ("liver",)
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
     client.answer(RefineMaps, Maps((MAP,), (1.5,)))
     assert ready.poll() == {"refined"}

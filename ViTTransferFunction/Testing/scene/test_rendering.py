@@ -4,20 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from colorsys import hsv_to_rgb
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine.rendering_picture import color_volume_prop
+from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.stepped_work import finished
-from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_rgba
-from ViTTransferFunction.Logic.rendering.mask_volume import mask_rgba
-from ViTTransferFunction.Logic.rendering.optical_properties import CODE_COMPONENT
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.composition import own_levels
+from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
+from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
+from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
+from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image, vtk_matrix
@@ -32,10 +37,26 @@ MIDDLE = GRID.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
 DISTANCE_MM = 130.0
 
 
-def show(rendering: ClassRendering, volume: Any, rgba: np.ndarray, ijk_to_ras: np.ndarray) -> None:
-    """Show colours (K, J, I, 4)."""
-    codes = rgba[..., CODE_COMPONENT]
-    rendering.show(volume, finished(bytes_image(rgba)), (int(codes.min()), int(codes.max())), ijk_to_ras)
+NOTHING = Surroundings()
+
+
+def structures(voxels: np.ndarray, count: int, geometry: Geometry) -> StructureVolume:
+    return StructureVolume(voxels, own_levels(voxels, count), np.arange(256.0), False, 0.5, geometry)
+
+
+def show(
+    rendering: ClassRendering,
+    volume: Any,
+    shown: StructureVolume,
+    looks: Sequence[Appearance],
+    surroundings: Surroundings = NOTHING,
+) -> None:
+    image, uniforms = finished(bytes_image(shown.voxels)), shown.uniforms(looks, surroundings)
+    rendering.show(volume, image, len(looks), uniforms, shown.geometry.ijk_to_ras)
+
+
+def appearances(colors: Sequence[Color], opacities: Sequence[float] | None = None) -> list[Appearance]:
+    return [Appearance(*look) for look in zip(colors, opacities or [1.0] * len(colors), strict=True)]
 
 
 class Stage:
@@ -50,8 +71,31 @@ class Stage:
         look_from(self.view, middle, DISTANCE_MM)
 
     def show(self, maps: Sequence[np.ndarray], colors: Sequence[Color], opacities: Sequence[float] | None = None) -> None:
-        rgba = similarity_rgba(maps, [0.5] * len(maps), colors, opacities or [1.0] * len(maps))
-        show(self.rendering, self.views.volume, rgba, self.grid.resized(rgba.shape[:3]).ijk_to_ras)
+        self.show_structures(maps, appearances(colors, opacities))
+
+    def show_structures(
+        self,
+        maps: Sequence[np.ndarray],
+        looks: Sequence[Appearance],
+        surroundings: Surroundings = NOTHING,
+        intensities: np.ndarray | None = None,
+    ) -> StructureVolume:
+        composition = similarity_volume(maps, [0.5] * len(maps))
+        gray = None if intensities is None else gray_levels(intensities, np.arange(256.0), composition.shape)
+        shown = structures(composition.voxels(gray), len(maps), self.grid.resized(composition.shape))
+        show(self.rendering, self.views.volume, shown, looks, surroundings)
+        return shown
+
+    def change(self, shown: StructureVolume, looks: Sequence[Appearance], surroundings: Surroundings = NOTHING) -> np.ndarray:
+        """What is seen after another look, with the same volume."""
+        self.rendering.change(shown.uniforms(looks, surroundings))
+        return self.picture()
+
+    def mean(self, picture: np.ndarray, point_ras: np.ndarray) -> np.ndarray:
+        """Of the pixels about a point: rays start at random depths."""
+        ((row, column),) = self.at(point_ras)
+        average: np.ndarray = picture[row - 3 : row + 4, column - 3 : column + 4].mean(axis=(0, 1))
+        return average
 
     def picture(self) -> np.ndarray:
         self.view.renderer().ResetCameraClippingRange()
@@ -161,6 +205,104 @@ def test_a_translucent_class_is_as_strong_whatever_the_size_of_voxels(slicer_app
     assert np.array(brightness) / brightness[1] == pytest.approx([1.0, 1.0, 1.0], abs=0.05)
 
 
+def one_ball(radius: float = 6.0) -> np.ndarray:
+    return ball(SHAPE, (7.5, 9.5, 11.5), radius)
+
+
+def test_a_changed_look_is_another_picture_of_the_same_volume(stage: Stage) -> None:
+    shown = stage.show_structures(two_balls(), appearances([RED, GREEN]))
+    (node,) = nodes_of_class(stage.scene, "vtkMRMLVectorVolumeNode")
+    image, changed = node.GetImageData(), node.GetImageData().GetMTime()
+    stage.picture()
+    picture = stage.change(shown, appearances([BLUE, GREEN], [1.0, 0.0]))
+    assert hue(stage.mean(picture, LEFT)) == pytest.approx([0, 0, 1], abs=0.05)
+    assert (stage.mean(picture, RIGHT) == 0).all()
+    assert node.GetImageData() is image
+    assert image.GetMTime() == changed
+
+
+def test_a_glass_shell_shows_what_it_holds_and_keeps_its_rim(stage: Stage) -> None:
+    maps = [ball(SHAPE, (7.5, 9.5, 11.5), 2.5), 0.8 * one_ball(7.0)]
+    shown = stage.show_structures(maps, [Appearance(GREEN), Appearance(RED, style="surface")])
+    solid = stage.picture()
+    glass = stage.change(shown, [Appearance(GREEN), Appearance(RED, 0.8, "glass")])
+    red, green, _ = stage.mean(solid, MIDDLE)
+    assert red > 3 * green
+    red, green, _ = stage.mean(glass, MIDDLE)
+    assert green > 3 * red
+    # The shell is brightest where it is seen edge-on.
+    ((row, column),) = stage.at(MIDDLE)
+    profile = glass[row, column:, 0]
+    rim = int(profile.argmax())
+    assert rim == pytest.approx(np.flatnonzero(solid[row, column:, 0] > 20)[-1], abs=4)
+    assert profile[rim] > 2 * profile[rim // 2]
+
+
+def test_an_intensity_window_makes_transparent_what_lies_below_it(stage: Stage) -> None:
+    intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
+    look = Appearance(RED, style="as scanned", low=100.0, high=180.0, ramp=0.0)
+    stage.show_structures([one_ball(8.0)], [look], intensities=intensities)
+    picture = stage.picture()
+    dark, bright = (stage.mean(picture, GRID.ijk_to_ras_points(np.array([[i, 9.5, 7.5]]))[0]) for i in (8.0, 15.0))
+    assert dark.max() < 10
+    assert bright[0] > 60
+
+
+def test_the_tone_of_a_structure_is_brighter_where_the_scan_is(stage: Stage) -> None:
+    intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
+    stage.show_structures([one_ball(8.0)], [Appearance(RED, low=60.0, high=200.0, tone=0.6)], intensities=intensities)
+    picture = stage.picture()
+    dark, bright = (stage.mean(picture, GRID.ijk_to_ras_points(np.array([[i, 9.5, 7.5]]))[0])[0] for i in (9.0, 14.0))
+    assert dark / bright == pytest.approx(0.4, abs=0.12)
+
+
+def test_what_is_around_structures_is_seen_as_far_as_it_is_wanted(stage: Stage) -> None:
+    bright = ball(SHAPE, RIGHT_KJI, 4.0) > 0.5
+    intensities = np.where(bright, 220.0, 20.0)
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures(two_balls()[:1], appearances([RED]), intensities=intensities)
+    assert (stage.mean(stage.picture(), RIGHT) == 0).all()
+    strong = stage.mean(stage.change(shown, appearances([RED]), around), RIGHT)
+    faint = stage.mean(stage.change(shown, appearances([RED]), replace(around, strength=0.001)), RIGHT)
+    assert hue(strong) == pytest.approx([0, 1, 0], abs=0.1)
+    assert strong[1] > 100 > faint[1] > 3
+
+
+def test_what_belongs_to_a_structure_is_not_shown_as_its_surroundings(stage: Stage) -> None:
+    intensities = np.where(one_ball() > 0.5, 220.0, 20.0)
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures([one_ball()], appearances([RED]), around, intensities)
+    assert hue(stage.mean(stage.picture(), MIDDLE)) == pytest.approx([1, 0, 0], abs=0.1)
+    # Nobody's, while its structure is hidden.
+    hidden = stage.change(shown, appearances([RED], [0.0]), around)
+    assert hue(stage.mean(hidden, MIDDLE)) == pytest.approx([0, 1, 0], abs=0.1)
+
+
+def test_surroundings_give_way_before_structures_where_that_is_wanted(stage: Stage) -> None:
+    # What is in front is anterior, at high j.
+    intensities = np.where(np.arange(SHAPE[1])[:, None] > 15, 220.0, 20.0) * np.ones((SHAPE[0], 1, SHAPE[2]))
+    around = Surroundings(((100.0, GREEN, 0.0), (200.0, GREEN, 0.9), (255.0, GREEN, 0.9)))
+    shown = stage.show_structures([one_ball(4.0)], appearances([RED]), around, intensities)
+    assert hue(stage.mean(stage.picture(), MIDDLE)) == pytest.approx([0, 1, 0], abs=0.1)
+    cut = stage.change(shown, appearances([RED]), replace(around, cutaway=1.0))
+    assert hue(stage.mean(cut, MIDDLE)) == pytest.approx([1, 0, 0], abs=0.1)
+    beside = GRID.ijk_to_ras_points(np.array([[3.0, 9.5, 7.5]]))[0]
+    assert hue(stage.mean(cut, beside)) == pytest.approx([0, 1, 0], abs=0.1)
+
+
+def test_a_structure_has_a_smooth_surface_where_the_one_that_touches_it_is_hidden(stage: Stage) -> None:
+    left = np.clip(0.5 + (11.5 - np.arange(SHAPE[2], dtype=np.float32)) / 4.0, 0.0, 1.0) * one_ball(8.0)
+    right = np.clip(0.5 + (np.arange(SHAPE[2], dtype=np.float32) - 11.5) / 4.0, 0.0, 1.0) * one_ball(8.0)
+    shown = stage.show_structures([left, right], appearances([RED, GREEN]))
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0))
+    picture = stage.change(shown, appearances([RED, GREEN], [0.0, 1.0]))
+    ((row, column),) = stage.at(MIDDLE)
+    cut_face = picture[row - 8 : row + 9, column - 8 : column + 9, 1]
+    # Flat, and seen at a right angle.
+    assert cut_face.min() > 120
+    assert np.ptp(cut_face) < 40
+
+
 def displayed_volume(stage: Stage) -> Any:
     """What a view's renderer was given to show the classes."""
     volumes = stage.view.renderer().GetVolumes()
@@ -178,11 +320,12 @@ def test_pictures_of_the_command_line_show_what_the_view_shows(
     stage = Stage(slicer_app, grid, middle)
     look_from(stage.view, middle, 2.5 * float(grid.extent_mm.max()))
     masks = [ball(SHAPE, centre, 5.0) > 0.5 for centre in (LEFT_KJI, RIGHT_KJI)]
-    rgba, fine = mask_rgba(grid, masks, [RED, GREEN], [1.0, opacity])
-    show(stage.rendering, stage.views.volume, rgba, fine.ijk_to_ras)
+    voxels, fine = mask_volume(grid, masks, [1.0, opacity])
+    shown, looks = structures(voxels, 2, fine), appearances([RED, GREEN], [1.0, opacity])
+    show(stage.rendering, stage.views.volume, shown, looks)
     in_slicer, theirs = stage.picture(), displayed_volume(stage)
     stage.rendering.hide()
-    ours = color_volume_prop(rgba, fine.ijk_to_ras)
+    ours = structure_prop(shown, looks)
     stage.view.renderer().AddVolume(ours)
     in_picture = stage.picture()
 
@@ -192,9 +335,6 @@ def test_pictures_of_the_command_line_show_what_the_view_shows(
     assert np.percentile(np.abs(in_slicer - in_picture), 98) < 25
     for getter in ("GetAmbient", "GetDiffuse", "GetSpecular", "GetSpecularPower", "GetShade", "GetInterpolationType"):
         assert getattr(ours.GetProperty(), getter)() == getattr(theirs.GetProperty(), getter)()
-    assert ours.GetProperty().GetScalarOpacityUnitDistance(3) == theirs.GetProperty().GetScalarOpacityUnitDistance(3)
-    tables = [[volume.GetProperty().GetScalarOpacity(0).GetValue(code) for code in range(256)] for volume in (ours, theirs)]
-    assert tables[0] == pytest.approx(tables[1])
 
 
 def test_hiding_brings_back_the_picture_and_the_views_settings(stage: Stage) -> None:
@@ -285,9 +425,8 @@ def test_classes_lie_right_in_an_oblique_anisotropic_volume(slicer_app: Any) -> 
 
 def test_showing_and_removing_again_and_again_leaves_nothing_behind(stage: Stage) -> None:
     before, picture = stage.scene.GetNumberOfNodes(), stage.picture()
-    rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
     for _ in range(50):
-        show(stage.rendering, stage.views.volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+        stage.show(two_balls(), [RED, GREEN])
         stage.rendering.remove()
     assert stage.scene.GetNumberOfNodes() == before
     assert np.array_equal(stage.picture(), picture)
@@ -325,8 +464,8 @@ def test_after_the_scene_was_closed_the_next_volume_is_shown_and_removed(stage: 
     volume = stage.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
     set_image(volume, np.zeros(SHAPE, dtype=np.int16), GRID.ijk_to_ras)
     before = stage.scene.GetNumberOfNodes()
-    rgba = similarity_rgba(two_balls(), [0.5, 0.5], [RED, GREEN], [1.0, 1.0])
-    show(stage.rendering, volume, rgba, GRID.resized(rgba.shape[:3]).ijk_to_ras)
+    stage.views.volume = volume
+    stage.show(two_balls(), [RED, GREEN])
     (display,) = nodes_of_class(stage.scene, "vtkMRMLVolumeRenderingDisplayNode")
     assert display.GetVisibility()
     stage.rendering.remove()
@@ -349,5 +488,6 @@ def test_a_slicer_without_volume_rendering_is_told_so(stage: Stage) -> None:
         def GetModuleLogic(self, name: str) -> None:  # noqa: N802
             return None
 
+    stage.rendering = ClassRendering(stage.scene, NoModules())
     with pytest.raises(InputError, match="Volume Rendering"):
-        show(ClassRendering(stage.scene, NoModules()), stage.views.volume, np.zeros((4, 4, 4, 4), np.uint8), np.eye(4))
+        stage.show(two_balls(), [RED, GREEN])

@@ -28,7 +28,7 @@ CONTENT = {
     "features": "from a volume to its feature volume F",
     "similarity": "from annotations to maps S_L and thresholds",
     "refinement": "from S_L to S_H: intensity likelihood, bilateral solver, guided filter",
-    "rendering": "from maps or masks to one volume of colours",
+    "rendering": "from maps or masks to one volume of structures, and how it looks",
     "session": "one volume being segmented",
     "compute": "the process that computes, and its proxy",
     "scene": "all that knows MRML",

@@ -1,0 +1,376 @@
+"""How a renderer shows a volume of structures (`structure_volume`), in OpenGL's shading language.
+
+It is the one definition for Slicer's views, for pictures, and for scenes that are opened where this extension is not.
+
+VTK's volume renderer takes pieces of its shader from outside. These pieces march along a ray and, where it passes from one
+structure into another or out of all of them, find the place between the samples and shade it: surfaces are smooth whatever the
+length of the steps. How each structure looks is read from uniform variables (`appearance`, `surroundings`), so that a change
+costs no more than a picture.
+
+A voxel between two structures lies outside each by as much as it lies inside the other. So a structure's surface is smooth
+also where another one touches it that is hidden.
+"""
+
+from __future__ import annotations
+
+ROWS = 4
+"""Vectors of four numbers that say how a structure looks."""
+
+CONTEXT_COLORS = 64
+"""Colours and densities, from the lowest intensity to the highest, of what belongs to no structure."""
+
+STEP = 16
+"""The number of structures that a shader has room for is a multiple of this, so that few of them need another shader."""
+
+STRUCTURES, CONTEXT, SCENE = "vittf_structures", "vittf_context", "vittf_scene"
+"""Names of the uniform variables; `structure_volume.StructureVolume.uniforms` has their values."""
+
+_GRADIENT = """
+// Every surface is shaded by a normal that is known where it is found.
+vec3 vittf_normal = vec3(0.0);
+vec4 computeGradient(in vec3 texPos, in int c, in sampler3D volume, in int index)
+{
+  return vec4(vittf_normal, -1.0);
+}
+"""
+
+_FUNCTIONS = """
+int vittf_before = -1;             // The structure at the last sample, 0: none, -1: there is no last sample.
+float vittf_number = -1.0;         // What its voxels have as number, visible or not.
+bool vittf_hit = false;            // Whether the ray has met a structure.
+vec4 vittf_veil = vec4(0.0);       // What it passed before, of what belongs to none.
+
+vec4 vittf_row(int structure, int row)
+{
+  return vittf_structures[structure][row];
+}
+
+vec4 vittf_context_at(int level)
+{
+  return vittf_context[level / 4][level % 4];
+}
+
+ivec3 vittf_size()
+{
+  return textureSize(in_volume[0], 0);
+}
+
+ivec3 vittf_nearest(vec3 place)
+{
+  return clamp(ivec3(place * vec3(vittf_size())), ivec3(0), vittf_size() - 1);
+}
+
+// Number and depth of one of the eight voxels around a place, and its weight in the interpolation.
+vec3 vittf_corner(ivec3 base, vec3 share, int n)
+{
+  ivec3 corner = ivec3(n & 1, (n >> 1) & 1, n >> 2);
+  vec3 weights = mix(1.0 - share, share, vec3(corner));
+  vec2 voxel = texelFetch(in_volume[0], clamp(base + corner, ivec3(0), vittf_size() - 1), 0).rg;
+  return vec3(voxel.r * 255.0, voxel.g, weights.x * weights.y * weights.z);
+}
+
+// How deep a place lies in a structure: 0.5 on its surface, more inside.
+float vittf_depth(vec3 place, int structure)
+{
+  vec3 at = place * vec3(vittf_size()) - 0.5;
+  vec3 base = floor(at);
+  float depth = 0.0;
+  for (int n = 0; n < 8; ++n)
+  {
+    vec3 corner = vittf_corner(ivec3(base), at - base, n);
+    bool other = abs(corner.x - float(structure)) > 0.5 && corner.y > 0.5;
+    depth += corner.z * (other ? 1.0 - corner.y : corner.y);
+  }
+  return depth;
+}
+
+// The structure that a place lies in, visible or not; 0: none.
+int vittf_structure(vec3 place)
+{
+  float depth = texture3D(in_volume[0], place).g;
+  if (depth < 0.5)
+  {
+    return 0;
+  }
+  int structure = int(texelFetch(in_volume[0], vittf_nearest(place), 0).r * 255.0 + 0.5);
+  if (depth < 0.995 && vittf_depth(place, structure) < 0.5)
+  {
+    vec3 at = place * vec3(vittf_size()) - 0.5;
+    vec3 base = floor(at);
+    float most = 0.0;
+    int other = 0;
+    for (int n = 0; n < 8; ++n)
+    {
+      vec3 corner = vittf_corner(ivec3(base), at - base, n);
+      if (abs(corner.x - float(structure)) > 0.5 && corner.y > 0.5 && corner.z > most)
+      {
+        most = corner.z;
+        other = int(corner.x + 0.5);
+      }
+    }
+    structure = other != 0 && vittf_depth(place, other) >= 0.5 ? other : 0;
+  }
+  return structure;
+}
+
+// Towards the inside of a structure, per voxel.
+vec3 vittf_depth_gradient(vec3 place, int structure)
+{
+  vec3 step = 1.0 / vec3(vittf_size());
+  vec3 x = vec3(step.x, 0.0, 0.0), y = vec3(0.0, step.y, 0.0), z = vec3(0.0, 0.0, step.z);
+  return vec3(vittf_depth(place + x, structure) - vittf_depth(place - x, structure),
+              vittf_depth(place + y, structure) - vittf_depth(place - y, structure),
+              vittf_depth(place + z, structure) - vittf_depth(place - z, structure));
+}
+
+// Towards higher intensities, per voxel.
+vec3 vittf_intensity_gradient(vec3 place)
+{
+  vec3 step = 1.0 / vec3(vittf_size());
+  vec3 x = vec3(step.x, 0.0, 0.0), y = vec3(0.0, step.y, 0.0), z = vec3(0.0, 0.0, step.z);
+  return 0.5 * vec3(texture3D(in_volume[0], place + x).b - texture3D(in_volume[0], place - x).b,
+                    texture3D(in_volume[0], place + y).b - texture3D(in_volume[0], place - y).b,
+                    texture3D(in_volume[0], place + z).b - texture3D(in_volume[0], place - z).b);
+}
+
+// Along the ray, in voxels.
+vec3 vittf_direction()
+{
+  return normalize(g_dirStep * vec3(vittf_size()));
+}
+
+// How much of a colour's light leaves a surface whose normal is `vittf_normal`.
+vec3 vittf_lit(vec3 color)
+{
+  return computeLighting(vec4(color, 1.0), 0, 0.0).rgb;
+}
+
+void vittf_compose(vec3 color, float opacity)
+{
+  if (!vittf_hit)
+  {
+    // What hides structures gives way, as far as wanted.
+    g_fragColor = vittf_veil * (1.0 - vittf_scene.y);
+    vittf_hit = true;
+  }
+  g_fragColor += (1.0 - g_fragColor.a) * vec4(color * opacity, opacity);
+}
+
+// Where an intensity lies in a structure's window.
+float vittf_in_window(float intensity, vec4 window)
+{
+  return clamp((intensity - window.x) / max(window.y - window.x, 0.001), 0.0, 1.0);
+}
+
+vec3 vittf_toned(vec3 color, float tone, float level)
+{
+  return color * (1.0 - tone * (1.0 - level));
+}
+
+void vittf_wall(vec3 place, int structure, bool cut)
+{
+  vec4 look = vittf_row(structure, 0), style = vittf_row(structure, 1), window = vittf_row(structure, 2);
+  if (style.x <= 0.0)
+  {
+    return;
+  }
+  vec3 along = vittf_direction();
+  vec3 inward = cut ? along : vittf_depth_gradient(place, structure);
+  float steepness = length(inward);
+  inward = steepness > 0.0 ? inward / steepness : along;
+  // A little below the surface: on it, voxels are half of something else.
+  vec3 below = cut ? place : place + 1.5 * inward / vec3(vittf_size());
+  vec4 voxel = texture3D(in_volume[0], below);
+  float level = vittf_in_window(voxel.b, window);
+  float facing = cut ? 1.0 : abs(dot(inward, along));
+  float opacity = style.x * look.a * mix(window.z, 1.0, level);
+  // As of a wall of some thickness; of glass, what faces the viewer is clear.
+  opacity = 1.0 - pow(max(1.0 - opacity, 0.0), 1.0 / max(facing, 0.25));
+  opacity *= mix(1.0, cut ? 1.0 : 0.12 + 0.88 * pow(1.0 - facing, 1.5), style.y);
+  vittf_normal = inward;
+  float light = texture3D(in_volume[0], place).a;
+  vittf_compose(vittf_lit(vittf_toned(look.rgb, cut ? max(style.z, 0.6) : style.z, level)) * light, opacity);
+}
+
+// What a step through the inside of a structure adds.
+void vittf_inside(vec4 voxel, int structure)
+{
+  vec4 look = vittf_row(structure, 0), style = vittf_row(structure, 1), window = vittf_row(structure, 2);
+  float level = vittf_in_window(voxel.b, window);
+  // The map has a say: less where it is in doubt.
+  float density = style.w * look.a * mix(window.z, 1.0, level) * smoothstep(0.5, 0.8, voxel.g);
+  vittf_normal = vittf_intensity_gradient(g_dataPos);
+  float edge = min(length(vittf_normal) * 8.0 / max(window.y - window.x, 0.05), 1.0);
+  density *= mix(1.0, edge, window.w);
+  vec3 color = vittf_toned(look.rgb, style.z, level);
+  // What is even has no side that faces the light.
+  color = edge > 0.0 ? mix(color, vittf_lit(color), edge * vittf_row(structure, 3).x) : color;
+  vittf_compose(color, 1.0 - exp(-density * in_sampleDistance));
+}
+
+// What a step through what belongs to no structure adds.
+void vittf_outside(vec4 voxel)
+{
+  float position = clamp(voxel.b, 0.0, 1.0) * 63.0;
+  int low = int(min(position, 62.0));
+  vec4 look = mix(vittf_context_at(low), vittf_context_at(low + 1), position - float(low));
+  // Around structures, voxels are half of them. Those of hidden ones are seen as they are.
+  float density = look.a * (voxel.g < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.g) : 1.0);
+  vittf_normal = vittf_intensity_gradient(g_dataPos);
+  float edge = clamp(length(vittf_normal) * 40.0, 0.0, 1.0);
+  vec3 color = edge > 0.0 ? mix(look.rgb, vittf_lit(look.rgb), edge) : look.rgb;
+  float opacity = 1.0 - exp(-density * in_sampleDistance);
+  vec4 sum = vittf_hit ? g_fragColor : vittf_veil;
+  sum += (1.0 - sum.a) * vec4(color * opacity, opacity);
+  if (vittf_hit)
+  {
+    g_fragColor = sum;
+  }
+  else
+  {
+    vittf_veil = sum;
+  }
+}
+
+// Whether the ray has left the volume, or there is nothing more to be seen.
+bool vittf_over()
+{
+  bool left = any(greaterThan(max(g_dirStep, vec3(0.0)) * (g_dataPos - in_texMax[0]), vec3(0.0)))
+    || any(greaterThan(min(g_dirStep, vec3(0.0)) * (g_dataPos - in_texMin[0]), vec3(0.0)));
+  // Structures make their way through what is before them, if that gives way at all.
+  bool veiled = !vittf_hit && vittf_veil.a > 0.99 && vittf_scene.y <= 0.0;
+  return left || veiled || g_fragColor.a > 0.99 || g_currentT >= g_terminatePointMax;
+}
+
+// Whether it is clear without a closer look that a sample is where the last one was.
+bool vittf_settled(vec4 voxel)
+{
+  return voxel.g < 0.5 ? vittf_before == 0 : abs(voxel.r * 255.0 - vittf_number) < 0.01;
+}
+
+bool vittf_emits(vec4 voxel)
+{
+  return vittf_before > 0
+    ? vittf_row(vittf_before, 1).w > 0.0
+    : vittf_scene.x > 0.0 && voxel.b >= vittf_scene.z && voxel.b <= vittf_scene.w;
+}
+
+vec4 vittf_advanced()
+{
+  g_dataPos += g_dirStep;
+  g_currentT += 1.0;
+  return texture3D(in_volume[0], g_dataPos);
+}
+
+// Goes on to where the ray passes a surface. With loops of their own for what comes before: many renderers do for all rays of
+// a group what one of them needs.
+void vittf_march()
+{
+  vec4 voxel = texture3D(in_volume[0], g_dataPos);
+  bool over = vittf_over();
+  while (!over && vittf_settled(voxel) && !vittf_emits(voxel))
+  {
+    voxel = vittf_advanced();
+    over = vittf_over();
+  }
+  while (!over && vittf_settled(voxel) && vittf_emits(voxel))
+  {
+    if (vittf_before > 0)
+    {
+      vittf_inside(voxel, vittf_before);
+    }
+    else
+    {
+      vittf_outside(voxel);
+    }
+    voxel = vittf_advanced();
+    over = vittf_over();
+  }
+  if (over)
+  {
+    g_exit = true;
+    return;
+  }
+  if (vittf_settled(voxel))
+  {
+    // Where it has just stopped to emit: the next call goes on here.
+    g_dataPos -= g_dirStep;
+    g_currentT -= 1.0;
+    return;
+  }
+  int structure = vittf_structure(g_dataPos);
+  vittf_number = structure > 0 ? float(structure) : -1.0;
+  structure = vittf_row(structure, 0).a > 0.0 ? structure : 0;
+  if (structure != vittf_before)
+  {
+    // Of two that touch, the more opaque one has the surface.
+    bool entering = structure > 0
+      && (vittf_before <= 0 || vittf_row(structure, 0).a >= vittf_row(vittf_before, 0).a);
+    int wall = entering ? structure : vittf_before;
+    vec3 outer = g_dataPos - g_dirStep, inner = g_dataPos;
+    for (int n = 0; n < 5; ++n)
+    {
+      vec3 middle = 0.5 * (outer + inner);
+      if ((vittf_depth(middle, wall) >= 0.5) == entering)
+      {
+        inner = middle;
+      }
+      else
+      {
+        outer = middle;
+      }
+    }
+    if (wall > 0)
+    {
+      bool cut = vittf_before < 0;
+      vittf_wall(cut ? g_dataPos : inner, wall, cut);
+    }
+    vittf_before = structure;
+  }
+}
+"""
+
+_SAMPLE = """
+    if (g_skip)
+    {
+      vittf_before = -1;
+    }
+    else
+    {
+      vittf_march();
+    }
+"""
+
+_FINISH = """
+  if (!vittf_hit)
+  {
+    g_fragColor = vittf_veil;
+  }
+  //VTK::Shading::Exit
+"""
+
+
+def capacity(structures: int) -> int:
+    """How many structures a shader for so many has room for, with none, number 0."""
+    return -(-(structures + 1) // STEP) * STEP
+
+
+def shader_pieces(structures: int) -> dict[str, str]:
+    """What stands in the shader instead of each of VTK's marks.
+
+    Args:
+        structures: how many of them there is to be room for.
+    """
+    uniforms = f"""
+uniform mat4 {STRUCTURES}[{capacity(structures)}];
+uniform mat4 {CONTEXT}[{CONTEXT_COLORS // 4}];
+uniform vec4 {SCENE};
+"""
+    return {
+        "//VTK::CustomUniforms::Dec": uniforms,
+        "//VTK::ComputeGradient::Dec": _GRADIENT,
+        # The last of VTK's functions: all others can be called.
+        "//VTK::ComputeRayDirection::Dec": "//VTK::ComputeRayDirection::Dec\n" + _FUNCTIONS,
+        "//VTK::Shading::Impl": _SAMPLE,
+        "//VTK::Shading::Exit": _FINISH,
+    }

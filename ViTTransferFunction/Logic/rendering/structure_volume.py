@@ -1,0 +1,72 @@
+"""A volume of structures with what is needed to show it: where it lies, and what its numbers stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.geometry import Geometry
+from ..core.intensity_window import looks_like_hounsfield_units
+from ..core.volume import Volume
+from .appearance import Appearance, appearance_rows
+from .composition import own_levels
+from .shader import CONTEXT, SCENE, STRUCTURES
+from .surroundings import Surroundings
+
+UNITS = 200.0
+"""Densities are for so many parts of the scan's longest edge: what is translucent is so at any size of voxels and bodies."""
+
+
+@dataclass(frozen=True, eq=False)
+class StructureVolume:
+    """A volume of structures (`composition`).
+
+    Attributes:
+        voxels: (K, J, I, 4) uint8.
+        own_levels: (structures, 2), the grey levels between which most voxels of each structure lie.
+        levels: (256,), the intensity that each grey level stands for.
+        hounsfield: whether intensities are Hounsfield units.
+        unit_voxels: the length that densities are for, in voxels.
+        geometry: of its voxels, in the scan's frame.
+    """
+
+    voxels: np.ndarray
+    own_levels: np.ndarray
+    levels: np.ndarray
+    hounsfield: bool
+    unit_voxels: float
+    geometry: Geometry
+
+    def uniforms(self, appearances: Sequence[Appearance], surroundings: Surroundings) -> dict[str, np.ndarray]:
+        """The shader's variables by name, float64: matrices (N, 4, 4), or a vector (4,).
+
+        Args:
+            appearances: of the structures, in the order of their numbers.
+            surroundings: of what belongs to none.
+        """
+        colors = surroundings.colors(self.levels, self.unit_voxels)
+        return {
+            STRUCTURES: appearance_rows(appearances, self.own_levels, self.levels, self.unit_voxels),
+            CONTEXT: colors.reshape(-1, 4, 4),
+            SCENE: np.array(surroundings.scene_vector(colors)),
+        }
+
+
+def structure_volume(
+    voxels: np.ndarray, structures: int, levels: np.ndarray, geometry: Geometry, scan: Volume
+) -> StructureVolume:
+    """A volume of structures, seen as part of a scan.
+
+    Args:
+        voxels: (K, J, I, 4) uint8.
+        structures: how many there are.
+        levels: the intensity that each grey level stands for (`intensity_levels`).
+        geometry: where the voxels lie.
+        scan: all of it.
+    """
+    unit_mm = float(scan.geometry.extent_mm.max()) / UNITS
+    unit_voxels = unit_mm / float(np.cbrt(np.prod(geometry.spacing_mm)))
+    hounsfield = looks_like_hounsfield_units(scan)
+    return StructureVolume(voxels, own_levels(voxels, structures), levels, hounsfield, unit_voxels, geometry)

@@ -1,0 +1,33 @@
+"""Intensities as grey levels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels, intensity_levels
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint16, np.float32])
+@pytest.mark.parametrize("shape", [(20, 20, 20), (60, 60, 60), (90, 90, 90)])
+def test_the_volume_has_the_scans_intensities_as_grey_levels(dtype: type, shape: tuple[int, int, int]) -> None:
+    intensities: np.ndarray = (np.arange(60) * np.ones((60, 60, 1))).astype(dtype)
+    levels = gray_levels(intensities, np.linspace(10.0, 50.0, 256), shape)
+    centres = (np.arange(shape[2]) + 0.5) * 60 / shape[2] - 0.5
+    assert levels[5, 5] == pytest.approx(np.clip((centres - 10.0) / 40.0, 0.0, 1.0) * 255.0, abs=4.0)
+
+
+def test_what_is_frequent_gets_more_levels_and_all_is_covered() -> None:
+    rng = np.random.default_rng(0)
+    array = np.where(rng.random((40, 40, 40)) < 0.1, 3000.0 * rng.random((40, 40, 40)), rng.normal(60.0, 20.0, (40, 40, 40)))
+    levels = intensity_levels(Volume(array, Geometry((40, 40, 40), np.eye(4)), "any"))
+    assert (np.diff(levels) > 0.0).all()
+    assert ((levels > 0.0) & (levels < 120.0)).sum() > 90
+    assert (levels > 1500.0).sum() > 50
+
+
+def test_what_is_no_number_is_dark() -> None:
+    intensities = np.full((2, 2, 2), np.nan)
+    assert (gray_levels(intensities, np.arange(256.0), (2, 2, 2)) == 0).all()

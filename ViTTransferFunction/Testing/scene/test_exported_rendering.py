@@ -1,0 +1,118 @@
+"""Renderings that stay: saved with the scene, and shown alike by a Slicer that does not have this extension."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.stepped_work import finished
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.composition import own_levels
+from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
+from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
+from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
+from ViTTransferFunction.Logic.scene.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.volume import bytes_image
+from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
+
+pytest.importorskip("skimage")
+from skimage.metrics import structural_similarity
+
+SHAPE = (16, 20, 24)
+IJK_TO_RAS = np.array([[-2.0, 0, 0, 30], [0, 2.0, 0, -10], [0, 0, 2.5, 5], [0, 0, 0, 1]])
+MIDDLE = (7.0, 9.0, 23.75)
+DISTANCE_MM = 110.0
+
+OPEN_ELSEWHERE = """
+import sys
+import numpy as np, vtk
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from trame_slicer.core import SlicerApp
+from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
+app = SlicerApp()
+app.view_manager.register_factory(DirectViewFactory(do_render_offscreen=True))
+view = app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
+assert app.scene.ReadFromMRB(sys.argv[1])
+view.get_view_node().SetVolumeRenderingSurfaceSmoothing(True)
+view.render_window().SetSize(110, 110)
+camera = view.renderer().GetActiveCamera()
+x, y, z, distance = map(float, sys.argv[3:])
+camera.SetFocalPoint(x, y, z); camera.SetPosition(x, y + distance, z); camera.SetViewUp(0, 0, 1)
+view.renderer().ResetCameraClippingRange()
+view.render()
+grabber = vtk.vtkWindowToImageFilter()
+grabber.SetInput(view.render_window()); grabber.ReadFrontBufferOff(); grabber.ShouldRerenderOff(); grabber.Update()
+columns, rows, _ = grabber.GetOutput().GetDimensions()
+shown = vtk_to_numpy(grabber.GetOutput().GetPointData().GetScalars()).reshape(rows, columns, -1)[..., :3]
+assert not any(name.startswith("ViTTransferFunction") for name in sys.modules)
+np.save(sys.argv[2], shown)
+"""
+
+
+@pytest.fixture
+def views(slicer_app: Any) -> Views:
+    return Views(slicer_app, SHAPE, IJK_TO_RAS)
+
+
+@pytest.fixture
+def rendering(views: Views) -> ClassRendering:
+    """Two structures of different styles, and something bright around them."""
+    maps = [ball(SHAPE, (7.5, 9.5, 6.0), 5.0), ball(SHAPE, (7.5, 9.5, 16.0), 4.0)]
+    intensities = np.where(np.arange(SHAPE[0])[:, None, None] < 3, 220.0, 40.0 + 5.0 * np.indices(SHAPE)[2])
+    composition = similarity_volume(maps, [0.5, 0.5])
+    voxels = composition.voxels(gray_levels(intensities, np.arange(256.0), composition.shape))
+    geometry = _geometry().resized(composition.shape)
+    structures = StructureVolume(voxels, own_levels(voxels, 2), np.arange(256.0), False, 1.0, geometry)
+    looks = [Appearance((0.9, 0.3, 0.2), tone=0.5), Appearance((0.2, 0.6, 0.9), 0.7, "glass")]
+    around = Surroundings(((180.0, (0.9, 0.9, 0.8), 0.0), (230.0, (0.9, 0.9, 0.8), 0.5)))
+    shown = ClassRendering(views.scene, views.app_logic)
+    uniforms = structures.uniforms(looks, around)
+    shown.show(views.volume, finished(bytes_image(voxels)), 2, uniforms, geometry.ijk_to_ras)
+    return shown
+
+
+def _geometry() -> Any:
+    from ViTTransferFunction.Logic.core.geometry import Geometry
+
+    return Geometry(SHAPE, IJK_TO_RAS)
+
+
+def test_an_exported_rendering_looks_as_the_live_one_and_stays_when_that_goes(views: Views, rendering: ClassRendering) -> None:
+    view = views.view_3d()
+    look_from(view, np.array(MIDDLE), DISTANCE_MM)
+    live = pixels(view)
+    exported = rendering.export("CT structures")
+    rendering.remove()
+    view.get_view_node().SetVolumeRenderingSurfaceSmoothing(True)
+    stayed = pixels(view)
+    assert exported.GetName() == "CT structures"
+    assert live.max() > 120
+    assert structural_similarity(live, stayed, channel_axis=2) >= 0.95
+
+
+def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_not(
+    views: Views, rendering: ClassRendering, tmp_path: Path
+) -> None:
+    view = views.view_3d()
+    look_from(view, np.array(MIDDLE), DISTANCE_MM)
+    live = pixels(view)
+    rendering.export("CT structures")
+    rendering.remove()
+    assert views.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    arguments = [str(tmp_path / "saved.mrb"), str(tmp_path / "shown.npy"), *map(str, (*MIDDLE, DISTANCE_MM))]
+    subprocess.run([sys.executable, "-P", "-c", OPEN_ELSEWHERE, *arguments], check=True, cwd=tmp_path, timeout=120)
+    elsewhere = np.load(tmp_path / "shown.npy")
+    assert structural_similarity(live, elsewhere, channel_axis=2) >= 0.95
+
+
+def test_what_is_not_shown_is_not_exported(views: Views, rendering: ClassRendering) -> None:
+    rendering.hide()
+    before = views.scene.GetNumberOfNodes()
+    assert rendering.export("CT structures") is None
+    assert views.scene.GetNumberOfNodes() == before
