@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools
+from ViTTransferFunction.Widget.appearance_section import AppearanceSection
 from ViTTransferFunction.Widget.class_actions import ClassActions
 from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
@@ -71,6 +72,7 @@ class Panel:
             self._class_actions,
             self.tools,
             ClassSettings(ui, report),
+            AppearanceSection(ui, report),
             self.size,
             OutputSection(ui, report),
             AdvancedSection(ui, report),

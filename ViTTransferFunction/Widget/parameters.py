@@ -24,7 +24,11 @@ _CHOICES: dict[str, list[str]] = {
     "refinement": list(REFINEMENT_METHODS),
     "rendering": list(RENDERINGS),
 }
-_RANGES: dict[str, tuple[float, float]] = {"grid": (0, LARGEST_GRID), "overlayOpacity": (0.0, 1.0)}
+_RANGES: dict[str, tuple[float, float]] = {
+    "grid": (0, LARGEST_GRID),
+    "overlayOpacity": (0.0, 1.0),
+    "contextStrength": (0.0, 1.0),
+}
 
 
 @parameterNodeWrapper
@@ -43,6 +47,10 @@ class PanelParameters:
     overlayOpacity: Annotated[float, WithinRange(*_RANGES["overlayOpacity"])] = _DEFAULTS["overlayOpacity"]  # noqa: N815
     proposalsVisible: bool = _DEFAULTS["proposalsVisible"]  # noqa: N815
     rendering: Annotated[str, Choice(_CHOICES["rendering"])] = _DEFAULTS["rendering"]
+    renderingSolo: bool = _DEFAULTS["renderingSolo"]  # noqa: N815
+    contextStrength: Annotated[float, WithinRange(*_RANGES["contextStrength"])] = _DEFAULTS["contextStrength"]  # noqa: N815
+    contextCutAway: bool = _DEFAULTS["contextCutAway"]  # noqa: N815
+    renderingCut: bool = _DEFAULTS["renderingCut"]  # noqa: N815
 
 
 class BoundParameters:

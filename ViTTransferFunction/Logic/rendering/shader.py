@@ -17,7 +17,7 @@ ROWS = 4
 """Vectors of four numbers that say how a structure looks."""
 
 CONTEXT_COLORS = 64
-"""Colours and densities, from the lowest intensity to the highest, of what belongs to no structure."""
+"""Colours, and integrals of the density, from the lowest intensity to the highest, of what belongs to no structure."""
 
 STEP = 16
 """The number of structures that a shader has room for is a multiple of this, so that few of them need another shader."""
@@ -37,6 +37,8 @@ vec4 computeGradient(in vec3 texPos, in int c, in sampler3D volume, in int index
 _FUNCTIONS = """
 int vittf_before = -1;             // The structure at the last sample, 0: none, -1: there is no last sample.
 float vittf_number = -1.0;         // What its voxels have as number, visible or not.
+float vittf_last = -1.0;           // The intensity at the last sample, and at this one.
+float vittf_now = -1.0;
 bool vittf_hit = false;            // Whether the ray has met a structure.
 vec4 vittf_veil = vec4(0.0);       // What it passed before, of what belongs to none.
 
@@ -208,12 +210,28 @@ void vittf_inside(vec4 voxel, int structure)
   vittf_compose(color, 1.0 - exp(-density * in_sampleDistance));
 }
 
+vec4 vittf_context_of(float intensity)
+{
+  float position = clamp(intensity, 0.0, 1.0) * 63.0;
+  int low = int(min(position, 62.0));
+  return mix(vittf_context_at(low), vittf_context_at(low + 1), position - float(low));
+}
+
+// Colour and mean density of the intensities from one sample to the next: what is thinner than a step is not missed. The table
+// has the integral of the density.
+vec4 vittf_context_between(float from, float to)
+{
+  float middle = 0.5 * (from + to);
+  float half_width = max(0.5 * abs(to - from), 0.008);
+  float mean = (vittf_context_of(middle + half_width).a - vittf_context_of(middle - half_width).a)
+    / (min(middle + half_width, 1.0) - max(middle - half_width, 0.0));
+  return vec4(vittf_context_of(middle).rgb, mean);
+}
+
 // What a step through what belongs to no structure adds.
 void vittf_outside(vec4 voxel)
 {
-  float position = clamp(voxel.b, 0.0, 1.0) * 63.0;
-  int low = int(min(position, 62.0));
-  vec4 look = mix(vittf_context_at(low), vittf_context_at(low + 1), position - float(low));
+  vec4 look = vittf_context_between(vittf_last, vittf_now);
   // Around structures, voxels are half of them. Those of hidden ones are seen as they are.
   float density = look.a * (voxel.g < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.g) : 1.0);
   vittf_normal = vittf_intensity_gradient(g_dataPos);
@@ -248,32 +266,40 @@ bool vittf_settled(vec4 voxel)
   return voxel.g < 0.5 ? vittf_before == 0 : abs(voxel.r * 255.0 - vittf_number) < 0.01;
 }
 
-bool vittf_emits(vec4 voxel)
+bool vittf_emits()
 {
   return vittf_before > 0
     ? vittf_row(vittf_before, 1).w > 0.0
-    : vittf_scene.x > 0.0 && voxel.b >= vittf_scene.z && voxel.b <= vittf_scene.w;
+    : vittf_scene.x > 0.0 && max(vittf_last, vittf_now) >= vittf_scene.z && min(vittf_last, vittf_now) <= vittf_scene.w;
+}
+
+vec4 vittf_taken()
+{
+  vec4 voxel = texture3D(in_volume[0], g_dataPos);
+  vittf_last = vittf_now < 0.0 ? voxel.b : vittf_now;
+  vittf_now = voxel.b;
+  return voxel;
 }
 
 vec4 vittf_advanced()
 {
   g_dataPos += g_dirStep;
   g_currentT += 1.0;
-  return texture3D(in_volume[0], g_dataPos);
+  return vittf_taken();
 }
 
 // Goes on to where the ray passes a surface. With loops of their own for what comes before: many renderers do for all rays of
 // a group what one of them needs.
 void vittf_march()
 {
-  vec4 voxel = texture3D(in_volume[0], g_dataPos);
+  vec4 voxel = vittf_taken();
   bool over = vittf_over();
-  while (!over && vittf_settled(voxel) && !vittf_emits(voxel))
+  while (!over && vittf_settled(voxel) && !vittf_emits())
   {
     voxel = vittf_advanced();
     over = vittf_over();
   }
-  while (!over && vittf_settled(voxel) && vittf_emits(voxel))
+  while (!over && vittf_settled(voxel) && vittf_emits())
   {
     if (vittf_before > 0)
     {
@@ -296,6 +322,7 @@ void vittf_march()
     // Where it has just stopped to emit: the next call goes on here.
     g_dataPos -= g_dirStep;
     g_currentT -= 1.0;
+    vittf_now = vittf_last;
     return;
   }
   int structure = vittf_structure(g_dataPos);
@@ -334,6 +361,7 @@ _SAMPLE = """
     if (g_skip)
     {
       vittf_before = -1;
+      vittf_now = -1.0;
     }
     else
     {

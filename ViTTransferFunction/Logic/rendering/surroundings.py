@@ -37,7 +37,7 @@ class Surroundings:
         return self.strength > 0.0 and any(opacity > 0.0 for _, _, opacity in self.knots)
 
     def colors(self, levels: np.ndarray, unit_voxels: float) -> np.ndarray:
-        """What the shader reads, (CONTEXT_COLORS, 4) float64: colours, and densities per voxel.
+        """What the shader reads, (CONTEXT_COLORS, 4) float64: colours, and the integral over the range of densities per voxel.
 
         Args:
             levels: (256,), the intensity that each grey level stands for.
@@ -50,17 +50,19 @@ class Surroundings:
             for channel in range(3):
                 table[:, channel] = np.interp(at, positions, [color[channel] for _, color, _ in self.knots])
             opacities = np.interp(at, positions, [opacity for _, _, opacity in self.knots])
-            table[:, 3] = -np.log1p(-np.minimum(opacities, 0.995)) * self.strength / unit_voxels
+            densities = -np.log1p(-np.minimum(opacities, 0.995)) * self.strength / unit_voxels
+            steps = 0.5 * (densities[1:] + densities[:-1]) / (CONTEXT_COLORS - 1)
+            table[1:, 3] = np.cumsum(steps)
         return table
 
     def scene_vector(self, colors: np.ndarray) -> list[float]:
         """Whether there is any of it, how much gives way, and between which shares of the range it is seen; for a shader."""
-        seen = np.flatnonzero(colors[:, 3] > 0.0)
+        seen = np.flatnonzero(np.diff(colors[:, 3]) > 0.0)
         if not seen.size:
             return [0.0, self.cutaway, 2.0, 2.0]
         last = len(colors) - 1
         # What is beyond the range is as its end.
-        low, high = (seen[0] - 1) / last, (seen[-1] + 1) / last
+        low, high = seen[0] / last, (seen[-1] + 1) / last
         return [1.0, self.cutaway, low if low > 0.0 else -1.0, high if high < 1.0 else 2.0]
 
 

@@ -40,6 +40,7 @@ class SceneDisplay:
         self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
         self._rendered: StructureVolume | None = None
         self._look: tuple[tuple[Appearance, ...], Surroundings] = (), Surroundings()
+        self._box: slicer.vtkMRMLMarkupsROINode | None = None
         self._filling: tuple[StructureVolume, SteppedWork[vtkImageData]] | None = None
 
     def show_maps(
@@ -72,6 +73,7 @@ class SceneDisplay:
         rendering: StructureVolume | None,
         looks: Sequence[Appearance] = (),
         surroundings: Surroundings | None = None,
+        box: slicer.vtkMRMLMarkupsROINode | None = None,
     ) -> None:
         """Show structures in the 3D views, at once if they are few voxels, else by `advance`; None: nothing.
 
@@ -82,6 +84,7 @@ class SceneDisplay:
             rendering: the structures.
             looks: how they look, in the order of their numbers.
             surroundings: how what belongs to none looks; None: it is not shown.
+            box: what lies outside is cut away; None: nothing is.
         """
         if rendering is None:
             self._rendered = self._filling = None
@@ -91,7 +94,8 @@ class SceneDisplay:
         look = tuple(looks), surroundings or Surroundings()
         if self._rendered is rendering and look != self._look:
             self._rendering.change(rendering.uniforms(*look))
-        self._look = look
+        self._look, self._box = look, box
+        self._rendering.cut(box)
         if self._rendered is not rendering and (self._filling is None or self._filling[0] is not rendering):
             self._filling = rendering, SteppedWork(bytes_image(rendering.voxels))
             self._fill()
@@ -134,6 +138,7 @@ class SceneDisplay:
             self._rendered, self._filling = rendering, None
             structures, uniforms = len(rendering.own_levels), rendering.uniforms(*self._look)
             self._rendering.show(self._volume, work.result, structures, uniforms, rendering.geometry.ijk_to_ras)
+            self._rendering.cut(self._box)
 
     def _lacks_outline(self, of_class: ShownMap) -> bool:
         outlined = self._outlined.get(of_class.class_id)

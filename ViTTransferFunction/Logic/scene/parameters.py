@@ -44,6 +44,7 @@ class SceneParameters:
         context: what 3D views show around the structures ("off", or one of `SceneSession.context_names`).
         contextStrength: how dense that is, in [0, 1].
         contextCutAway: whether it gives way where it would hide a structure.
+        renderingCut: whether 3D views show only what lies in a box, `rendering_box`.
         selectedClass: id of the class that is annotated.
     """
 
@@ -68,6 +69,7 @@ class SceneParameters:
         "context": "off",
         "contextStrength": 0.5,
         "contextCutAway": False,
+        "renderingCut": False,
         "selectedClass": "",
     }
 
@@ -104,8 +106,13 @@ class SceneParameters:
         """The vtkMRMLSegmentationNode that gets the segments; None where none is chosen."""
         return self.node.GetNodeReference("segmentation")
 
+    @property
+    def rendering_box(self) -> Any:
+        """The vtkMRMLMarkupsROINode that 3D views are cut to; None where there is none yet."""
+        return self.node.GetNodeReference("renderingBox")
+
     def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
-        """Refer to a node as "volume" or "segmentation"."""
+        """Refer to a node as "volume", "segmentation" or "renderingBox"."""
         self.node.SetNodeReferenceID(name, node.GetID() if node else None)
 
     def session_settings(self) -> SessionSettings:

@@ -85,6 +85,13 @@ class ClassRendering:
         if shader is not None:
             set_uniforms(shader.GetShaderProperty(), uniforms)
 
+    def cut(self, box: Any) -> None:
+        """Show only what lies in a vtkMRMLMarkupsROINode, whose handles are then in the views; None: all."""
+        display = self._nodes.find(DISPLAY_NAME)
+        if display is not None and (display.GetROINode(), bool(display.GetCroppingEnabled())) != (box, box is not None):
+            display.SetAndObserveROINodeID(box.GetID() if box is not None else None)
+            display.SetCroppingEnabled(box is not None)
+
     def export(self, name: str) -> Any:
         """Leave what is shown to the scene: it is saved, and shown alike by a Slicer without this extension.
 

@@ -39,6 +39,7 @@ from .point_tour import PointTour
 from .problems import Problems
 from .proposal_outlines import Proposals
 from .regions import SceneRegions
+from .rendering_box import shown_box
 from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
 from .surface_points import moved_inside, placed_in_3d_view
@@ -453,8 +454,9 @@ class SceneSession:
             self.parameters.get("overlayOpacity"),
         )
         self._display.show_proposals(volume, self._other_proposals(selected))
+        box = shown_box(self._scene, self.parameters, volume)
         looks = [appearance(rendered.get(id_)) for id_ in self._proxy.rendered]
-        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings()))
+        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), box))
 
     def _surroundings(self) -> Surroundings:
         """What the 3D views show around the structures."""

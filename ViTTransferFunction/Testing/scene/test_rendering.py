@@ -303,6 +303,29 @@ def test_a_structure_has_a_smooth_surface_where_the_one_that_touches_it_is_hidde
     assert np.ptp(cut_face) < 40
 
 
+def test_a_box_cuts_and_the_cut_is_closed(stage: Stage) -> None:
+    stage.show([one_ball(8.0)], [RED])
+    box = stage.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode")
+    box.CreateDefaultDisplayNodes()
+    box.GetDisplayNode().SetVisibility(False)
+    left = GRID.ijk_to_ras_points(np.array([[17.0, 9.5, 7.5]]))[0]
+    right = GRID.ijk_to_ras_points(np.array([[6.0, 9.5, 7.5]]))[0]
+    box.SetXYZ((left - np.array([9.0, 0.0, 0.0])).tolist())
+    box.SetRadiusXYZ([20.0, 100.0, 100.0])
+    stage.rendering.cut(box)
+    cut = stage.picture()
+    seen = [stage.mean(cut, point).max() > 40 for point in (left, right)]
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0) if seen[1] else (-1.0, 0.0, 0.0))
+    face = stage.mean(stage.picture(), MIDDLE)
+    stage.rendering.cut(None)
+    look_from(stage.view, MIDDLE, DISTANCE_MM)
+    whole = stage.picture()
+    assert sorted(seen) == [False, True]
+    assert hue(face) == pytest.approx([1, 0, 0], abs=0.1)
+    assert face.max() > 120
+    assert all(stage.mean(whole, point).max() > 40 for point in (left, right))
+
+
 def displayed_volume(stage: Stage) -> Any:
     """What a view's renderer was given to show the classes."""
     volumes = stage.view.renderer().GetVolumes()

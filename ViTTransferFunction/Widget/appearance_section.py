@@ -1,0 +1,64 @@
+"""How structures and what is around them look in the 3D views."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Logic.rendering.appearance import STYLES
+from ViTTransferFunction.Logic.scene.context import OFF
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+
+
+class AppearanceSection(Section):
+    """The selected structure's style, what is shown around all of them, and the button that leaves it to the scene."""
+
+    def __init__(self, ui: Any, report: Report) -> None:
+        super().__init__(ui, report)
+        self._contexts: list[str] = []
+        words = {
+            "surface": _("Surface"),
+            "glass": _("Glass"),
+            "X-ray": _("X-ray"),
+            "vessels": _("Vessels"),
+            "as scanned": _("As scanned"),
+        }
+        for style in STYLES:
+            ui.styleComboBox.addItem(words.get(style, style))
+        ui.styleComboBox.currentIndexChanged.connect(self._on_style)
+        ui.contextComboBox.currentIndexChanged.connect(self._on_context)
+        ui.exportRenderingButton.clicked.connect(self._on_export)
+
+    def refresh(self) -> None:
+        """Show the selected structure's style, and the surroundings."""
+        ui, session, selected = self.ui, self.session, self.selected
+        ui.styleComboBox.enabled = selected is not None
+        ui.contextComboBox.enabled = ui.exportRenderingButton.enabled = session is not None
+        with signals_blocked(ui.styleComboBox, ui.contextComboBox):
+            ui.styleComboBox.currentIndex = list(STYLES).index(selected.style) if selected else 0
+            if session is not None:
+                self._list_contexts(session.context_names)
+                context = session.parameters.get("context")
+                ui.contextComboBox.currentIndex = self._contexts.index(context) if context in self._contexts else 0
+
+    def _list_contexts(self, names: list[str]) -> None:
+        if names == self._contexts:
+            return
+        box, self._contexts = self.ui.contextComboBox, names
+        words = {OFF: _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}
+        box.clear()
+        for name in names:
+            box.addItem(words.get(name, name))
+
+    def _on_style(self) -> None:
+        if self.session is not None and self.selected is not None:
+            self.session.annotations.set_class(self.selected.id, style=list(STYLES)[self.ui.styleComboBox.currentIndex])
+
+    def _on_context(self) -> None:
+        if self.session is not None:
+            self.session.parameters.set("context", self._contexts[self.ui.contextComboBox.currentIndex])
+
+    def _on_export(self) -> None:
+        if self.session is not None:
+            self.session.export_rendering()
