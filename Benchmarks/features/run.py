@@ -28,7 +28,7 @@ from Benchmarks.features.capabilities import Capability, capabilities_here
 from Benchmarks.features.errors import cosine_errors, dice_by_clicks
 from Benchmarks.features.generated_volumes import GENERATED
 from Benchmarks.features.report import write_report
-from Benchmarks.features.settings import DEFAULT, EVERY_SLICE, FINE, PUBLISHED, SETTINGS, at_grid
+from Benchmarks.features.settings import DEFAULT, EVERY_SLICE, FINE, PUBLISHED, SETTINGS, at_grid, settings_called
 from Benchmarks.features.summary import summary
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.kept_results import KeptResults
@@ -38,6 +38,7 @@ from ViTTransferFunction.Logic.core.cache_folder import cache_folder
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.features.settings import grid_shape
 
 CASES = [case.name for case in SCANS]
 TIMED = [*CASES, *(volume.name for volume in GENERATED)]
@@ -162,7 +163,8 @@ class Bench:
 
     def _features(self, case: Case, name: str, geometry: Geometry) -> FeatureVolume:
         array = np.load(self._features_path(case, name))
-        return FeatureVolume(array, geometry.resized(array.shape[:3]), name)
+        cells = geometry.resized(grid_shape(geometry, settings_called(name)))
+        return FeatureVolume(array, geometry.resized(array.shape[:3]), name, cells)
 
     def _features_path(self, case: Case, name: str) -> Path:
         return self._folder / f"{case.name} {name}.npy"

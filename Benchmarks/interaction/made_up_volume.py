@@ -9,12 +9,13 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.device import choose_device
+from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.settings import feature_key
+from ViTTransferFunction.Logic.features.settings import feature_key, grid_shape
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 
-CELLS = 64
+CELLS = PRESETS[DEFAULT_PRESET].features.grid
 """Along the longest edge."""
 
 Shape = tuple[int, int, int]
@@ -45,15 +46,17 @@ def centres(shape: Shape) -> np.ndarray:
 def cache_features(volume: Volume) -> None:
     """Features in which each ball has a direction of its own, as if they had been extracted."""
     rng = np.random.default_rng(1)
-    k, j, i = (max(1, CELLS * count // max(volume.shape)) for count in volume.shape)
+    settings = PRESETS[DEFAULT_PRESET].features
+    patches = ExtractionPlan(volume, settings).patches_geometry
     middles = [
-        ((np.arange(cells) + 0.5) * count / cells).astype(int) for cells, count in zip((k, j, i), volume.shape, strict=True)
+        ((np.arange(count) + 0.5) * voxels / count).astype(int)
+        for count, voxels in zip(patches.shape, volume.shape, strict=True)
     ]
     brightness = volume.array[np.ix_(*middles)]
     directions = rng.normal(0.0, 1.0, (6, CHANNELS)).astype(np.float16)
     array = directions[np.clip(np.rint(brightness / 100), 0, 5).astype(int)]
     array += 0.5 * rng.standard_normal(array.shape, dtype=np.float32).astype(np.float16)
-    preset = PRESETS[DEFAULT_PRESET]
-    model = pretrained_model(preset.model)
-    key = feature_key(volume, model.name, model.sha256 or "", preset.features, choose_device("auto"))
-    FeatureCache().put(FeatureVolume(array, volume.geometry.resized((k, j, i)), key))
+    model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
+    key = feature_key(volume, model.name, model.sha256 or "", settings, choose_device("auto"))
+    cells = volume.geometry.resized(grid_shape(volume.geometry, settings))
+    FeatureCache().put(FeatureVolume(array, patches, key, cells))

@@ -36,6 +36,7 @@ from Benchmarks.shared.report_tables import paragraphs, table
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.opening import open_session as open_volume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 CLASSES = 5
@@ -130,7 +131,7 @@ def measure_clicks(volume: Volume, clicks: int) -> dict[str, Any]:
 def measure_scan_opening(scan: Path, weights: Path) -> dict[str, float]:
     """How long a scan takes to be opened whose features were computed before; as many cells as the default has."""
     volume = read_volume(scan)
-    preset, model = "preview", "dinov2_vits14_focus"
+    preset, model = DEFAULT_PRESET, "dinov2_vits14_focus"
     open_volume(volume, SessionSettings(preset=preset, model=model, weights_path=str(weights))).load_features()
     return measure_cached_opening(SlicerApp(), volume, preset=preset, model=model, weightsPath=str(weights))
 

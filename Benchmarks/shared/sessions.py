@@ -25,7 +25,7 @@ def load_features(volume: Volume, weights: WeightsFile, preset: str = DEFAULT_PR
     session = open_session(volume, settings)
     with ProgressBar() as progress:
         session.load_features(progress)
-    return session.features.source.whole()
+    return session.features.source
 
 
 def session_on(volume: Volume, features: FeatureVolume, preset: Preset | None = None) -> SegmentationSession:

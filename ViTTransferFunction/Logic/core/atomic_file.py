@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -35,17 +36,14 @@ def replacing(path: Path) -> Iterator[Path]:
         InputError: the folder cannot be written to, the disk is full, or `path` is a folder, a pipe or a device.
     """
     _check_replaceable(path)
+    # Its name is known before there is a file, which is removed wherever an interruption comes.
+    temporary = path.parent / f"{TEMPORARY}{secrets.token_hex(4)}{_ending(path)}"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=TEMPORARY, suffix=_ending(path))
-        os.close(handle)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
-    temporary = Path(name)
-    try:
+        # While it is being written, only its owner may read it.
+        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         yield temporary
         _flush(temporary)
-        # mkstemp makes files that only their owner may read; give this one the usual rights.
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)
     except OSError as error:

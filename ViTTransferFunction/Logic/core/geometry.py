@@ -97,6 +97,6 @@ class Geometry:
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Apply a homogeneous (4, 4) matrix to points (N, 3)."""
-    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    transformed: np.ndarray = points @ matrix[:3, :3].T + matrix[:3, 3]
-    return transformed
+    x, y, z = np.asarray(points, dtype=np.float64).reshape(-1, 3).T
+    # A product of matrices takes several times as long where they are so narrow.
+    return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]], axis=1)

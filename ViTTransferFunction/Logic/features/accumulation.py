@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from .line_resizing import resizing_matrix
-from .slice_sampling import SliceSample, layer_centre
+from .slice_sampling import SliceSample
 
 if TYPE_CHECKING:
     import torch
@@ -38,33 +37,3 @@ class FeatureSums:
         """Layer after layer of the features, (…, …, C) float16 on the processor, once every slice was added."""
         for layer in self._sums:
             yield (layer / 3.0).half().cpu()
-
-
-def interpolated_layers(
-    layers: Iterable[Tensor], present: tuple[int, int, int], shape: tuple[int, int, int]
-) -> Iterator[Tensor]:
-    """Layers of features interpolated trilinearly to another grid of cells that fills the same box.
-
-    Args:
-        layers: (J, I, C), as many as `present` says; two of them are held at a time.
-        present: shape of their grid.
-        shape: of the grid that is wanted.
-
-    Yields:
-        (J', I', C) float16.
-    """
-    import torch
-
-    if present == shape:
-        yield from layers
-        return
-    to_rows, to_columns = (resizing_matrix(present[axis], shape[axis]) for axis in (1, 2))
-    remaining = iter(layers)
-    lower = next(remaining)
-    upper, number = next(remaining, lower), 0
-    for k in range(shape[0]):
-        position = layer_centre(k, present[0], shape[0])
-        while number < int(position):
-            lower, upper, number = upper, next(remaining, upper), number + 1
-        between = torch.lerp(lower.float(), upper.float(), position - number)
-        yield (to_columns @ (to_rows @ between.flatten(1)).unflatten(1, between.shape[1:])).half()

@@ -7,18 +7,15 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from ..core.atomic_file import TEMPORARY, replacing
 from ..core.cache_folder import CACHE_VARIABLE, cache_folder, make_private
 from ..core.errors import InputError
-from .feature_file import all_finite, read_features, read_whitened, write_features
+from .feature_file import all_finite, read_features, write_features
 from .feature_volume import FeatureVolume
-from .whitening import NormalisedFeatures
 
 logger = logging.getLogger(__name__)
 
@@ -31,9 +28,6 @@ _OURS = re.compile(rf"{_KEY.pattern}|{re.escape(TEMPORARY)}.+")
 """What files are called here: by their key, or as `replacing` calls what is half-written."""
 
 
-Kept = TypeVar("Kept", FeatureVolume, NormalisedFeatures)
-
-
 def _default_folder() -> Path:
     return cache_folder() / "features"
 
@@ -41,7 +35,6 @@ def _default_folder() -> Path:
 class FeatureCache:
     """A folder with one `.npz` file (arrays only, never pickles) for each feature volume, named by its key.
 
-    Whitened features may lie beside those that they were made from: then these need not be in memory, nor be whitened again.
     It only ever saves time: whatever it cannot read counts as absent, and what it cannot keep is computed again next time.
     Features are derived from patients' data: nobody but the user can read them.
 
@@ -56,19 +49,12 @@ class FeatureCache:
 
     def get(self, key: str) -> FeatureVolume | None:
         """The features named `key`, or None. A damaged file is removed and counts as absent."""
-        return self._read(key, read_features)
-
-    def get_whitened(self, key: str) -> NormalisedFeatures | None:
-        """As `get`, the whitened features named `key`; None also where the features are kept without them."""
-        return self._read(key, read_whitened)
-
-    def _read(self, key: str, read: Callable[[Path, str], Kept | None]) -> Kept | None:
         path = self._path(key)
         try:
             # A pipe would make its reader wait for ever.
             if path.exists() and not path.is_file():
                 raise ValueError("expected an ordinary file")
-            kept = read(path, key)
+            features = read_features(path, key)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, ValueError) as error:
@@ -80,16 +66,14 @@ class FeatureCache:
         # The time of last use, which removal goes by.
         with suppress(OSError):
             os.utime(path)
-        return kept
+        return features
 
     def __contains__(self, key: str) -> bool:
         """Whether there is a file of features named `key`; whether it is sound, only `get` finds out."""
         return self._entry(self._path(key)) is not None
 
-    def put(self, features: FeatureVolume, whitened: NormalisedFeatures | None = None) -> None:
+    def put(self, features: FeatureVolume) -> None:
         """Store features, whole or not at all, then remove the least recently used beyond the limit.
-
-        `whitened` are the same ones whitened, if those are to be kept as well.
 
         Features that are not finite are not stored. Where the folder cannot be written to, or the disk is full, a warning says
         so once.
@@ -101,7 +85,7 @@ class FeatureCache:
         try:
             make_private(self.folder)
             with replacing(path) as temporary, temporary.open("wb") as file:
-                write_features(file, features, whitened)
+                write_features(file, features)
             path.chmod(0o600)
         except (OSError, InputError) as error:
             reason = error.strerror if isinstance(error, OSError) else error

@@ -6,7 +6,6 @@ fitted to slices of different sizes, run through one block of the network; the o
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from dataclasses import dataclass
@@ -17,13 +16,11 @@ from scipy.optimize import nnls
 
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
-from .accumulation import interpolated_layers
 from .buffer_pool import BufferPool
 from .expected_shapes import expected_shapes, linear_layers
-from .extraction import features_size_bytes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
-from .settings import FeatureSettings, grid_shape
+from .settings import FeatureSettings
 from .vision_transformer import ROWS_AT_ONCE
 
 if TYPE_CHECKING:
@@ -84,11 +81,10 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
     start = time.perf_counter()
     plan = ExtractionPlan(volume, settings)
     seconds = time.perf_counter() - start
-    seconds += _preparation_seconds(plan, network) + _finishing_seconds(plan, volume, settings, network.model)
+    seconds += _preparation_seconds(plan, network)
     tokens = plan.tokens_of_slices()
-    result = features_size_bytes(volume.geometry, settings, network.model)
     precision = settings.dtype_on(network.device)
-    peak = result + _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
+    peak = _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
     return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
 
 
@@ -105,21 +101,8 @@ def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> fl
     return seconds
 
 
-def _finishing_seconds(plan: ExtractionPlan, volume: Volume, settings: FeatureSettings, model: PretrainedModel) -> float:
-    """Seconds in which the patches' layers become those of the features, from one of them."""
-    import torch
-
-    layer = torch.zeros(*plan.shape[1:], model.embed_dim, dtype=torch.float16)
-    shape = plan.orientation.canonical_shape(grid_shape(volume.geometry, settings))
-    start = time.perf_counter()
-    np.empty((*shape[1:], model.embed_dim), dtype=np.float16)[...] = next(
-        interpolated_layers(itertools.repeat(layer), plan.shape, shape)
-    ).numpy()
-    return shape[0] * (time.perf_counter() - start)
-
-
 def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, number: int, converted: bool) -> int:
-    """What is held beside the result while slices are run, in numbers of `number` bytes."""
+    """What is held while slices are run, in numbers of `number` bytes."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
     weights = 0 if converted else number * sum(map(math.prod, expected_shapes(model).values()))
     # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
@@ -129,8 +112,9 @@ def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, n
         # Cosines and sines; queries and keys as they are turned, and twice what that takes.
         of_token += _FLOAT32 * channels // model.num_heads
         hidden += _FLOAT32 * 6 * channels * ROWS_AT_ONCE
-    sums = _FLOAT32 * channels * math.prod(plan.shape)
-    return weights + sums + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
+    # Sums in float32, and the features in float16 that they become.
+    features = (_FLOAT32 + 2) * channels * math.prod(plan.shape)
+    return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
 
 
 def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> float:

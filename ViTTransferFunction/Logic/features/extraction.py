@@ -18,7 +18,7 @@ from ..core.geometry import Geometry
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
-from .accumulation import FeatureSums, interpolated_layers
+from .accumulation import FeatureSums
 from .bounded_memory import BoundedMemory
 from .extraction_plan import ExtractionPlan, SliceBatch
 from .feature_volume import FeatureVolume
@@ -49,7 +49,7 @@ def extract_features(
 
 
 def features_size_bytes(geometry: Geometry, settings: FeatureSettings, model: PretrainedModel) -> int:
-    """Size of the feature volume that `extract_features` returns."""
+    """Size of the feature volume that `extract_features` returns, at most: where every cell has a patch."""
     return math.prod(grid_shape(geometry, settings)) * model.embed_dim * np.dtype(np.float16).itemsize
 
 
@@ -68,7 +68,7 @@ class FeatureRun:
     def __init__(self, volume: Volume, network: VisionTransformer, settings: FeatureSettings) -> None:
         self.plan = ExtractionPlan(volume, settings)
         self._key = feature_key(volume, network.model.name, network.weights_digest, settings, network.device)
-        self._geometry = volume.geometry.resized(grid_shape(volume.geometry, settings))
+        self._cells = volume.geometry.resized(grid_shape(volume.geometry, settings))
         self._patches = self.plan.patches(network.model.patch_size, network.device)
         self._memory = BoundedMemory(network.converted(network.device, settings.dtype_on(network.device)))
         self._channels = network.model.embed_dim
@@ -95,9 +95,7 @@ class FeatureRun:
     def features(self) -> FeatureVolume:
         """The features of the batches that were run."""
         # Each layer is written where it belongs: there is never a second volume of features.
-        array = np.empty((*self._geometry.shape, self._channels), dtype=np.float16)
-        canonical = self.plan.orientation.to_canonical(array)
-        layers = interpolated_layers(self._sums.means(), self.plan.shape, canonical.shape[:3])
-        for place, layer in zip(canonical, layers, strict=True):
+        array = np.empty((*self.plan.patches_geometry.shape, self._channels), dtype=np.float16)
+        for place, layer in zip(self.plan.orientation.to_canonical(array), self._sums.means(), strict=True):
             place[...] = layer.numpy()
-        return FeatureVolume(array, self._geometry, self._key)
+        return FeatureVolume(array, self.plan.patches_geometry, self._key, self._cells)

@@ -15,7 +15,7 @@ from ..core.volume import Volume
 from .background_tokens import BACKGROUND_STRIDE, TokenSelection, background_cells, select_tokens
 from .settings import SMALLEST_GRID, FeatureSettings, shape_along
 from .slice_patches import SlicePatches
-from .slice_sampling import SliceSample, slice_samples
+from .slice_sampling import SliceSample, slice_count, slice_samples
 
 if TYPE_CHECKING:
     import torch
@@ -51,6 +51,7 @@ class ExtractionPlan:
     Attributes:
         orientation: in which the network sees the volume.
         shape: patches along the canonical axes.
+        patches_geometry: the patches' grid, along the stored axes.
     """
 
     def __init__(self, volume: Volume, settings: FeatureSettings) -> None:
@@ -59,7 +60,9 @@ class ExtractionPlan:
         self._geometry = volume.geometry
         self._settings = settings
         self._windows = settings.windows_for(volume)
-        self.shape = self._patch_shape()
+        stored_shape = self._patch_shape()
+        self.shape = self.orientation.canonical_shape(stored_shape)
+        self.patches_geometry = volume.geometry.resized(stored_shape)
 
     @cached_property
     def batches(self) -> tuple[SliceBatch, ...]:
@@ -76,23 +79,26 @@ class ExtractionPlan:
         return [len(chosen.places) for batch in self.batches for chosen in batch.chosen]
 
     def _patch_shape(self) -> tuple[int, int, int]:
-        """As many patches along the canonical axes as there are cells, or as many as make `most_patches` in all slices."""
+        """As many patches along the stored axes as there are cells, or as many as make `most_patches` in all slices."""
         finest, most = self._shape_along(self._settings.grid), self._settings.most_patches
         if most is None:
             return finest
-        background = self._background(self._shape_along(BODY_SHARE_GRID))
+        background = self._background(self.orientation.canonical_shape(self._shape_along(BODY_SHARE_GRID)))
         run = 1.0 - background.mean() * (1.0 - 1.0 / BACKGROUND_STRIDE**2)
         coarser = (self._shape_along(longest) for longest in range(self._settings.grid, SMALLEST_GRID, -1))
         return next((shape for shape in coarser if run * self._patches_in(shape) <= most), self._shape_along(SMALLEST_GRID))
 
     def _shape_along(self, longest: int) -> tuple[int, int, int]:
-        return self.orientation.canonical_shape(shape_along(self._geometry, longest, self._settings.isotropic))
+        return shape_along(self._geometry, longest, self._settings.isotropic)
 
-    def _patches_in(self, shape: tuple[int, int, int]) -> int:
+    def _patches_in(self, stored_shape: tuple[int, int, int]) -> int:
         """Number of patches in all slices, background included."""
-        return sum(
-            len(samples) * math.prod(shape) // layers for samples, layers in zip(self._samples(shape), shape, strict=True)
+        shape, settings = self.orientation.canonical_shape(stored_shape), self._settings
+        counts = (
+            slice_count(slices, layers, settings.every_slice, settings.layer_step)
+            for slices, layers in zip(self._array.shape, shape, strict=True)
         )
+        return sum(count * math.prod(shape) // layers for count, layers in zip(counts, shape, strict=True))
 
     def _samples(self, shape: tuple[int, int, int]) -> list[list[SliceSample]]:
         """The slices to run across each axis."""

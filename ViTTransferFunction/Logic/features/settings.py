@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 
 
@@ -29,7 +29,7 @@ class FeatureSettings:
     Attributes:
         grid: number of cells along the volume's longest edge.
         most_patches: of all slices together, about; where one patch a cell would be more, patches are larger than cells, and
-            features are interpolated. None: one patch a cell, whatever it takes.
+            features are interpolated before they are compared. None: one patch a cell, whatever it takes.
         layer_step: run the slices of every n-th layer of patches and interpolate between; 1 runs all.
         isotropic: cells are cubes in millimetres; otherwise they have the voxels' proportions, as in the paper.
         canonical: show the network slices as a person would look at them (`orientation`); otherwise as they are stored, as

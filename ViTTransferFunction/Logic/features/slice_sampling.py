@@ -35,7 +35,7 @@ def slice_samples(slices: int, layers: int, every_slice: bool, layer_step: int =
             SliceSample(float(index), tuple((layer, 1.0 / len(m)) for layer, m in enumerate(members) if index in m))
             for index in range(slices)
         ]
-    run = sorted({*range(0, layers, layer_step), layers - 1})
+    run = _layers_run(layers, layer_step)
     weights = np.stack([np.interp(np.arange(layers), run, np.eye(len(run))[index]) for index in range(len(run))])
     return [
         SliceSample(
@@ -43,6 +43,15 @@ def slice_samples(slices: int, layers: int, every_slice: bool, layer_step: int =
         )
         for layer, of_layer in zip(run, weights, strict=True)
     ]
+
+
+def slice_count(slices: int, layers: int, every_slice: bool, layer_step: int = 1) -> int:
+    """How many `slice_samples` are."""
+    return slices if every_slice else len(_layers_run(layers, layer_step))
+
+
+def _layers_run(layers: int, layer_step: int) -> list[int]:
+    return sorted({*range(0, layers, layer_step), layers - 1})
 
 
 def layer_centre(layer: int, slices: int, layers: int) -> float:

@@ -15,18 +15,16 @@ from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.resampling import sample_by
 from .feature_volume import FeatureVolume
-from .stored_features import StoredFeatures
+from .layer_interpolation import interpolated_layers
 
 Statistics = Literal["none", "centred", "whitened"]
 
 WHITENED_COMPONENTS = 64
 """Directions of largest variance that are kept; the rest is mostly noise that whitening would blow up."""
-STATISTICS_CELLS = 30_000
-"""Enough for a covariance of some hundred channels: with all cells of a 64³ grid the result is the same to a few percent."""
-CELLS_PER_COMPONENT = 50
-"""Fewer cells than this for each direction would make every cell look unlike its neighbours."""
-BLOCK_CELLS = 2048
-"""Three megabytes of features, which stay near the processor."""
+STATISTICS_PATCHES = 30_000
+"""Enough for a covariance of some hundred channels: with all patches of a 64³ grid the result is the same to a few percent."""
+PATCHES_PER_COMPONENT = 50
+"""Fewer patches than this for each direction would make every cell look unlike its neighbours."""
 SMALLEST_NORM = 1e-12
 
 
@@ -61,19 +59,19 @@ class NormalisedFeatures:
 
     Attributes:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
-        geometry: the cells' grid.
+        geometry: the grid of the cells, which may be finer than that of the features as extracted.
         transform: what was applied before normalising.
-        source: the features as extracted, which may lie in a file.
+        source: the features as extracted.
     """
 
     array: np.ndarray
     geometry: Geometry
     transform: FeatureTransform
-    source: FeatureVolume | StoredFeatures
+    source: FeatureVolume
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
-        return unit_vectors(self.transform.apply(sample_by(self.source.vectors_at, self.geometry, points_ras)))
+        return unit_vectors(self.transform.apply(sample_by(self.source.vectors_at, self.source.geometry, points_ras)))
 
 
 def normalised_features(features: FeatureVolume, statistics: Statistics) -> NormalisedFeatures:
@@ -88,17 +86,13 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
         InputError: the features are to be whitened, and do not vary or are not finite.
     """
     transform = _fit_transform(features.array, statistics)
-    cells = features.array.reshape(-1, features.channels)
-    # Block by block, so that no full-size float32 copy of the raw features is ever made.
-    array = np.empty((len(cells), transform.channels), dtype=np.float32)
-    for start in range(0, len(cells), BLOCK_CELLS):
-        array[start : start + BLOCK_CELLS] = unit_vectors(transform.apply(cells[start : start + BLOCK_CELLS]))
-    return NormalisedFeatures(array.reshape(*features.array.shape[:3], -1), features.geometry, transform, features)
-
-
-def whitened_size_bytes(cells: Geometry) -> int:
-    """How much whitened features of these cells take, at most."""
-    return int(np.prod(cells.shape)) * WHITENED_COMPONENTS * np.dtype(np.float32).itemsize
+    array = np.empty((*features.cells.shape, transform.channels), dtype=np.float32)
+    # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
+    # layer, so that no full-size float32 copy of the raw features is ever made.
+    mapped = (transform.apply(layer) for layer in features.array)
+    for place, layer in zip(array, interpolated_layers(mapped, features.geometry.shape, features.cells.shape), strict=True):
+        place[...] = unit_vectors(layer)
+    return NormalisedFeatures(array, features.cells, transform, features)
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
@@ -121,7 +115,7 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
             "this network: get them again."
         )
     variances, directions = np.linalg.eigh(covariance)
-    count = min(WHITENED_COMPONENTS, max(1, array.size // channels // CELLS_PER_COMPONENT))
+    count = min(WHITENED_COMPONENTS, max(1, array.size // channels // PATCHES_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
@@ -135,9 +129,9 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
 
 
 def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (C,) and covariance (C, C) over evenly spread cells, at most about `STATISTICS_CELLS`, in float64."""
+    """Mean (C,) and covariance (C, C) over evenly spread patches, at most about `STATISTICS_PATCHES`, in float64."""
     cells = array.reshape(-1, array.shape[-1])
-    cells = _as_single(cells[:: max(1, len(cells) // STATISTICS_CELLS)]).astype(np.float64)
+    cells = _as_single(cells[:: max(1, len(cells) // STATISTICS_PATCHES)]).astype(np.float64)
     mean = cells.mean(axis=0)
     cells -= mean
     return mean, cells.T @ cells / len(cells)

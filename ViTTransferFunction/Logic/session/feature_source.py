@@ -18,7 +18,7 @@ from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
-from ..features.whitening import NormalisedFeatures, Statistics, normalised_features, whitened_size_bytes
+from ..features.whitening import NormalisedFeatures, Statistics, normalised_features
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
@@ -134,25 +134,21 @@ class FeatureSource:
             yield cached
             return
         network = self._networks.network(weights, self._device)
-        whitened = whitened_size_bytes(self.cells) if self._statistics == "whitened" else 0
-        self._cache.check_room(self._size_bytes + whitened)
+        self._cache.check_room(self._size_bytes)
         if coarse_first:
             for features in progressive_features(self._volume, network, self._settings, progress):
-                normalised = normalised_features(features, self._statistics)
-                yield normalised
+                yield normalised_features(features, self._statistics)
         else:
             features = extract_features(self._volume, network, self._settings, progress)
-            normalised = normalised_features(features, self._statistics)
-            yield normalised
-        self._cache.put(features, normalised if self._statistics == "whitened" else None)
+            yield normalised_features(features, self._statistics)
+        self._cache.put(features)
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
-        """The features out of the cache, whitened ones at once; None where it has none of them, or others in their place."""
-        whitened = self._cache.get_whitened(key) if self._statistics == "whitened" else None
-        kept = whitened or self._cache.get(key)
-        if kept is None or kept.geometry.shape != self.cells.shape:
+        """The features out of the cache; None where it has none of them, or others in their place."""
+        features = self._cache.get(key)
+        if features is None or features.cells.shape != self.cells.shape:
             return None
-        return kept if isinstance(kept, NormalisedFeatures) else normalised_features(kept, self._statistics)
+        return normalised_features(features, self._statistics)
 
     @cached_property
     def _device(self) -> torch.device:

@@ -21,8 +21,6 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.stored_features import StoredFeatures
-from ViTTransferFunction.Logic.features.whitening import normalised_features
 
 
 def key(name: str) -> str:
@@ -33,7 +31,8 @@ def key(name: str) -> str:
 def features_named(name: str, seed: int = 0) -> FeatureVolume:
     array = np.random.default_rng(seed).random((4, 5, 6, 8)).astype(np.float16)
     matrix = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
-    return FeatureVolume(array, Geometry((4, 5, 6), matrix), key(name))
+    geometry = Geometry((4, 5, 6), matrix)
+    return FeatureVolume(array, geometry, key(name), geometry.resized((7, 9, 10)))
 
 
 @pytest.fixture
@@ -50,6 +49,8 @@ def test_what_was_stored_comes_back_exactly(cache: FeatureCache) -> None:
     assert found.array.dtype == np.float16
     np.testing.assert_array_equal(found.array, stored.array)
     np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
+    assert found.cells.shape == stored.cells.shape
+    np.testing.assert_array_equal(found.cells.ijk_to_ras, stored.cells.ijk_to_ras)
     assert cache.get(key("b")) is None
 
 
@@ -57,7 +58,7 @@ def test_stored_features_hold_no_pickles(cache: FeatureCache) -> None:
     cache.put(features_named("a"))
     (path,) = cache.folder.iterdir()
     with np.load(path, allow_pickle=False) as content:
-        assert sorted(content) == ["features", "ijk_to_ras"]
+        assert sorted(content) == ["cells", "cells_to_ras", "features", "ijk_to_ras"]
 
 
 @pytest.mark.parametrize("content", [b"", b"not features", b"PK\x03\x04 half a file"])
@@ -93,62 +94,6 @@ def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: Feature
     assert lost > 800
 
 
-def test_whitened_features_come_back_exactly_without_the_others_being_loaded(cache: FeatureCache) -> None:
-    stored = features_named("a")
-    whitened = normalised_features(stored, "whitened")
-    cache.put(stored, whitened)
-    found = cache.get_whitened(key("a"))
-    assert found is not None
-    assert isinstance(found.source, StoredFeatures)
-    np.testing.assert_array_equal(found.array, whitened.array)
-    points = stored.geometry.ijk_to_ras_points(np.random.default_rng(1).random((20, 3)) * (7, 6, 5) - 1)
-    np.testing.assert_array_equal(found.at(points), whitened.at(points))
-    np.testing.assert_array_equal(found.source.whole().array, stored.array)
-    np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
-
-
-def test_features_that_were_kept_alone_are_not_taken_for_damaged(cache: FeatureCache) -> None:
-    cache.put(features_named("a"), normalised_features(features_named("a"), "centred"))
-    assert cache.get_whitened(key("a")) is None
-    assert cache.get(key("a")) is not None
-
-
-def test_whatever_bit_flips_no_other_whitened_features_come_back(cache: FeatureCache) -> None:
-    stored = features_named("a")
-    whitened = normalised_features(stored, "whitened")
-    cache.put(stored, whitened)
-    lost = 0
-    for _ in with_a_flipped_bit(cache.folder / f"{key('a')}.npz"):
-        found = cache.get_whitened(key("a"))
-        lost += found is None
-        if found is not None:
-            np.testing.assert_array_equal(found.array, whitened.array)
-            np.testing.assert_array_equal(found.source.whole().array, stored.array)
-            np.testing.assert_array_equal(found.transform.mean, whitened.transform.mean)
-            np.testing.assert_array_equal(found.transform.projection, whitened.transform.projection)
-    assert lost > 800
-
-
-@pytest.mark.skipif(os.name == "nt", reason="Windows keeps the name of a file that is open")
-def test_features_in_use_outlive_their_removal_and_say_when_they_are_cut_short(cache: FeatureCache) -> None:
-    few = features_named("a")
-    # More than is read ahead.
-    stored = FeatureVolume(np.random.default_rng(0).random((4, 5, 6, 400), np.float32), few.geometry, few.key)
-    whitened = normalised_features(stored, "whitened")
-    cache.put(stored, whitened)
-    found = cache.get_whitened(key("a"))
-    assert found is not None
-    (path,) = cache.folder.iterdir()
-    (cache.folder / "link").hardlink_to(path)
-    cache.clear()
-    first, second = (stored.geometry.ijk_to_ras_points(np.full((1, 3), place)) for place in (0.0, 2.0))
-    np.testing.assert_array_equal(found.at(first), whitened.at(first))
-    os.truncate(cache.folder / "link", 100)
-    np.testing.assert_array_equal(found.at(first), whitened.at(first))
-    with pytest.raises(InputError, match="can no longer be read"):
-        found.at(second)
-
-
 def test_features_of_a_smaller_shape_than_their_file_has_are_not_used(cache: FeatureCache) -> None:
     cache.put(features_named("a"))
     path = cache.folder / f"{key('a')}.npz"
@@ -171,20 +116,16 @@ def test_features_that_are_infinite_are_not_used(cache: FeatureCache) -> None:
     assert cache.get(key("a")) is None
 
 
-@pytest.mark.parametrize("name", ["features", "whitened", "mean", "directions", "ijk_to_ras"])
+@pytest.mark.parametrize("name", ["features", "ijk_to_ras", "cells", "cells_to_ras"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_one_value_that_is_no_number_keeps_whitened_features_from_being_used(
-    cache: FeatureCache, name: str, value: float
-) -> None:
-    stored = features_named("a")
-    cache.put(stored, normalised_features(stored, "whitened"))
-    assert cache.get_whitened(key("a")) is not None
+def test_one_value_that_is_no_number_keeps_features_from_being_used(cache: FeatureCache, name: str, value: float) -> None:
+    cache.put(features_named("a"))
     path = cache.folder / f"{key('a')}.npz"
     with np.load(path) as content:
         arrays = dict(content)
     arrays[name].flat[-1] = value
     np.savez(path, **arrays)
-    assert cache.get_whitened(key("a")) is None
+    assert cache.get(key("a")) is None
     assert not path.exists()
 
 

@@ -70,7 +70,8 @@ def full(extracted: Callable[[FeatureSettings], FeatureVolume]) -> FeatureVolume
 def whitened_error(features: FeatureVolume, full: FeatureVolume, inside: np.ndarray) -> float:
     """Mean 1 − cosine over the cells `inside`, after whitening by the full features' statistics."""
     normalised = normalised_features(full, "whitened")
-    vectors = unit_vectors(normalised.transform.apply(features.array[inside]))
+    centres = full.geometry.voxel_centres_ras()[inside.ravel()]
+    vectors = unit_vectors(normalised.transform.apply(sample_at(features.array, features.geometry, centres)))
     return float((1.0 - (vectors * normalised.array[inside]).sum(axis=1)).mean())
 
 

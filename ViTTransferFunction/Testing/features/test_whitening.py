@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -47,6 +49,16 @@ def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> N
     whitened = features.transform.apply(array).reshape(-1, 8)
     np.testing.assert_allclose(whitened.mean(axis=0), 0.0, atol=1e-3)
     np.testing.assert_allclose(np.cov(whitened.T), np.eye(8), atol=0.01)
+
+
+def test_cells_between_patches_have_the_vectors_that_a_point_there_has() -> None:
+    patches = feature_volume(np.random.default_rng(0).normal(size=(4, 6, 5, 3)).astype(np.float16))
+    finer = patches.geometry.resized((9, 11, 13))
+    features = normalised_features(replace(patches, compared_on=finer), "whitened")
+    assert features.array.shape[:3] == features.geometry.shape == finer.shape
+    np.testing.assert_allclose(
+        features.array.reshape(-1, features.array.shape[-1]), features.at(finer.voxel_centres_ras()), atol=1e-3
+    )
 
 
 def test_directions_that_do_not_vary_are_dropped() -> None:

@@ -77,7 +77,7 @@ def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
 
 def make_spheres_1_and_2_alike(session: SegmentationSession) -> None:
     """Make them equal to the network, so that a click on one finds both."""
-    source = session.features.source.whole()
+    source = session.features.source
     array = source.array.copy()
     array[..., 1] += array[..., 2]
     array[..., 2] = 0.0
@@ -128,7 +128,7 @@ def test_proximity_fades_a_map_with_distance_whatever_the_method(
     session: SegmentationSession, spheres: Spheres, method: SimilarityMethod
 ) -> None:
     chosen = SegmentationSession(session.volume, replace(session.preset, similarity=method))
-    chosen.use_features(session.features.source.whole())
+    chosen.use_features(session.features.source)
     (plain,) = chosen.low_resolution_maps(requests_of(spheres)[:1])
     (faded,) = chosen.low_resolution_maps(requests_of(spheres, proximity=1.0)[:1])
     assert faded.array.max() > 0.5 * plain.array.max()
@@ -148,7 +148,7 @@ def test_intensities_are_looked_at_once_for_the_same_cells_and_anew_for_others(
             super().__init__(volume, cells)
 
     monkeypatch.setattr(segmentation_session, "CellIntensities", Counted)
-    features = session.features.source.whole()
+    features = session.features.source
     other = SegmentationSession(session.volume, session.preset)
     for _ in range(2):
         other.use_features(features)
@@ -204,6 +204,6 @@ def test_a_refinement_takes_the_answer_to_the_click_and_another_click_or_other_f
     session.segment(requests)
     assert len(computed) == 1
     session.low_resolution_maps(requests_of(spheres, proximity=0.5))
-    session.use_features(session.features.source.whole())
+    session.use_features(session.features.source)
     session.low_resolution_maps(requests_of(spheres, proximity=0.5))
     assert len(computed) == 3
