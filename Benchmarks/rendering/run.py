@@ -6,9 +6,9 @@ A volume of five balls in noise is shown in one of Slicer's 3D views, without a 
 first by Slicer's own volume rendering through its preset CT-AAA, then as a volume of structures, without and with what is
 around them, all in the same run. They stand still, at full sampling, and turn, with fewer samples the longer a picture takes,
 as Slicer does while the user turns. A changed look is timed with the picture that shows it, in turns with pictures where only
-the camera changed: the difference is what the change itself costs. What it takes to make the volume of structures from refined maps
-is timed by itself. Where OpenGL runs in software, figures say little of computers with a graphics card, ratios more. Writes
-`rendering.json` and `rendering.md`.
+the camera changed: the difference is what the change itself costs. What it takes to make the volume of structures from
+refined maps is timed by itself. Where OpenGL runs in software, figures say little of computers with a graphics card, ratios
+more. Writes `rendering.json` and `rendering.md`.
 """
 
 from __future__ import annotations
