@@ -16,6 +16,9 @@ from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
+from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE
+
+NO_CONTEXT = "off"
 
 
 def draw_pictures(
@@ -81,13 +84,23 @@ def draw_slice_picture(
     save_png(draw_slices(volume, shown, window=(window.low, window.high), points=points), path)
 
 
-def open_rendering(volume: Volume, shown: Sequence[PictureSegment]) -> Rendering:
-    """The segments in 3D, one of which at least has voxels; in CT, among the bones.
+def open_rendering(
+    volume: Volume, shown: Sequence[PictureSegment], context: str | None = None, style: str = DEFAULT_STYLE
+) -> Rendering:
+    """The segments in 3D, one of which at least has voxels.
+
+    Args:
+        volume: where the segments lie.
+        shown: the segments.
+        context: what is around them, one of `CONTEXTS`, or `NO_CONTEXT`; None: in CT, bones.
+        style: of the segments, one of `STYLES`.
 
     Raises:
         InputError: OpenGL is missing.
     """
-    return Rendering(volume, shown, context_above=_context_above(volume))
+    if context is None:
+        return Rendering(volume, shown, context_above=_context_above(volume), style=style)
+    return Rendering(volume, shown, context=None if context == NO_CONTEXT else context, style=style)
 
 
 def _context_above(volume: Volume) -> float | None:

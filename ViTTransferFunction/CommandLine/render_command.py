@@ -34,6 +34,12 @@ VIEW_DEGREES = {
 }
 """Azimuth and elevation of the patient's sides. From top and bottom, what is in front is up, as in Slicer."""
 
+CONTEXTS = {"off": "off", "bones-and-vessels": "bones and vessels", "skin": "skin"}
+"""Around the segments, by what one types."""
+
+STYLES = {"surface": "surface", "glass": "glass", "x-ray": "X-ray", "vessels": "vessels", "as-scanned": "as scanned"}
+"""Of the segments, by what one types."""
+
 FILM_HEIGHT = 480
 """Of films whose size nobody gave: without a GPU, a frame of this height takes about a second."""
 
@@ -51,6 +57,8 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument("--3d", metavar="P.png", type=Path, dest="picture_3d", help="the 3D picture; without -o, it alone")
     parser.add_argument("--turntable", metavar="F.mp4|F.gif", type=Path, help="a film, once around the patient")
     parser.add_argument("--annotations", metavar="A.json", type=Path, help="also mark these points in the slices")
+    parser.add_argument("--context", choices=CONTEXTS, help="what is shown around the segments; else, in CT, faint bones")
+    parser.add_argument("--style", choices=STYLES, default="surface", help="how the segments look")
     parser.add_argument("--size", metavar="WxH", help="pixels in all, such as 1920x1080; else as wide as what is shown")
     parser.add_argument(
         "--view", choices=VIEW_DEGREES, help="the patient's side that is seen; else the front, from slightly above"
@@ -84,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     look = _Look(seen_from, camera, size, _above_legend(size, shown) if film or not args.transparent else None)
     with ProgressBar() as progress:
         progress(0, 1, "Preparing 3D")
-        with open_rendering(volume, shown) as rendering:
+        with open_rendering(volume, shown, CONTEXTS.get(args.context), STYLES[args.style]) as rendering:
             progress(1, 1, "Preparing 3D")
             if "the picture" in outputs:
                 draw_slice_picture(outputs["the picture"], volume, shown, classes)

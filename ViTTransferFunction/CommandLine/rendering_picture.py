@@ -28,11 +28,12 @@ from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.rendering.appearance import Appearance
-from ViTTransferFunction.Logic.rendering.composition import DEPTH, SURFACE
+from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, SURFACE
 from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
+from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS, Surroundings
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -78,6 +79,8 @@ class Rendering:
         segments: what to show; one of them at least has voxels.
         context_above: intensity above which the rest of the volume is faintly shown around the segments, `BONE_HU` for CT,
             say; None shows the segments alone, and so do volumes of thick slices.
+        context: one of `CONTEXTS` to show around them instead; it gives way to segments that it hides.
+        style: of the segments, one of `STYLES`.
 
     Attributes:
         middle_ras: the segments' middle (3,), from which cameras are measured.
@@ -86,16 +89,29 @@ class Rendering:
         InputError: OpenGL is missing.
     """
 
-    def __init__(self, volume: Volume, segments: Sequence[PictureSegment], *, context_above: float | None = None) -> None:
+    def __init__(
+        self,
+        volume: Volume,
+        segments: Sequence[PictureSegment],
+        *,
+        context_above: float | None = None,
+        context: str | None = None,
+        style: str = DEFAULT_STYLE,
+    ) -> None:
         self._segments = segments
         shown = [segment for segment in segments if segment.mask.any()]
         self.middle_ras = middle_of(volume.geometry, [segment.mask for segment in shown])
-        if context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
+        looks = [Appearance(segment.color, segment.opacity, style) for segment in shown]
+        if context is None and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
             shown.append(_context(volume, shown, context_above))
-        structures = _structures_of(volume, shown)
-        self._reach_ras = _reach(structures)
+            looks.append(Appearance(CONTEXT_COLOR, CONTEXT_OPACITY))
+        structures = _structures_of(volume, shown, whole=context is not None)
+        around = Surroundings()
+        if context is not None:
+            around = Surroundings(CONTEXTS[context](structures.hounsfield, structures.levels), cutaway=1.0)
+        self._reach_ras = _reach(structures, around)
         renderer = vtkRenderer()
-        renderer.AddVolume(structure_prop(structures, [Appearance(segment.color, segment.opacity) for segment in shown]))
+        renderer.AddVolume(structure_prop(structures, looks, around))
         add_lights(renderer)
         self._window = OffscreenWindow(renderer)
 
@@ -167,8 +183,9 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
-def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> StructureVolume:
-    """The segments as a volume of structures."""
+def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bool) -> StructureVolume:
+    """The segments as a volume of structures; of the `whole` volume, or as much as holds them."""
+    levels = intensity_levels(volume)
     voxels, grid = mask_volume(
         volume.geometry,
         [segment.mask for segment in segments],
@@ -177,16 +194,20 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment]) -> Struct
             None if segment.similarity is None or segment.iso is None else (segment.similarity, segment.iso)
             for segment in segments
         ],
+        (volume.array, levels) if whole else None,
     )
-    return structure_volume(voxels, len(segments), intensity_levels(volume), grid, volume)
+    return structure_volume(voxels, len(segments), levels, grid, volume)
 
 
-def _reach(structures: StructureVolume) -> np.ndarray:
+def _reach(structures: StructureVolume, around: Surroundings) -> np.ndarray:
     """Places of what a volume of structures shows, (N, 3) RAS millimetres."""
     voxels, grid = structures.voxels, structures.geometry
     # Some of the voxels will do to know how far they reach.
     step = 1 + max(grid.shape) // 100
-    seen_ijk = step * np.argwhere(voxels[::step, ::step, ::step, DEPTH] > SURFACE)[:, ::-1]
+    some = voxels[::step, ::step, ::step]
+    densities = around.colors(structures.levels, structures.unit_voxels)[:, 3]
+    shown = (some[..., DEPTH] > SURFACE) | (densities > 0.0)[some[..., INTENSITY].astype(int) * (len(densities) - 1) // 255]
+    seen_ijk = step * np.argwhere(shown)[:, ::-1]
     if not len(seen_ijk):
         # Everything is transparent.
         seen_ijk = np.array([np.zeros(3), grid.shape[::-1]])

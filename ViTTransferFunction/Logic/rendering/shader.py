@@ -184,7 +184,7 @@ void vittf_wall(vec3 place, int structure, bool cut)
   vec3 below = cut ? place : place + 1.5 * inward / vec3(vittf_size());
   vec4 voxel = texture3D(in_volume[0], below);
   float level = vittf_in_window(voxel.b, window);
-  float facing = cut ? 1.0 : abs(dot(inward, along));
+  float facing = cut ? 1.0 : min(abs(dot(inward, along)), 1.0);
   float opacity = style.x * look.a * mix(window.z, 1.0, level);
   // As of a wall of some thickness; of glass, what faces the viewer is clear.
   opacity = 1.0 - pow(max(1.0 - opacity, 0.0), 1.0 / max(facing, 0.25));

@@ -69,12 +69,8 @@ class Surroundings:
 def bones_and_vessels(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:
     """Bright things: bones, and vessels with contrast agent."""
     low, high = (150.0, 350.0) if hounsfield else _shares(levels, 0.55, 0.85)
-    return (
-        (low, VESSEL, 0.0),
-        (0.5 * (low + high), VESSEL, 0.18),
-        (high, BONE, 0.6),
-        (max(float(levels[-1]), high + 1.0), BONE, 0.9),
-    )
+    end = max(float(levels[-1]), high + 1.0)
+    return (low, VESSEL, 0.0), (0.6 * low + 0.4 * high, VESSEL, 0.3), (high, BONE, 0.85), (end, BONE, 0.97)
 
 
 def skin(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:

@@ -87,11 +87,14 @@ _RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE), "low": _ANY, "high": _ANY}
 """Of numbers among them that are no shares in [0, 1]."""
 
 
-def appearance(state: ClassState | None) -> Appearance:
-    """How a class looks in 3D; None: one that is not shown."""
+def appearance(state: ClassState | None, tone: float | None = None) -> Appearance:
+    """How a class looks in 3D; None: one that is not shown. `tone` is what it has unless its own was chosen."""
     if state is None:
         return Appearance((0.0, 0.0, 0.0), opacity=0.0)
-    return Appearance(state.color, **{name: getattr(state, name) for name in LOOK})
+    look = {name: getattr(state, name) for name in LOOK}
+    if state.tone is None and state.style == DEFAULT_STYLE:
+        look["tone"] = tone
+    return Appearance(state.color, **look)
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:

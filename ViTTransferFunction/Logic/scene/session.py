@@ -52,6 +52,10 @@ REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
 
 
+DETAIL_TONE = 0.3
+"""How much darker surfaces are where the image is, in the mode that shows the image's own detail."""
+
+
 class SceneSession:
     """Connects the scene, the compute process, and what the views show.
 
@@ -455,7 +459,8 @@ class SceneSession:
         )
         self._display.show_proposals(volume, self._other_proposals(selected))
         box = shown_box(self._scene, self.parameters, volume)
-        looks = [appearance(rendered.get(id_)) for id_ in self._proxy.rendered]
+        tone = DETAIL_TONE if mode == "transfer function" else None
+        looks = [appearance(rendered.get(id_), tone) for id_ in self._proxy.rendered]
         self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), box))
 
     def _surroundings(self) -> Surroundings:

@@ -259,9 +259,9 @@ def _scan_of(path: Path) -> Scan | None:
 
 
 def read_image(path: Path) -> sitk.Image:
-    """Read an image, in silence. ITK's NIfTI knows no endings in mixed case, and its Python ends at names that are no text."""
+    """Read an image, in silence. ITK knows few endings in upper case, and its Python ends at names that are no text."""
     # Whatever needs a second file is read where it lies.
-    by_link = path.name.lower().endswith((".nii", ".nii.gz")) or not str(path).isprintable()
+    by_link = path.suffix.lower() in (".nii", ".gz") or path.suffix != path.suffix.lower() or not str(path).isprintable()
     with silenced_libraries(), TemporaryDirectory() as folder:
         link = Path(folder, f"image{''.join(path.suffixes[-2:]).lower()}")
         link.symlink_to(path.absolute())

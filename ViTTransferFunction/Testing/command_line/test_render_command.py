@@ -10,11 +10,15 @@ import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.camera import read_camera
 from ViTTransferFunction.CommandLine.canvas import BACKGROUND
+from ViTTransferFunction.CommandLine.pictures import NO_CONTEXT
+from ViTTransferFunction.CommandLine.render_command import CONTEXTS, STYLES
 from ViTTransferFunction.CommandLine.rendering_picture import Rendering
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.colors import default_color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.rendering.appearance import STYLES as ALL_STYLES
+from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS as ALL_CONTEXTS
 from ViTTransferFunction.Testing.support.pictures import BLUE, GREEN, RED, ball, dark_volume, landmarks, pixels_of, place_of
 
 SHAPE, SPACING_MM = (40, 40, 40), 2.0
@@ -73,6 +77,19 @@ def test_a_picture_has_the_size_that_was_asked_for(
 def test_both_pictures_are_drawn_where_they_were_before(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
     assert main(["render", *case, "-o", str(tmp_path / "p.png"), "--size", "200x160"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["case", "p.png", "p_3d.png"]
+
+
+@pytest.mark.parametrize("context", list(CONTEXTS))
+@pytest.mark.parametrize("style", ["surface", "as-scanned"])
+def test_each_context_and_style_is_drawn(opengl: None, tmp_path: Path, case: tuple[str, str], context: str, style: str) -> None:
+    options = ["--context", context, "--style", style, "--size", "120x120"]
+    assert main(["render", *case, "--3d", str(tmp_path / "p.png"), *options]) == 0
+    assert np.ptp(read_png(tmp_path / "p.png")[:80]) > 50
+
+
+def test_what_one_types_are_the_contexts_and_styles_that_there_are() -> None:
+    assert set(CONTEXTS.values()) == {NO_CONTEXT, *ALL_CONTEXTS}
+    assert set(STYLES.values()) == set(ALL_STYLES)
 
 
 def test_views_by_name_show_the_patient_from_that_side(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:

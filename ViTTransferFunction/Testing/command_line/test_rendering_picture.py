@@ -134,6 +134,36 @@ def test_bright_surroundings_appear_only_when_asked_for(opengl: None, aligned: G
     assert (among[40 : HEIGHT // 2].max(axis=2) > 80).sum() > 1000
 
 
+def test_a_context_is_in_the_picture_and_gives_way_to_segments(opengl: None, aligned: Geometry) -> None:
+    array = np.full(aligned.shape, -1000.0)
+    array[distance_mm(aligned, (0, 0, -25)) < 12.0] = 40.0
+    array[distance_mm(aligned, (0, 0, 25)) < 15.0] = 1000.0
+    # Before the organ, seen from the front.
+    array[distance_mm(aligned, (0, 25, -25)) < 10.0] = 1000.0
+    organ = ball(aligned, "organ", RED, (0, 0, -25))
+
+    def taken(context: str | None) -> np.ndarray:
+        with Rendering(Volume(array, aligned), [organ], context=context) as rendering:
+            return rendering.picture(rendering.framing(size=(HEIGHT, HEIGHT)))
+
+    assert place_of(taken(None), RED) == pytest.approx([0.5, 0.5], abs=0.05)
+    among = taken("bones and vessels")
+    assert place_of(among, RED)[1] > 0.6
+    assert (among[40 : HEIGHT // 2].max(axis=2) > 80).sum() > 1000
+
+
+def test_glass_shows_what_it_holds_and_a_surface_does_not(opengl: None, aligned: Geometry) -> None:
+    segments = [ball(aligned, "outer", GREEN, radius_mm=35.0, opacity=0.95), ball(aligned, "inner", RED, radius_mm=15.0)]
+
+    def redness(style: str) -> int:
+        with Rendering(dark_volume(aligned), segments, style=style) as rendering:
+            picture = rendering.picture(rendering.framing(size=(HEIGHT, HEIGHT))).astype(int)
+        return int((picture[..., 0] > picture[..., 1] + 20).sum())
+
+    assert redness("surface") == 0
+    assert redness("glass") > 500
+
+
 def _spiked_ellipsoid(geometry: Geometry) -> np.ndarray:
     """An ellipsoid with a thin spike to the patient's right and one upwards, as a mask (K, J, I)."""
     x, y, z = np.moveaxis(geometry.voxel_centres_ras().reshape(*geometry.shape, 3) - CENTRE, -1, 0)

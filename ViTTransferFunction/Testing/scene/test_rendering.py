@@ -238,6 +238,17 @@ def test_a_glass_shell_shows_what_it_holds_and_keeps_its_rim(stage: Stage) -> No
     assert profile[rim] > 2 * profile[rim // 2]
 
 
+def test_no_pixel_of_a_surface_is_missed(stage: Stage) -> None:
+    slab = np.clip(0.5 + (10.0 - np.arange(SHAPE[1], dtype=np.float32)) / 4.0, 0.0, 1.0)[:, None] * np.ones(
+        (SHAPE[0], 1, SHAPE[2])
+    )
+    stage.show([slab.astype(np.float32)], [RED])
+    camera = stage.view.get_camera_node()
+    camera.SetParallelProjection(True)
+    camera.SetParallelScale(12.0)
+    assert stage.picture()[..., 0].min() > 100
+
+
 def test_an_intensity_window_makes_transparent_what_lies_below_it(stage: Stage) -> None:
     intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
     look = Appearance(RED, style="as scanned", low=100.0, high=180.0, ramp=0.0)

@@ -24,6 +24,7 @@ class Exhibit:
         stops: the 1D transfer function that one would otherwise design: the one that tells most of the structures apart.
         seen_from: the side.
         keep_all: whether structures keep parts without a click.
+        context: what is around the structures, as `open_rendering` has it.
     """
 
     title: str
@@ -32,6 +33,7 @@ class Exhibit:
     stops: tuple[IntensityStop, ...]
     seen_from: Direction
     keep_all: bool = False
+    context: str | None = None
 
 
 def _bands(*stops: tuple[float, float, Color]) -> tuple[IntensityStop, ...]:
@@ -71,6 +73,7 @@ EXHIBITS = {
             (400.0, 0.8, BONE), (3000.0, 0.9, BONE),
         ),
         direction(0.0, 8.0),
+        context="bones and vessels",
     ),
     "torso": Exhibit(
         "Torso, CT",
@@ -81,6 +84,7 @@ EXHIBITS = {
             (400.0, 0.8, BONE), (3000.0, 0.9, BONE),
         ),
         direction(0.0, 8.0),
+        context="bones and vessels",
     ),
     "brain": Exhibit(
         "Brain, MR",

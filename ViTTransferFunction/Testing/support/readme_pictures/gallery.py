@@ -60,7 +60,7 @@ def exhibit_picture(exhibit: Exhibit, folder: Path, progress: Progress) -> np.nd
     volume = read_volume(folder / exhibit.file_name)
     classes = read_annotations(ANNOTATIONS / exhibit.annotations, volume.geometry)
     shown = segmented(volume, classes, exhibit.keep_all, progress)
-    with open_rendering(volume, shown) as rendering:
+    with open_rendering(volume, shown, exhibit.context) as rendering:
         camera = rendering.framing(exhibit.seen_from, size=(SIDE, SIDE))
         ours = rendering.picture(camera)
         placed = camera.placed(rendering.middle_ras)
