@@ -92,12 +92,8 @@ def appearance_rows(
     """
     rows = np.zeros((capacity(len(appearances)), ROWS, 4))
     for number, (look, own) in enumerate(zip(appearances, own_levels, strict=True), start=1):
-        style = STYLES.get(look.style, STYLES[DEFAULT_STYLE])
-        begin = own[0] + style.begin * (own[1] - own[0])
-        low, high = (
-            (level if chosen is None else float(np.interp(chosen, levels, np.arange(256)))) / 255.0
-            for chosen, level in ((look.low, begin), (look.high, own[1]))
-        )
+        style = STYLES[look.style]
+        low, high = (level / 255.0 for level in window_levels(look, own, levels))
         rows[number] = (
             (*look.color, look.opacity),
             (style.wall, style.rim, _chosen(look.tone, style.tone), style.density / unit_voxels),
@@ -105,6 +101,22 @@ def appearance_rows(
             (style.lit, 0.0, 0.0, 0.0),
         )
     return rows
+
+
+def window_levels(look: Appearance, own: np.ndarray, levels: np.ndarray) -> tuple[float, float]:
+    """The grey levels between which a structure gets brighter and more opaque.
+
+    Args:
+        look: of the structure.
+        own: (2,) grey levels between which most of its voxels lie.
+        levels: (256,), the intensity that each grey level stands for.
+    """
+    begin = own[0] + STYLES[look.style].begin * (own[1] - own[0])
+    low, high = (
+        float(level) if chosen is None else float(np.interp(chosen, levels, np.arange(256)))
+        for chosen, level in ((look.low, begin), (look.high, own[1]))
+    )
+    return low, high
 
 
 def _chosen(value: float | None, default: float) -> float:

@@ -118,8 +118,8 @@ int vittf_structure(vec3 place)
 // Towards the inside of a structure, per voxel.
 vec3 vittf_depth_gradient(vec3 place, int structure)
 {
-  vec3 step = 1.0 / vec3(vittf_size());
-  vec3 x = vec3(step.x, 0.0, 0.0), y = vec3(0.0, step.y, 0.0), z = vec3(0.0, 0.0, step.z);
+  vec3 cell = 1.0 / vec3(vittf_size());
+  vec3 x = vec3(cell.x, 0.0, 0.0), y = vec3(0.0, cell.y, 0.0), z = vec3(0.0, 0.0, cell.z);
   return vec3(vittf_depth(place + x, structure) - vittf_depth(place - x, structure),
               vittf_depth(place + y, structure) - vittf_depth(place - y, structure),
               vittf_depth(place + z, structure) - vittf_depth(place - z, structure));
@@ -128,8 +128,8 @@ vec3 vittf_depth_gradient(vec3 place, int structure)
 // Towards higher intensities, per voxel.
 vec3 vittf_intensity_gradient(vec3 place)
 {
-  vec3 step = 1.0 / vec3(vittf_size());
-  vec3 x = vec3(step.x, 0.0, 0.0), y = vec3(0.0, step.y, 0.0), z = vec3(0.0, 0.0, step.z);
+  vec3 cell = 1.0 / vec3(vittf_size());
+  vec3 x = vec3(cell.x, 0.0, 0.0), y = vec3(0.0, cell.y, 0.0), z = vec3(0.0, 0.0, cell.z);
   return 0.5 * vec3(texture3D(in_volume[0], place + x).b - texture3D(in_volume[0], place - x).b,
                     texture3D(in_volume[0], place + y).b - texture3D(in_volume[0], place - y).b,
                     texture3D(in_volume[0], place + z).b - texture3D(in_volume[0], place - z).b);

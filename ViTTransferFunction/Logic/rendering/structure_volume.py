@@ -10,7 +10,7 @@ import numpy as np
 from ..core.geometry import Geometry
 from ..core.intensity_window import looks_like_hounsfield_units
 from ..core.volume import Volume
-from .appearance import Appearance, appearance_rows
+from .appearance import Appearance, appearance_rows, window_levels
 from .composition import own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES
 from .surroundings import Surroundings
@@ -38,6 +38,11 @@ class StructureVolume:
     hounsfield: bool
     unit_voxels: float
     geometry: Geometry
+
+    def window(self, index: int, look: Appearance) -> tuple[float, float]:
+        """The intensities between which the structure of an index, from 0, gets brighter and more opaque."""
+        low, high = window_levels(look, self.own_levels[index], self.levels)
+        return float(np.interp(low, np.arange(256), self.levels)), float(np.interp(high, np.arange(256), self.levels))
 
     def uniforms(self, appearances: Sequence[Appearance], surroundings: Surroundings) -> dict[str, np.ndarray]:
         """The shader's variables by name, float64: matrices (N, 4, 4), or a vector (4,).

@@ -75,7 +75,7 @@ def bones_and_vessels(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:
 
 def skin(hounsfield: bool, levels: np.ndarray) -> tuple[Knot, ...]:
     """The body's surface, from the air to what lies under the skin."""
-    low, high = (-750.0, -150.0) if hounsfield else _shares(levels, 0.04, 0.2)
+    low, high = (-750.0, -150.0) if hounsfield else _shares(levels, 0.1, 0.28)
     middle = 0.5 * (low + high)
     return (low, SKIN, 0.0), (middle, SKIN, 0.5), (high, SKIN, 0.0)
 

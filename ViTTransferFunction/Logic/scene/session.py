@@ -234,6 +234,14 @@ class SceneSession:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
 
+    def rendered_window(self, id_: str) -> tuple[float, float] | None:
+        """The intensities between which a class gets brighter and more opaque in 3D; None where it is not in 3D yet."""
+        rendering, rendered = self._proxy.rendering, self._proxy.rendered
+        state = next((state for state in self.classes if state.id == id_), None)
+        if rendering is None or state is None or id_ not in rendered:
+            return None
+        return rendering.window(rendered.index(id_), appearance(state))
+
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
         volume, selected = self.parameters.volume, self.selected_class

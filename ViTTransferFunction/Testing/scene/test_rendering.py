@@ -249,6 +249,19 @@ def test_no_pixel_of_a_surface_is_missed(stage: Stage) -> None:
     assert stage.picture()[..., 0].min() > 100
 
 
+@pytest.mark.parametrize("style", ["surface", "glass"])
+def test_a_known_sphere_is_at_its_place_and_of_its_size(stage: Stage, style: str) -> None:
+    stage.show_structures([one_ball(6.0)], [Appearance(RED, 0.9, style)])
+    camera = stage.view.get_camera_node()
+    camera.SetParallelProjection(True)
+    camera.SetParallelScale(30.0)
+    shown = stage.picture()[..., 0] > 12
+    mm = (np.indices(shown.shape) - (np.array(shown.shape)[:, None, None] - 1) / 2) * 60.0 / shown.shape[0]
+    # Voxels are 2 mm wide and 2.5 mm high, and the picture's first row is the lowest.
+    expected = (mm[1] / 12.0) ** 2 + (mm[0] / 15.0) ** 2 < 1.0
+    assert 2.0 * (shown & expected).sum() / (shown.sum() + expected.sum()) >= 0.97
+
+
 def test_an_intensity_window_makes_transparent_what_lies_below_it(stage: Stage) -> None:
     intensities = np.where(np.arange(SHAPE[2]) < 12, 60.0, 200.0) * np.ones((*SHAPE[:2], 1))
     look = Appearance(RED, style="as scanned", low=100.0, high=180.0, ramp=0.0)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
+from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.appearance import STYLES
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Testing.support.widgets import add_class
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -31,6 +34,28 @@ def test_the_style_is_the_selected_structures_and_undone(widget: Any) -> None:
     assert ui.styleComboBox.currentText() == "Glass"
     session.annotations.undo()
     assert session.classes[0].style == "surface"
+
+
+def test_intensities_are_the_structures_own_until_they_are_set(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    ui, session = widget.ui, widget.panel.session
+    add_class(widget)
+    assert not ui.lookLowSpinBox.isEnabled()
+    (state,) = session.classes
+    levels, own = np.linspace(-100.0, 410.0, 256), np.array([[50.0, 150.0]])
+    rendering = StructureVolume(np.zeros((2, 2, 2, 4), np.uint8), own, levels, True, 1.0, Geometry((2, 2, 2), np.eye(4)))
+    monkeypatch.setattr(session._proxy, "rendering", rendering)
+    monkeypatch.setattr(session._proxy, "rendered", (state.id,))
+    widget.panel.refresh()
+    assert (ui.lookLowSpinBox.value(), ui.lookHighSpinBox.value()) == (0.0, 200.0)
+    assert ui.lookAutomaticCheckBox.isChecked()
+    ui.lookLowSpinBox.setValue(60.0)
+    assert [(state.low, state.high) for state in session.classes] == [(60.0, 200.0)]
+    assert not ui.lookAutomaticCheckBox.isChecked()
+    ui.lookToneSlider.value = 0.4
+    assert session.classes[0].tone == 0.4
+    ui.lookAutomaticCheckBox.click()
+    assert [(state.low, state.high) for state in session.classes] == [(None, None)]
+    assert ui.lookLowSpinBox.value() == 0.0
 
 
 def test_surroundings_are_ours_or_slicers_presets_and_kept_in_the_scene(widget: Any) -> None:
