@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import subprocess
@@ -164,6 +165,13 @@ class AppPage:
         self.page.mouse.move(box["x"] + column, box["y"] + row)
         self.page.mouse.down()
         self.page.mouse.up()
+
+    def rename(self, row: int, name: str) -> None:
+        """Give the structure of a row of the table another name."""
+        self[f"class-name-{row}"].dblclick()
+        self[f"class-name-{row}"].fill(name)
+        self[f"class-name-{row}"].press("Enter")
+        self.wait_for_state(f"classes[{row}].name === {json.dumps(name)}")
 
     def extent_in(self, view: str) -> tuple[int, int, int, int]:
         """Where the volume lies in a slice view: its first and last column, first and last row, in pixels."""

@@ -131,8 +131,7 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     page["refine"].check()
     page.wait_for_state("up_to_date")
 
-    page["class-name-0"].fill("bright ball")
-    page["class-name-0"].press("Enter")
+    page.rename(0, "bright ball")
     page["write-segments"].click()
     page.wait_for_state("written && progress === null")
     page.keep_picture("segments")
@@ -177,9 +176,7 @@ def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, folde
     click_at(page, extent, 18, 24)
     page.wait_for_state("classes[0].positive === 1")
     hostile = "{{ constructor.constructor('window.owned = true')() }}<img src=x onerror='window.owned = true'>"
-    page["class-name-0"].fill(hostile)
-    page["class-name-0"].press("Enter")
-    page.wait_for_state("classes[0].name.startsWith('{{')")
+    page.rename(0, hostile)
     picture = page.picture("Red")
     page.page.reload()
     page.wait_for_state("classes.length === 1 && classes[0].positive === 1")
