@@ -135,5 +135,5 @@ def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
 def test_colours_come_back_from_the_page_as_they_went() -> None:
     assert hex_color(color_of_hex("#0a80ff")) == "#0a80ff"
     for text in ("red", "#12345", "#gg0000", ""):
-        with pytest.raises(ValueError, match="colour|literal"):
+        with pytest.raises(ValueError, match=r"colour|literal"):
             color_of_hex(text)
