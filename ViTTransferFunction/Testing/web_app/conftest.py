@@ -43,12 +43,16 @@ def _missing(reason: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return Path(PICTURES) if PICTURES else tmp_path_factory.mktemp("pictures")
+def pictures(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """The folder for the pictures of a test file's steps, without those of an earlier run."""
+    folder = Path(PICTURES or tmp_path_factory.mktemp("pictures")) / request.module.__name__.rpartition(".")[2]
+    for old in folder.glob("[0-9][0-9] *.png"):
+        old.unlink()
+    return folder
 
 
 @pytest.fixture
-def new_page(browser: Any, pictures: Path, request: pytest.FixtureRequest) -> Iterator[Callable[[], Any]]:
+def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
     """Opens a page in a browser of its own: one that shares nothing with the others."""
     from ViTTransferFunction.Testing.support.web_app import AppPage
 
@@ -57,7 +61,7 @@ def new_page(browser: Any, pictures: Path, request: pytest.FixtureRequest) -> It
 
     def open_one() -> AppPage:
         contexts.append(browser.new_context(viewport={"width": 1280, "height": 800}))
-        pages.append(AppPage(contexts[-1].new_page(), pictures / request.module.__name__.rpartition(".")[2]))
+        pages.append(AppPage(contexts[-1].new_page(), pictures))
         return pages[-1]
 
     yield open_one
