@@ -49,7 +49,7 @@ def test_the_liver_of_a_ct_is_found_by_two_clicks_and_comes_home_as_a_file(
     import slicerio
 
     labels = Labels(real_volume("torso_small_labels.nii.gz"))
-    options = ["--weights", real_weights, "--model", "dinov2_vits14_focus", "--grid", "20", "--device", "cpu"]
+    options: list[str | Path] = ["--weights", real_weights, "--model", "dinov2_vits14_focus", "--grid", "20", "--device", "cpu"]
     with serving(real_volume("torso_small_ct.nii.gz"), *options, cache=tmp_path) as server:
         page = new_page()
         page.page.goto(server.address)
