@@ -45,6 +45,9 @@ def build_page(server: Any) -> None:
         "windows": [],
         "views": list(VIEWS),
         "enlarged": "",
+        # What is being typed in a field: each change of the state fills all fields anew.
+        "typing": {},
+        "trame__client_only": [*server.state.trame__client_only, "typing"],
         "asking_open": False,
         "asking_help": False,
         "path": "",

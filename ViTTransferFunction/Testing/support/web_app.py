@@ -141,6 +141,10 @@ class AppPage:
         }}"""
         self.page.wait_for_function(program)
 
+    def wait_for_drawing(self) -> None:
+        """Wait until the page has been drawn as its state is now."""
+        self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def picture(self, view: str) -> np.ndarray:
         """What a view shows, (rows, columns, 3) uint8."""
         png = self[f"view-{view}"].screenshot(animations="disabled")

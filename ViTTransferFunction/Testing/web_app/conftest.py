@@ -65,6 +65,9 @@ def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
         return pages[-1]
 
     yield open_one
+    for page in pages:
+        if not page.page.is_closed():
+            page.keep_picture("end")
     for context in contexts:
         context.close()
     assert not [error for page in pages for error in page.errors]

@@ -187,14 +187,26 @@ def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, folde
     assert page.page.evaluate("window.owned") is None
 
 
+def test_what_is_typed_stays_while_the_page_changes(at_app: AppPage, folder: Path) -> None:
+    page = at_app
+    open_volume(page, folder / "two balls.nrrd")
+    add_structure(page, 0)
+    page["class-name-0"].dblclick()
+    for field, text in (("class-name-0", "half a na"), ("window-low", "-12"), ("window-high", "34")):
+        page[field].press("ControlOrMeta+a")
+        page[field].press_sequentially(text)
+        page["theme"].evaluate("button => button.click()")
+        page.wait_for_drawing()
+        assert page[field].input_value() == text
+
+
 def test_a_second_browser_is_told_and_the_first_goes_on(at_app: AppPage, new_page: NewPage, server: Server) -> None:
     other = new_page()
     assert other.page.goto(server.address).status == 409
     other.keep_picture("second browser")
     assert "open in another browser" in other.page.inner_text("body")
-    at_app["theme"].click()
-    at_app.page.locator("[data-theme=light]").wait_for()
-    at_app.keep_picture("light")
+    at_app.page.reload()
+    at_app["app"].wait_for()
 
 
 def test_an_extraction_is_cancelled_and_an_interruption_of_another_leaves_no_process(
