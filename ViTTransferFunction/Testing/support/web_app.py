@@ -189,7 +189,7 @@ class AppPage:
         self.wait_for_state(f"classes[{row}].name === {json.dumps(name)}")
 
     def extent_in(self, view: str) -> tuple[int, int, int, int]:
-        """Where the volume lies in a slice view, which shows its middle: first and last column, first and last row, in pixels."""
+        """Where the volume lies in a slice view, which shows its middle: first and last column and row, in pixels."""
         window = {end: float(self[f"window-{end}"].input_value()) for end in ("low", "high")}
         self._set_window("low", -10001.0)
         self._set_window("high", -10000.0)
