@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import tempfile
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
@@ -101,6 +102,9 @@ class WebApp:
             volume: what to open, unless None: an image, a DICOM folder, or a saved session.
             on_ready: gets the address once it answers; whoever has the address is let in.
             on_warning: gets what the user has to know where other computers can reach the page.
+
+        Raises:
+            InputError: nothing can listen there.
         """
         access = Access(host, on_left=self.stop)
         if access.warning:
@@ -130,7 +134,10 @@ class WebApp:
             await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
             for task in (following, serving_task):
                 if task.done():
-                    task.result()  # What ended it is no secret.
+                    task.result()  # Raises what ended it.
+        except OSError as error:
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise InputError(f"Nothing can listen at {host}, port {port}: {reason}. Choose another port or host.") from error
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
