@@ -9,6 +9,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.parameters import RENDERINGS
+from ..Logic.session.presets import PRESETS
 from .panel_state import color_of_hex
 from .volumes import set_window
 
@@ -52,6 +53,7 @@ class Actions:
             "nextClass": lambda: self._select_neighbour(1),
             "nextPoint": self._show_next_point,
             "putDown": app.tool.put_down,
+            "preset": self._set_preset,
             "rendering": self._set_rendering,
             "overlayOpacity": lambda opacity: app.session.parameters.set("overlayOpacity", float(opacity)),
             "overlayVisible": lambda visible: app.session.parameters.set("overlayVisible", bool(visible)),
@@ -150,6 +152,10 @@ class Actions:
         selected = self._app.session.selected_class
         if selected is not None:
             self._app.session.show_next_point(selected.id)
+
+    def _set_preset(self, name: str) -> None:
+        if name in PRESETS:
+            self._app.session.parameters.set("preset", name)
 
     def _set_rendering(self, mode: str) -> None:
         if mode in RENDERINGS:

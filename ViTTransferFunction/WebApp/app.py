@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import tempfile
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
@@ -20,6 +21,7 @@ from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
+from ..Logic.scene.size_wheel import SizeWheel
 from .access import Access
 from .actions import Actions
 from .extraction import ExtractionButton
@@ -71,7 +73,10 @@ class WebApp:
         self.tool = AnnotationTool(
             self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
         )
+        self._wheel = BrowserSliceTools(self.views)
+        self._wheel.start(self._size_wheel)
         self.session = self._new_session()
+        self._saved = self.session.classes
         self.extraction = ExtractionButton(lambda: self.session)
         self.actions = Actions(self)
         self.server.trigger("act")(self.actions)
@@ -97,6 +102,9 @@ class WebApp:
             volume: what to open, unless None: an image, a DICOM folder, or a saved session.
             on_ready: gets the address once it answers; whoever has the address is let in.
             on_warning: gets what the user has to know where other computers can reach the page.
+
+        Raises:
+            InputError: nothing can listen there.
         """
         access = Access(host, on_left=self.stop)
         if access.warning:
@@ -126,7 +134,10 @@ class WebApp:
             await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
             for task in (following, serving_task):
                 if task.done():
-                    task.result()  # What ended it is no secret.
+                    task.result()  # Raises what ended it.
+        except OSError as error:
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise InputError(f"Nothing can listen at {host}, port {port}: {reason}. Choose another port or host.") from error
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
@@ -175,8 +186,14 @@ class WebApp:
                 "message": "\n\n".join(self._messages.standing()),
                 "consent": self.extraction.question,
                 "pressed": self.extraction.pressed,
+                "unsaved": self.session.classes not in ((), self._saved),
             })  # fmt: skip
         self.views.settle()
+
+    def mark_saved(self) -> None:
+        """The structures as they are now were saved: the page may be closed without a question."""
+        self._saved = self.session.classes
+        self.refresh()
 
     async def open_files(self, paths: list[Path]) -> None:
         """Open a volume or a session in place of what is open; errors are shown."""
@@ -270,6 +287,7 @@ class WebApp:
 
     def _take_session(self) -> None:
         self.session = self._new_session()
+        self._saved = self.session.classes
         self.tool.session = self.session
         self.tool.end_unfinished()
         self.session.start_computing()
@@ -284,6 +302,20 @@ class WebApp:
         with self.server.state as state:
             state.windows = [{"text": text, "low": window.low, "high": window.high} for text, window in windows.items()]
         return list(windows.values())
+
+    def _size_wheel(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> SizeWheel:
+        """Ctrl and the wheel change the size of the selected structure where they are over it."""
+
+        def shown_class() -> str | None:
+            selected = self.session.selected_class
+            return selected.id if selected is not None and selected.visible else None
+
+        def turn(notches: int) -> None:
+            selected = self.session.selected_class
+            if selected is not None:
+                self.session.annotations.turn_size(selected.id, notches)
+
+        return SizeWheel(interactor, slice_node, shown_class, lambda point_ras: self.session.is_on_selected(point_ras), turn)
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)

@@ -14,6 +14,7 @@ from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.parameters import RENDERINGS
 from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
 from ..Logic.scene.wording import choice_words
+from ..Logic.session.presets import PRESETS
 from .slicer_views import VIEWS
 
 TITLE = "ViT Transfer Function"
@@ -40,9 +41,13 @@ def build_page(server: Any) -> None:
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
         "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
         "renderings": [{"name": name, "text": choices[name]} for name in RENDERINGS],
+        "presets": [{"name": name, "text": choices.get(name, name), "meaning": PRESETS[name].meaning} for name in PRESETS],
         "windows": [],
         "views": list(VIEWS),
         "enlarged": "",
+        # What is being typed in a field: each change of the state fills all fields anew.
+        "typing": {},
+        "trame__client_only": [*server.state.trame__client_only, "typing"],
         "asking_open": False,
         "asking_help": False,
         "path": "",

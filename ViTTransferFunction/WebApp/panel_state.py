@@ -34,6 +34,7 @@ def session_state(session: SceneSession) -> dict[str, Any]:
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
         "can_write": ready and annotated,
         "written": _has_our_segments(session),
+        "preset": session.parameters.get("preset"),
         "rendering": session.parameters.get("rendering"),
         "overlay_opacity": session.parameters.get("overlayOpacity"),
         "overlay_visible": session.parameters.get("overlayVisible"),

@@ -57,7 +57,10 @@ class Routes:
         return await self._send(request, f"{self._volume_name()}.seg.nrrd", lambda path: write_segmentation(node, path))
 
     async def _download_session(self, request: web.Request) -> web.StreamResponse:
-        return await self._send(request, f"{self._volume_name()}.mrb", lambda path: write_session(self._app.scene, path))
+        response = await self._send(request, f"{self._volume_name()}.mrb", lambda path: write_session(self._app.scene, path))
+        if response.status == 200:
+            self._app.mark_saved()
+        return response
 
     def _volume_name(self) -> str:
         """The volume's name, as far as it may be part of a file's."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import signal
 import subprocess
@@ -115,6 +116,7 @@ class AppPage:
     def __init__(self, page: Any, pictures: Path) -> None:
         self.page = page
         self._pictures = pictures
+        self._clicked: tuple[float, float] | None = None
         self.errors: list[str] = []
         page.set_default_timeout(1000.0 * LONGEST_WAIT_S)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
@@ -128,6 +130,12 @@ class AppPage:
         """The element of a `data-testid`."""
         return self.page.get_by_test_id(test_id)
 
+    def click(self, test_id: str) -> None:
+        """Click on an element."""
+        box = self[test_id].bounding_box()
+        self._clicked = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+        self[test_id].click()
+
     def wait_for_state(self, condition: str) -> None:
         """Wait until a JavaScript condition on the page's state holds, `phase === "ready"` say."""
         names = ", ".join(STATE)
@@ -140,16 +148,23 @@ class AppPage:
         }}"""
         self.page.wait_for_function(program)
 
+    def wait_for_drawing(self) -> None:
+        """Wait until the page has been drawn as its state is now."""
+        self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
     def picture(self, view: str) -> np.ndarray:
         """What a view shows, (rows, columns, 3) uint8."""
         png = self[f"view-{view}"].screenshot(animations="disabled")
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
     def keep_picture(self, name: str) -> None:
-        """Keep a picture of the whole page, numbered by the order of the steps."""
+        """Keep a picture of the whole page, numbered by the order of the steps, and where it was clicked before, if it was."""
         self._pictures.mkdir(parents=True, exist_ok=True)
         number = len(list(self._pictures.glob("*.png"))) + 1
-        self.page.screenshot(path=self._pictures / f"{number:02d} {name}.png", animations="disabled")
+        path = self._pictures / f"{number:02d} {name}.png"
+        self.page.screenshot(path=path, animations="disabled")
+        path.with_suffix(".json").write_text(json.dumps(self._clicked), encoding="utf-8")
+        self._clicked = None
 
     def wait_for_picture(self, view: str, condition: Callable[[np.ndarray], bool]) -> np.ndarray:
         """Wait until what a view shows meets a condition; returns it. Pictures come when they are drawn."""
@@ -161,22 +176,30 @@ class AppPage:
     def click_in(self, view: str, column: float, row: float) -> None:
         """Click in a view, at pixels from its upper left corner."""
         box = self[f"view-{view}"].bounding_box()
-        self.page.mouse.move(box["x"] + column, box["y"] + row)
+        self._clicked = box["x"] + column, box["y"] + row
+        self.page.mouse.move(*self._clicked)
         self.page.mouse.down()
         self.page.mouse.up()
 
+    def rename(self, row: int, name: str) -> None:
+        """Give the structure of a row of the table another name."""
+        self[f"class-name-{row}"].dblclick()
+        self[f"class-name-{row}"].fill(name)
+        self[f"class-name-{row}"].press("Enter")
+        self.wait_for_state(f"classes[{row}].name === {json.dumps(name)}")
+
     def extent_in(self, view: str) -> tuple[int, int, int, int]:
-        """Where the volume lies in a slice view: its first and last column, first and last row, in pixels."""
+        """Where the volume lies in a slice view, which shows its middle: first and last column and row, in pixels."""
         window = {end: float(self[f"window-{end}"].input_value()) for end in ("low", "high")}
         self._set_window("low", -10001.0)
         self._set_window("high", -10000.0)
-        # All of the volume is white then, and around it is black. The view's edges have words and buttons on them.
+        # All of the volume is white then, and around it is black; the view has a slider at its lower end.
         picture = self.wait_for_picture(view, lambda picture: _white(picture).mean() > 0.2)
         columns, rows = (np.flatnonzero(_white(picture).mean(axis=axis) > 0.3) for axis in (0, 1))
         self._set_window("high", window["high"])
         self._set_window("low", window["low"])
         self.wait_for_picture(view, lambda picture: _white(picture).mean() < 0.2)
-        return int(columns[0]), int(columns[-1]), int(rows[0]), int(rows[-1])
+        return int(columns[0]), int(columns[-1]), int(rows[0]), len(picture) - 1 - int(rows[0])
 
     def _set_window(self, end: str, value: float) -> None:
         self[f"window-{end}"].fill(str(value))

@@ -46,7 +46,7 @@ def _missing(reason: str) -> Any:
 def pictures(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """The folder for the pictures of a test file's steps, without those of an earlier run."""
     folder = Path(PICTURES or tmp_path_factory.mktemp("pictures")) / request.module.__name__.rpartition(".")[2]
-    for old in folder.glob("[0-9][0-9] *.png"):
+    for old in (*folder.glob("[0-9][0-9] *.png"), *folder.glob("[0-9][0-9] *.json")):
         old.unlink()
     return folder
 
@@ -65,6 +65,9 @@ def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
         return pages[-1]
 
     yield open_one
+    for page in pages:
+        if not page.page.is_closed():
+            page.keep_picture("end")
     for context in contexts:
         context.close()
     assert not [error for page in pages for error in page.errors]

@@ -44,6 +44,11 @@
     event.preventDefault();
   });
 
+  // Closing the page ends the app.
+  window.addEventListener("beforeunload", (event) => {
+    if (state("unsaved")) event.preventDefault();
+  });
+
   // Files.
   function send(files) {
     if (!files.length) return;

@@ -1,0 +1,139 @@
+"""The app without a browser: what the page asks for, and what it is given to show."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.WebApp.app import WebApp
+from ViTTransferFunction.WebApp.panel_state import color_of_hex, hex_color
+from ViTTransferFunction.WebApp.slicer_views import sides
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture(scope="module")
+def in_app() -> Iterator[Callable[[Journey], None]]:
+    """Runs journeys on one app, which takes seconds to make."""
+    loop = asyncio.new_event_loop()
+
+    async def make() -> WebApp:
+        return WebApp()
+
+    app = loop.run_until_complete(make())
+    yield lambda journey: loop.run_until_complete(journey(app))
+    app.session.close()
+    for task in asyncio.all_tasks(loop):
+        task.cancel()
+    loop.run_until_complete(asyncio.sleep(0))
+    loop.close()
+
+
+@pytest.fixture
+def opened(in_app: Callable[[Journey], None], spheres: Spheres, tmp_path: Path) -> Callable[[Journey], None]:
+    """Runs a journey on an app that has the volume of spheres open."""
+    path = tmp_path / "spheres.nrrd"
+    sitk.WriteImage(sitk.GetImageFromArray(spheres[0].array), str(path))
+
+    def run(journey: Journey) -> None:
+        async def go(app: WebApp) -> None:
+            await app.open_files([path])
+            await journey(app)
+
+        in_app(go)
+
+    return run
+
+
+def test_the_page_shows_what_its_actions_did(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        state = app.server.state
+        assert (state.volume_name, state.classes, state.opening) == ("spheres", [], "")
+        app.actions("addClass")
+        app.actions("addClass")
+        assert [shown["name"] for shown in state.classes] == ["Structure 1", "Structure 2"]
+        first, second = (shown["id"] for shown in state.classes)
+        assert (state.selected, state.tool) == (second, "pointOn")
+        app.actions("rename", first, "{{ constructor }}")
+        app.actions("recolor", first, "#102030")
+        app.actions("set", "opacity", 0.25)
+        assert state.classes[0]["name"] == "{{ constructor }}"
+        assert state.classes[0]["color"] == "#102030"
+        assert state.settings["opacity"] == 0.25
+        app.actions("pointOn")
+        assert state.tool == ""
+        app.actions("remove", second)
+        assert state.selected == first
+        app.actions("undo")
+        assert len(state.classes) == 2
+
+    opened(journey)
+
+
+def test_what_cannot_be_done_is_said_once_and_changes_nothing(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        id_ = app.server.state.classes[0]["id"]
+        app.actions("rename", id_, "  ")
+        assert "needs a name" in app.server.state.message
+        assert app.server.state.classes[0]["name"] == "Structure 1"
+        app.actions("closeMessages")
+        assert app.server.state.message == ""
+        app.actions("window", 100.0, 50.0)
+        assert "lower first" in app.server.state.message
+        app.actions("select", "no such structure")
+        assert "removed" in app.server.state.message
+        app.actions("__class__")
+        app.actions("no such action")
+
+    opened(journey)
+
+
+def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        bad = tmp_path / "bad.nii.gz"
+        bad.write_bytes(b"no image")
+        await app.open_files([bad])
+        assert app.server.state.message
+        assert app.server.state.volume_name == "spheres"
+        assert len(app.server.state.classes) == 1
+
+    opened(journey)
+
+
+def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        other = tmp_path / "other.nrrd"
+        sitk.WriteImage(sitk.GetImageFromArray(np.arange(1000, dtype=np.int16).reshape(10, 10, 10)), str(other))
+        await app.open_files([other])
+        assert (app.server.state.volume_name, app.server.state.classes, app.server.state.tool) == ("other", [], "")
+        assert app.scene.GetNumberOfNodesByClass("vtkMRMLScalarVolumeNode") == 1
+        assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
+
+    opened(journey)
+
+
+def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
+    axial = np.diag([-1.0, 1.0, 1.0, 1.0])
+    assert sides(axial) == {"left": "R", "right": "L", "top": "A", "bottom": "P"}
+    sagittal = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
+    assert sides(sagittal) == {"left": "A", "right": "P", "top": "S", "bottom": "I"}
+
+
+def test_colours_come_back_from_the_page_as_they_went() -> None:
+    assert hex_color(color_of_hex("#0a80ff")) == "#0a80ff"
+    for text in ("red", "#12345", "#gg0000", ""):
+        with pytest.raises(ValueError, match=r"colour|literal"):
+            color_of_hex(text)

@@ -1,0 +1,94 @@
+"""Sessions as files: what is saved comes back, and what is no session is refused."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.WebApp import scene_files
+
+
+def archive(path: Path, **files: str) -> Path:
+    with zipfile.ZipFile(path, "w") as written:
+        for name, text in files.items():
+            written.writestr(name, text)
+    return path
+
+
+def reopened(app: Any, path: Path, folder: Path) -> SceneSession:
+    folder.mkdir()
+    app.scene.Clear(0)
+    scene_files.import_scene(app.scene, scene_files.unpacked_session(path, folder))
+    return SceneSession(app.scene, app.app_logic, scene_files.parameter_node(app.scene))
+
+
+def test_a_saved_session_comes_back_with_its_volume_structures_and_settings(
+    slicer_app: Any, spheres: Spheres, tmp_path: Path
+) -> None:
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, scene_files.parameter_node(slicer_app.scene))
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    added = session.annotations.add_class("Ball <b>{{ 1 }}</b>", (0.2, 0.4, 0.6))
+    session.annotations.add_points(added.id, centre_ras(spheres, 1), positive=True)
+    session.annotations.set_class(added.id, proximity=0.25)
+    session.parameters.set("rendering", "transfer function")
+    before, voxels = session.classes, spheres[0].array
+    session.close()
+    scene_files.write_session(slicer_app.scene, tmp_path / "session.mrb")
+    again = reopened(slicer_app, tmp_path / "session.mrb", tmp_path / "unpacked")
+    (state,) = again.classes
+    assert (state.id, state.name, state.proximity) == (added.id, before[0].name, 0.25)
+    np.testing.assert_allclose(state.positive, before[0].positive, atol=1e-3)
+    assert again.parameters.get("rendering") == "transfer function"
+    volume = again.parameters.volume
+    assert volume is not None
+    assert volume.GetImageData().GetDimensions() == voxels.shape[::-1]
+    again.close()
+
+
+def test_the_parameter_node_is_made_once(slicer_app: Any) -> None:
+    assert scene_files.parameter_node(slicer_app.scene) is scene_files.parameter_node(slicer_app.scene)
+
+
+@pytest.mark.parametrize(
+    ("files", "why"),
+    [
+        ({"a/../../evil.mrml": "<MRML/>"}, "outside"),
+        ({"..\\evil.mrml": "<MRML/>"}, "outside"),
+        ({"readme.txt": "no scene"}, "no scene"),
+        ({"scene.mrml": "<MRML><not closed></MRML>"}, "damaged"),
+        ({"scene.mrml": '<MRML><VolumeArchetypeStorage uri="http://elsewhere/ct.nrrd"/></MRML>'}, "network"),
+    ],
+)
+def test_what_is_no_session_or_reaches_out_is_refused(files: dict[str, str], why: str, tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "unpacked"
+    folder.mkdir(parents=True)
+    with pytest.raises(InputError, match=why):
+        scene_files.unpacked_session(archive(tmp_path / "session.mrb", **files), folder)
+    assert not list(tmp_path.rglob("evil*"))
+
+
+def test_a_session_that_unpacks_to_more_than_fits_is_refused_before_anything_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scene_files, "LARGEST_SCENE", 1000)
+    folder = tmp_path / "unpacked"
+    folder.mkdir()
+    with pytest.raises(InputError, match="open its volume"):
+        scene_files.unpacked_session(archive(tmp_path / "bomb.mrb", **{"scene.mrml": " " * 1001}), folder)
+    assert not list(folder.iterdir())
+
+
+def test_a_file_that_is_no_archive_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "session.mrb").write_bytes(b"PK no archive at all")
+    with pytest.raises(InputError, match="no session"):
+        scene_files.unpacked_session(tmp_path / "session.mrb", tmp_path)
