@@ -19,9 +19,9 @@ ARROWS: dict[str, tuple[str, ...]] = {
 """Room → the rooms that its files may import."""
 
 FRONT_ENDS: dict[str, tuple[str, ...]] = {
-    "Widget": ("core", "weights", "features", "refinement", "session", "scene"),
+    "Widget": ("core", "weights", "features", "refinement", "rendering", "session", "scene"),
     "WebApp": ("core", "files", "session", "scene"),
-    "CommandLine": tuple(ARROWS)[:-1],
+    "CommandLine": tuple(ARROWS),
 }
 """Folder beside the Logic → the rooms that its files may import. Of each other, only `CommandLine` knows `WebApp`."""
 
