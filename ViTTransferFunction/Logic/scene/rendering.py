@@ -99,7 +99,7 @@ class ClassRendering:
             name: of the volume node that users see.
 
         Returns:
-            The volume node; None where nothing is shown.
+            The volume node; None where nothing is shown. What is shown next gets nodes of its own.
         """
         volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
         if volume is None or display is None or not display.GetVisibility():
@@ -107,7 +107,6 @@ class ClassRendering:
         volume.GetVolumeDisplayNode().SetSaveWithScene(True)
         for node in self._nodes.release():
             node.SetName(node.GetName().replace(VOLUME_NAME, name))
-        # What is shown next has nodes of its own.
         self._smoothing.restore()
         return volume
 

@@ -20,7 +20,7 @@ def set_material(material: vtkVolumeProperty) -> None:
     """Let a volume's four numbers be what its shader takes them for, and its surfaces shine a little."""
     material.IndependentComponentsOff()
     material.SetInterpolationTypeToLinear()
-    # The shader decides what is seen; VTK leaves out what this function says is clear.
+    # The shader decides what is seen, not this function.
     opaque = vtkPiecewiseFunction()
     opaque.AddPoint(0.0, 1.0)
     opaque.AddPoint(255.0, 1.0)
