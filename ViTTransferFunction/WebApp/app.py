@@ -17,7 +17,6 @@ from trame_slicer.core import SlicerApp
 from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.volume import Volume
-from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
@@ -40,6 +39,8 @@ IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
 BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
+OF_THIS_COMPUTER = ("device", "weightsPath")
+"""Parameters that a session from elsewhere does not decide."""
 
 
 class WebApp:
@@ -219,10 +220,12 @@ class WebApp:
         self._stale = True
         self._news.set()
 
-    def _new_session(self) -> SceneSession:
+    def _new_session(self, saved: bool = False) -> SceneSession:
+        """A session on the scene; `saved`: the scene comes with its own, of which only what is this computer's is replaced."""
         session = SceneSession(self.scene, self._slicer.app_logic, parameter_node(self.scene))
         for name, value in self._settings.items():
-            session.parameters.set(name, value)
+            if not saved or name in OF_THIS_COMPUTER:
+                session.parameters.set(name, value)
         session.add_observer(self._on_changed)
         return session
 
@@ -249,9 +252,7 @@ class WebApp:
             if paths[0].name.lower().endswith(SESSION_ENDING):
                 await self._open_session(paths[0])
             else:
-                read = read_volume if len(paths) == 1 else None
-                volume = await asyncio.to_thread(read, paths[0]) if read else await asyncio.to_thread(volume_of_files, paths)
-                self._begin_anew(volume)
+                self._begin_anew(await asyncio.to_thread(volume_of_files, paths))
         except InputError as error:
             self.report(str(error))
         finally:
@@ -266,7 +267,7 @@ class WebApp:
             try:
                 import_scene(self.scene, scene_file)
             finally:
-                self._take_session()
+                self._take_session(saved=True)
 
     def _begin_anew(self, volume: Volume) -> None:
         """Replace what is open by a volume without structures."""
@@ -285,8 +286,8 @@ class WebApp:
         self._messages.clear()
         self.scene.Clear(0)
 
-    def _take_session(self) -> None:
-        self.session = self._new_session()
+    def _take_session(self, saved: bool = False) -> None:
+        self.session = self._new_session(saved)
         self._saved = self.session.classes
         self.tool.session = self.session
         self.tool.end_unfinished()
