@@ -1,7 +1,7 @@
 """The app's animation in the README, of the pictures that the test on a real CT keeps of its steps.
 
 VITTF_APP_PICTURES=DIR python dev.py test -k test_organs_of_a_ct
-.venv/bin/python -m ViTTransferFunction.Testing.support.readme_pictures.app_animation DIR/test_real_volume Screenshots/app.gif
+.venv/bin/python -m ViTTransferFunction.Testing.support.readme_pictures.app_animation DIR/test_real_volume OUT.gif
 """
 
 from __future__ import annotations
