@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 LONGEST_WAIT_S = 60.0
 """For anything that happens by itself. Nothing takes as long, except where other programs have the processors."""
 
-STATE = ("phase", "up_to_date", "busy", "progress", "classes", "message", "opening", "volume_name", "written")
+STATE = ("phase", "up_to_date", "busy", "progress", "classes", "message", "opening", "volume_name", "written", "settings")
 """Names in the page's state that tests wait for."""
 
 _PROGRAM = """

@@ -127,9 +127,9 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     page.wait_for_picture("Red", lambda picture: change_near(positive, picture, *outside, radius=3) > 5)
     page.keep_picture("a negative point")
     page["refine"].uncheck()
-    page.wait_for_state("up_to_date")
+    page.wait_for_state("!settings.refine && up_to_date")
     page["refine"].check()
-    page.wait_for_state("up_to_date")
+    page.wait_for_state("settings.refine && up_to_date")
 
     page.rename(0, "bright ball")
     page["write-segments"].click()

@@ -90,10 +90,10 @@ def test_organs_of_a_ct_are_found_by_a_few_clicks_and_come_home_as_a_file(
         negative = page.wait_for_picture("Red", lambda picture: changed_share(positive, picture) > 0.0005)
         page.keep_picture("a point outside the liver")
         page["refine"].uncheck()
-        page.wait_for_state("up_to_date && !busy")
+        page.wait_for_state("!settings.refine && up_to_date && !busy")
         page.wait_for_picture("Red", lambda picture: changed_share(negative, picture) > 0.0005)
         page["refine"].check()
-        page.wait_for_state("up_to_date && !busy")
+        page.wait_for_state("settings.refine && up_to_date && !busy")
 
         page.click("add-class")
         page["class-1"].wait_for()
