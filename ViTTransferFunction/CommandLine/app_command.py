@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import os
 import signal
 import sys
-import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -42,6 +40,8 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until the page is closed, or somebody asks for the end."""
+    import asyncio
+
     _check(args)
     settings = _parameters(args)
     # Trame reads the command line as well, unless told what it is.
@@ -81,6 +81,9 @@ def _parameters(args: argparse.Namespace) -> dict[str, Any]:
 
 
 async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
+    import asyncio
+    import webbrowser
+
     from ViTTransferFunction.WebApp.app import WebApp
     from ViTTransferFunction.WebApp.volumes import sample_path
 
