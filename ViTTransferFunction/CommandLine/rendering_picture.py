@@ -105,7 +105,7 @@ class Rendering:
         if context is None and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
             shown.append(_context(volume, shown, context_above))
             looks.append(Appearance(CONTEXT_COLOR, CONTEXT_OPACITY))
-        structures = _structures_of(volume, shown, whole=context is not None)
+        structures = _structures_of(volume, shown, whole=context is not None, scanned=style != DEFAULT_STYLE)
         around = Surroundings()
         if context is not None:
             around = Surroundings(CONTEXTS[context](structures.hounsfield, structures.levels), cutaway=1.0)
@@ -183,8 +183,8 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 
-def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bool) -> StructureVolume:
-    """The segments as a volume of structures; of the `whole` volume, or as much as holds them."""
+def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bool, scanned: bool) -> StructureVolume:
+    """The segments as a volume of structures; of the `whole` volume, or as much as holds them; and whether as `scanned`."""
     levels = intensity_levels(volume)
     voxels, grid = mask_volume(
         volume.geometry,
@@ -194,7 +194,8 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bo
             None if segment.similarity is None or segment.iso is None else (segment.similarity, segment.iso)
             for segment in segments
         ],
-        (volume.array, levels) if whole else None,
+        (volume.array, levels) if whole or scanned else None,
+        whole,
     )
     return structure_volume(voxels, len(segments), levels, grid, volume)
 

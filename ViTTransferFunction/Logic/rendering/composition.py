@@ -16,8 +16,9 @@ from ..core.geometry import Box
 from ..core.resampling import interpolated
 from .class_membership import Shape
 
-NUMBER, DEPTH, INTENSITY, LIGHT = range(4)
-"""What the four numbers of a voxel are: of its structure, from 1; how deep it lies in that; and so on."""
+NUMBER, LIGHT, INTENSITY, DEPTH = range(4)
+"""What the four numbers of a voxel are: of its structure, from 1; how much light reaches it; its intensity; how deep it lies in
+the structure, last, since VTK finds by the last one what a click in a 3D view meets."""
 
 SURFACE = 127
 """Depth up to which a voxel lies outside: a surface is between this and the next."""

@@ -28,7 +28,8 @@ def mask_volume(
     masks: Sequence[np.ndarray],
     opacities: Sequence[float],
     guides: Sequence[tuple[np.ndarray, float] | None] | None = None,
-    surroundings: tuple[np.ndarray, np.ndarray] | None = None,
+    intensities: tuple[np.ndarray, np.ndarray] | None = None,
+    whole: bool = False,
 ) -> tuple[np.ndarray, Geometry]:
     """Segments as surfaces in a volume that just encloses them, or in the whole volume where what is around them is wanted.
 
@@ -38,13 +39,14 @@ def mask_volume(
         opacities: of the segments, in [0, 1]. Where two overlap, the more opaque one has the voxel.
         guides: for each segment, if there is one, a similarity map (K, J, I) and its iso value, by which its surface is placed
             between the voxels.
-        surroundings: intensities (K, J, I) of all voxels, and grey levels for them (`intensity_levels`); None: what is around
-            the segments is not wanted.
+        intensities: (K, J, I) of all voxels, and grey levels for them (`intensity_levels`); None: neither the look of the
+            segments nor that of what is around them depends on any.
+        whole: whether what is around the segments is wanted too.
 
     Returns:
         (K', J', I', 4) uint8, a volume of structures (`composition`), and where its voxels lie.
     """
-    part, box = _part_with(geometry, masks) if surroundings is None else _all_of(geometry)
+    part, box = _all_of(geometry) if whole else _part_with(geometry, masks)
     shape = _fine_shape(part)
     cells = part.resized(tuple(np.minimum(part.shape, shape).tolist()))
     order = sorted(range(len(masks)), key=lambda index: -opacities[index])
@@ -56,9 +58,9 @@ def mask_volume(
     maps = (_map(mask, box, cells, guide) for mask, guide in zip(own, guides or [None] * len(masks), strict=True))
     composition = smooth_map_volume(maps, len(masks), ISO, shape, cells.spacing_mm[::-1].tolist())
     gray = None
-    if surroundings is not None:
-        intensities, levels = surroundings
-        gray = gray_levels(_cut(intensities, box, mode="edge"), levels, shape)
+    if intensities is not None:
+        array, levels = intensities
+        gray = gray_levels(_cut(array, box, mode="edge"), levels, shape)
     return composition.voxels(gray, [opacity > 0.0 for opacity in opacities]), part.resized(shape)
 
 

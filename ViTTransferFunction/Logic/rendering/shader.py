@@ -67,7 +67,7 @@ vec3 vittf_corner(ivec3 base, vec3 share, int n)
 {
   ivec3 corner = ivec3(n & 1, (n >> 1) & 1, n >> 2);
   vec3 weights = mix(1.0 - share, share, vec3(corner));
-  vec2 voxel = texelFetch(in_volume[0], clamp(base + corner, ivec3(0), vittf_size() - 1), 0).rg;
+  vec2 voxel = texelFetch(in_volume[0], clamp(base + corner, ivec3(0), vittf_size() - 1), 0).ra;
   return vec3(voxel.r * 255.0, voxel.g, weights.x * weights.y * weights.z);
 }
 
@@ -89,7 +89,7 @@ float vittf_depth(vec3 place, int structure)
 // The structure that a place lies in, visible or not; 0: none.
 int vittf_structure(vec3 place)
 {
-  float depth = texture3D(in_volume[0], place).g;
+  float depth = texture3D(in_volume[0], place).a;
   if (depth < 0.5)
   {
     return 0;
@@ -190,7 +190,7 @@ void vittf_wall(vec3 place, int structure, bool cut)
   opacity = 1.0 - pow(max(1.0 - opacity, 0.0), 1.0 / max(facing, 0.25));
   opacity *= mix(1.0, cut ? 1.0 : 0.12 + 0.88 * pow(1.0 - facing, 1.5), style.y);
   vittf_normal = inward;
-  float light = texture3D(in_volume[0], place).a;
+  float light = texture3D(in_volume[0], place).g;
   vittf_compose(vittf_lit(vittf_toned(look.rgb, cut ? max(style.z, 0.6) : style.z, level)) * light, opacity);
 }
 
@@ -200,7 +200,7 @@ void vittf_inside(vec4 voxel, int structure)
   vec4 look = vittf_row(structure, 0), style = vittf_row(structure, 1), window = vittf_row(structure, 2);
   float level = vittf_in_window(voxel.b, window);
   // The map has a say: less where it is in doubt.
-  float density = style.w * look.a * mix(window.z, 1.0, level) * smoothstep(0.5, 0.8, voxel.g);
+  float density = style.w * look.a * mix(window.z, 1.0, level) * smoothstep(0.5, 0.8, voxel.a);
   vittf_normal = vittf_intensity_gradient(g_dataPos);
   float edge = min(length(vittf_normal) * 8.0 / max(window.y - window.x, 0.05), 1.0);
   density *= mix(1.0, edge, window.w);
@@ -233,7 +233,7 @@ void vittf_outside(vec4 voxel)
 {
   vec4 look = vittf_context_between(vittf_last, vittf_now);
   // Around structures, voxels are half of them. Those of hidden ones are seen as they are.
-  float density = look.a * (voxel.g < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.g) : 1.0);
+  float density = look.a * (voxel.a < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.a) : 1.0);
   vittf_normal = vittf_intensity_gradient(g_dataPos);
   float edge = clamp(length(vittf_normal) * 40.0, 0.0, 1.0);
   vec3 color = edge > 0.0 ? mix(look.rgb, vittf_lit(look.rgb), edge) : look.rgb;
@@ -263,7 +263,7 @@ bool vittf_over()
 // Whether it is clear without a closer look that a sample is where the last one was.
 bool vittf_settled(vec4 voxel)
 {
-  return voxel.g < 0.5 ? vittf_before == 0 : abs(voxel.r * 255.0 - vittf_number) < 0.01;
+  return voxel.a < 0.5 ? vittf_before == 0 : abs(voxel.r * 255.0 - vittf_number) < 0.01;
 }
 
 bool vittf_emits()

@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonCore import reference
 from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
 from vtkmodules.vtkRenderingCore import vtkVolumeProperty
 
+from ..rendering.composition import SURFACE
 from ..rendering.shader import shader_pieces
 
 AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER = 0.35, 0.65, 0.2, 20.0
@@ -20,11 +21,11 @@ def set_material(material: vtkVolumeProperty) -> None:
     """Let a volume's four numbers be what its shader takes them for, and its surfaces shine a little."""
     material.IndependentComponentsOff()
     material.SetInterpolationTypeToLinear()
-    # The shader decides what is seen, not this function.
-    opaque = vtkPiecewiseFunction()
-    opaque.AddPoint(0.0, 1.0)
-    opaque.AddPoint(255.0, 1.0)
-    material.SetScalarOpacity(opaque)
+    # The shader decides what is seen. By this, VTK finds the surface that a click in a 3D view meets.
+    opacity = vtkPiecewiseFunction()
+    opacity.AddPoint(SURFACE, 0.0)
+    opacity.AddPoint(SURFACE + 1.0, 1.0)
+    material.SetScalarOpacity(opacity)
     material.ShadeOn()
     material.SetAmbient(AMBIENT)
     material.SetDiffuse(DIFFUSE)

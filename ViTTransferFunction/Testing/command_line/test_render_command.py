@@ -48,7 +48,9 @@ def write_case(folder: Path, origin: tuple[float, float, float] = (0.0, 0.0, 0.0
     labels = np.zeros(SHAPE, dtype=np.uint8)
     labels[(i - 15) ** 2 + (j - 10) ** 2 + (k - 20) ** 2 < 64] = 1
     labels[(i - 32) ** 2 + (j - 25) ** 2 + (k - 20) ** 2 < 16] = 2
-    for name, array in (("scan.nrrd", labels.astype(np.int16) * 50), ("labels.nrrd", labels)):
+    # Brighter towards the head, for styles by which intensities decide what is seen.
+    scan = np.where(labels > 0, labels * 50 + 4 * k, 0).astype(np.int16)
+    for name, array in (("scan.nrrd", scan), ("labels.nrrd", labels)):
         image = sitk.GetImageFromArray(array)
         image.SetSpacing([SPACING_MM] * 3)
         image.SetOrigin(origin)

@@ -83,7 +83,7 @@ def test_what_is_around_the_masks_is_in_the_volume_where_it_is_wanted() -> None:
     geometry, intensities = grid(), np.zeros(SHAPE, dtype=np.int16)
     intensities[2, 3, 4] = 200
     voxels, fine = mask_volume(
-        geometry, [ball_mask((9.5, 11.5, 13.5), 4.0)], [1.0], None, (intensities, np.linspace(0.0, 200.0, 256))
+        geometry, [ball_mask((9.5, 11.5, 13.5), 4.0)], [1.0], None, (intensities, np.linspace(0.0, 200.0, 256)), whole=True
     )
     bright = np.argwhere(voxels[..., INTENSITY] > 60).mean(axis=0)
     place = fine.ijk_to_ras_points(bright[None, ::-1])
