@@ -92,7 +92,12 @@ class Access:
             self._session.give_to(response, self.path())
             return response
 
+        async def leave(request: web.Request) -> web.StreamResponse:
+            self._session.part()
+            return web.Response(status=204)
+
         app.router.add_get(self.path(), enter)
+        app.router.add_post(self.path("leave"), leave)
         app.router.add_get(self.path().rstrip("/"), _to_folder)
         app.middlewares.insert(0, self._let_through)
         app.on_response_prepare.append(add_security_headers)

@@ -13,6 +13,9 @@ COOKIE = "vittf"
 SECONDS_TO_RETURN = 20.0
 """From the closing of a tab to the end of the session. A page that is loaded again, or a tab that was closed by mistake, is
 back within seconds."""
+SECONDS_TO_RECONNECT = 24 * 3600.0
+"""From a connection that broke to the end of the session. The computer slept, say, and its user goes on tomorrow; but a browser
+that crashed, or that was killed, says nothing either, and its session is not to stay for ever."""
 
 
 class BrowserSession:
@@ -21,8 +24,7 @@ class BrowserSession:
     Its page is there as long as its websocket is open. Another browser may have the session once that is closed.
 
     Args:
-        on_left: called in the running loop once the tab was closed and did not come back. A connection that merely broke, since
-            the computer slept or the network was lost, does not count.
+        on_left: called in the running loop once the tab was closed and did not come back, or long after its connection broke.
     """
 
     def __init__(self, on_left: Callable[[], object]) -> None:
@@ -63,8 +65,28 @@ class BrowserSession:
             if self._socket is request:
                 self._socket = None
                 if isinstance(response, web.WebSocketResponse) and response.close_code == WSCloseCode.GOING_AWAY:
-                    self._farewell = asyncio.get_running_loop().call_later(SECONDS_TO_RETURN, self._on_left)
+                    self.part()
+                elif self._farewell is None:
+                    self._wait(SECONDS_TO_RECONNECT)
         return response
+
+    def part(self) -> None:
+        """The owner's page is being closed, or loaded again.
+
+        It says so itself as well: the code with which its websocket ends is lost where the browser is faster than this server,
+        which then cannot answer it.
+        """
+        self._stay()
+        self._wait(SECONDS_TO_RETURN)
+
+    def _wait(self, seconds: float) -> None:
+        self._farewell = asyncio.get_running_loop().call_later(seconds, self._leave)
+
+    def _leave(self) -> None:
+        self._farewell = None
+        # There may be another page meanwhile, in the same browser: then only one of its tabs was closed.
+        if self._socket is None:
+            self._on_left()
 
     def _stay(self) -> None:
         if self._farewell is not None:

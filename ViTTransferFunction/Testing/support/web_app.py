@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +20,7 @@ import psutil
 from PIL import Image
 
 ROOT = Path(__file__).parents[3]
-LONGEST_WAIT_S = 60.0
+LONGEST_WAIT_S = 180.0
 """For anything that happens by itself. Nothing takes as long, except where other programs have the processors."""
 
 STATE = ("phase", "up_to_date", "busy", "progress", "classes", "message", "opening", "volume_name", "written", "settings")
@@ -28,7 +29,8 @@ STATE = ("phase", "up_to_date", "busy", "progress", "classes", "message", "openi
 _PROGRAM = """
 import sys
 from ViTTransferFunction.WebApp import browser_session
-browser_session.SECONDS_TO_RETURN = {seconds_to_return}
+# A browser that gets no time from the processors ends pages without having them say so.
+browser_session.SECONDS_TO_RETURN = browser_session.SECONDS_TO_RECONNECT = {seconds_to_return}
 from ViTTransferFunction.CommandLine.vittf import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -49,7 +51,8 @@ class Server:
     def __init__(self, *arguments: str | Path, cache: Path, seconds_to_return: float = 600.0) -> None:
         environment = {"PYTHONPATH": str(ROOT), "VITTF_CACHE": str(cache), "OMP_WAIT_POLICY": "passive", **os.environ}
         program = _PROGRAM.format(seconds_to_return=seconds_to_return)
-        self._log = (cache / "server.log").open("w+", encoding="utf-8")
+        # Several servers may have one cache.
+        self._log = tempfile.NamedTemporaryFile("w+", dir=cache, suffix=".log", delete=False, encoding="utf-8")  # noqa: SIM115
         self.process = subprocess.Popen(
             [sys.executable, "-c", program, "app", *map(str, arguments), "--no-browser"],
             cwd=cache, env=environment, stdout=subprocess.PIPE, stderr=self._log, encoding="utf-8",

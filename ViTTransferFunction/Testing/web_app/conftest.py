@@ -31,7 +31,7 @@ def browser() -> Iterator[Any]:
         if path is None:
             _missing(f"no browser was found: none of {', '.join(NAMES)}, nor one of `playwright install chromium`")
         # Containers have little shared memory.
-        browser = playwright.chromium.launch(executable_path=path, args=["--disable-dev-shm-usage"])
+        browser = playwright.chromium.launch(executable_path=path, args=["--disable-dev-shm-usage"], timeout=180_000)
         yield browser
         browser.close()
 

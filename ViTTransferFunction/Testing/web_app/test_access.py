@@ -275,6 +275,69 @@ def test_the_session_ends_when_the_tab_is_closed_but_not_when_the_connection_bre
     at(visit)
 
 
+@pytest.mark.parametrize("says_so_first", [True, False])
+def test_a_page_says_that_it_is_closed_since_the_end_of_its_websocket_may_not_tell(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch, says_so_first: bool
+) -> None:
+    farewells = _farewells(monkeypatch)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:
+                if says_so_first:
+                    assert await _leave(place, browser) == 204
+                _transport_of(socket).abort()
+            while not place.access._session.is_free():
+                await asyncio.sleep(0)
+            if not says_so_first:
+                assert await _leave(place, browser) == 204
+        (last,) = (farewell for farewell in farewells if not farewell.cancelled)
+        assert last.delay == browser_session.SECONDS_TO_RETURN
+        last.callback()
+        assert place.left == [True]
+
+    at(visit)
+
+
+def test_of_two_tabs_closing_the_first_leaves_the_session_to_the_other(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farewells = _farewells(monkeypatch)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser, a_browser() as other:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin):
+                assert await _leave(place, other) == 409
+                assert not farewells
+                assert await _leave(place, browser) == 204
+                farewells[-1].callback()
+                assert not place.left
+
+    at(visit)
+
+
+async def _leave(place: Place, browser: aiohttp.ClientSession) -> int:
+    async with browser.post(place.url("leave"), headers=place.origin) as response:
+        return response.status
+
+
+def _farewells(monkeypatch: pytest.MonkeyPatch) -> list[SimpleNamespace]:
+    """What the session is to do later, which it does only when the test says so."""
+    farewells: list[SimpleNamespace] = []
+
+    def call_later(delay: float, callback: Callable[[], object]) -> SimpleNamespace:
+        farewell = SimpleNamespace(delay=delay, callback=callback, cancelled=False)
+        farewell.cancel = lambda: setattr(farewell, "cancelled", True)
+        farewells.append(farewell)
+        return farewell
+
+    loop = SimpleNamespace(call_later=call_later)
+    monkeypatch.setattr(browser_session, "asyncio", SimpleNamespace(get_running_loop=lambda: loop))
+    return farewells
+
+
 def _transport_of(socket: Any) -> asyncio.Transport:
     return socket.get_extra_info("transport", None) or socket._conn.transport
 
@@ -282,16 +345,9 @@ def _transport_of(socket: Any) -> asyncio.Transport:
 def test_a_page_that_comes_back_in_time_keeps_the_session_from_its_end(
     at: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    farewells: list[SimpleNamespace] = []
-
-    def call_later(_delay: float, _callback: Callable[[], object]) -> SimpleNamespace:
-        farewells.append(SimpleNamespace(cancelled=False))
-        farewells[-1].cancel = lambda: setattr(farewells[-1], "cancelled", True)
-        return farewells[-1]
+    farewells = _farewells(monkeypatch)
 
     async def visit(place: Place) -> None:
-        loop = SimpleNamespace(call_later=call_later)
-        monkeypatch.setattr(browser_session, "asyncio", SimpleNamespace(get_running_loop=lambda: loop))
         async with a_browser() as browser:
             await place.status(browser)
             async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:

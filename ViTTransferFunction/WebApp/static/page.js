@@ -48,6 +48,9 @@
   window.addEventListener("beforeunload", (event) => {
     if (state("unsaved")) event.preventDefault();
   });
+  window.addEventListener("pagehide", () => {
+    fetch("leave", { method: "POST", keepalive: true }).catch(() => {});
+  });
 
   // Files.
   function send(files) {
