@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
@@ -126,6 +128,7 @@ class WebApp:
             exec_mode="coroutine",
         )
         asyncio.get_running_loop().set_exception_handler(_without_lost_connections)
+        logging.getLogger("wslink.protocol").addFilter(_tells_no_lost_connection)
         following = asyncio.create_task(self._follow())
         serving_task = asyncio.create_task(serving)
         if volume is not None:
@@ -320,6 +323,11 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
+
+
+def _tells_no_lost_connection(record: logging.LogRecord) -> bool:
+    """Whether a line of the log is of something else; for a filter. It is written where the error is handled."""
+    return not isinstance(sys.exc_info()[1], ConnectionError)
 
 
 def _without_lost_connections(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:

@@ -61,6 +61,8 @@ class BrowserSession:
         response = None
         try:
             response = await handler(request)
+        except ConnectionError:
+            return web.Response()  # To nobody: the browser was gone before it had its answer.
         finally:
             if self._socket is request:
                 self._socket = None
