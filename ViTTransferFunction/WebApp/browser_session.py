@@ -61,6 +61,9 @@ class BrowserSession:
         response = None
         try:
             response = await handler(request)
+        except ConnectionError:
+            # The browser was gone when it was to be answered, which is nothing to report.
+            return web.Response()
         finally:
             if self._socket is request:
                 self._socket = None
