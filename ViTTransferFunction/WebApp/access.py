@@ -98,6 +98,7 @@ class Access:
 
         app.router.add_get(self.path(), enter)
         app.router.add_post(self.path("leave"), leave)
+        app.router.add_post(self.path("paraview/"), _no_launcher)
         app.router.add_get(self.path().rstrip("/"), _to_folder)
         app.middlewares.insert(0, self._let_through)
         app.on_response_prepare.append(add_security_headers)
@@ -125,6 +126,11 @@ class Access:
 
 async def _to_folder(request: web.Request) -> web.StreamResponse:
     raise web.HTTPFound(f"{request.path}/")
+
+
+async def _no_launcher(request: web.Request) -> web.StreamResponse:
+    """Answer the page, which asks for a launcher of servers first; where there is none it uses the server it comes from."""
+    return web.json_response(None)
 
 
 def _is_same_origin(request: web.Request) -> bool:

@@ -9,6 +9,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.parameters import RENDERINGS
+from ..Logic.scene.wording import style_words
 from ..Logic.session.presets import PRESETS
 from .panel_state import color_of_hex
 from .volumes import set_window
@@ -55,6 +56,13 @@ class Actions:
             "putDown": app.tool.put_down,
             "preset": self._set_preset,
             "rendering": self._set_rendering,
+            "style": self._set_style,
+            "solo": lambda solo: app.session.parameters.set("renderingSolo", bool(solo)),
+            "context": self._set_context,
+            "contextStrength": lambda strength: app.session.parameters.set(
+                "contextStrength", min(max(float(strength), 0.0), 1.0)
+            ),
+            "contextCutAway": lambda cut_away: app.session.parameters.set("contextCutAway", bool(cut_away)),
             "overlayOpacity": lambda opacity: app.session.parameters.set("overlayOpacity", float(opacity)),
             "overlayVisible": lambda visible: app.session.parameters.set("overlayVisible", bool(visible)),
             "window": self._set_window,
@@ -160,6 +168,18 @@ class Actions:
     def _set_rendering(self, mode: str) -> None:
         if mode in RENDERINGS:
             self._app.session.parameters.set("rendering", mode)
+
+    def _set_style(self, style: str) -> None:
+        """Choose how the selected class looks in 3D; another style brings its own tone."""
+        if style in style_words():
+            self._set_fields(style=style, tone=None)
+
+    def _set_context(self, name: str) -> None:
+        if name in self._app.session.context_names:
+            self._app.session.parameters.set("context", name)
+
+    def _set_context_strength(self, strength: float) -> None:
+        self._app.session.parameters.set("contextStrength", min(max(float(strength), 0.0), 1.0))
 
     def _set_window(self, low: float | None, high: float | None) -> None:
         """Set both ends of the window, or one; None: as it is."""

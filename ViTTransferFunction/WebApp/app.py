@@ -86,7 +86,7 @@ class WebApp:
         self.server.trigger("open_path")(self._open_typed)
         self.server.trigger("open_sample")(self._open_sample)
         self.server.state.change("brush_mm")(lambda **_: self.tool.follow_brush_size())
-        build_page(self.server)
+        build_page(self.server, self.session.context_names)
         self.refresh()
 
     async def start(

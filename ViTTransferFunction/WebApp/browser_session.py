@@ -62,7 +62,8 @@ class BrowserSession:
         try:
             response = await handler(request)
         except ConnectionError:
-            return web.Response()  # To nobody: the browser was gone before it had its answer.
+            # The browser was gone when it was to be answered, which is nothing to report.
+            return web.Response()
         finally:
             if self._socket is request:
                 self._socket = None

@@ -13,7 +13,7 @@ from trame.ui.html import DivLayout
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.parameters import RENDERINGS
 from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
-from ..Logic.scene.wording import choice_words
+from ..Logic.scene.wording import choice_words, context_words, style_words
 from ..Logic.session.presets import PRESETS
 from .slicer_views import VIEWS
 
@@ -23,8 +23,8 @@ _STATIC = Path(__file__).parent / "static"
 _ICONS = Path(__file__).parents[1] / "Resources" / "Icons"
 
 
-def build_page(server: Any) -> None:
-    """Make the page of a server whose views are there."""
+def build_page(server: Any, contexts: list[str]) -> None:
+    """Make the page of a server whose views are there; `contexts`: what can be shown around structures, by name."""
     server.enable_module({
         "serve": {"__vittf": str(_STATIC), "__vittf_icons": str(_ICONS)},
         "scripts": ["__vittf/page.js"],
@@ -42,6 +42,8 @@ def build_page(server: Any) -> None:
         "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
         "renderings": [{"name": name, "text": choices[name]} for name in RENDERINGS],
         "presets": [{"name": name, "text": choices.get(name, name), "meaning": PRESETS[name].meaning} for name in PRESETS],
+        "styles": [{"name": name, "text": text} for name, text in style_words().items()],
+        "contexts": [{"name": name, "text": context_words().get(name, name)} for name in contexts],
         "windows": [],
         "views": list(VIEWS),
         "enlarged": "",

@@ -36,6 +36,10 @@ def session_state(session: SceneSession) -> dict[str, Any]:
         "written": _has_our_segments(session),
         "preset": session.parameters.get("preset"),
         "rendering": session.parameters.get("rendering"),
+        "solo": session.parameters.get("renderingSolo"),
+        "context": session.parameters.get("context"),
+        "context_strength": session.parameters.get("contextStrength"),
+        "context_cut_away": session.parameters.get("contextCutAway"),
         "overlay_opacity": session.parameters.get("overlayOpacity"),
         "overlay_visible": session.parameters.get("overlayVisible"),
         "window": _window(volume),
@@ -90,6 +94,7 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     threshold = selected.iso if selected.iso is not None else chosen
     return {
         "opacity": selected.opacity,
+        "style": selected.style,
         "threshold": round(0.5 if threshold is None else threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,

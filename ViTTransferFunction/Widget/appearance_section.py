@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from slicer.i18n import tr as _
-
 from ViTTransferFunction.Logic.rendering.appearance import STYLES
-from ViTTransferFunction.Logic.scene.context import OFF
+from ViTTransferFunction.Logic.scene.wording import context_words, style_words
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 
@@ -17,15 +15,8 @@ class AppearanceSection(Section):
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._contexts: list[str] = []
-        words = {
-            "surface": _("Surface"),
-            "glass": _("Glass"),
-            "X-ray": _("X-ray"),
-            "vessels": _("Vessels"),
-            "as scanned": _("As scanned"),
-        }
-        for style in STYLES:
-            ui.styleComboBox.addItem(words.get(style, style))
+        for text in style_words().values():
+            ui.styleComboBox.addItem(text)
         ui.styleComboBox.currentIndexChanged.connect(self._on_style)
         ui.lookLowSpinBox.valueChanged.connect(self._on_window)
         ui.lookHighSpinBox.valueChanged.connect(self._on_window)
@@ -66,7 +57,7 @@ class AppearanceSection(Section):
         if names == self._contexts:
             return
         box, self._contexts = self.ui.contextComboBox, names
-        words = {OFF: _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}
+        words = context_words()
         box.clear()
         for name in names:
             box.addItem(words.get(name, name))

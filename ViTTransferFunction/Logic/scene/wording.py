@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from ..core.progress import WorkProgress
+from ..rendering.appearance import STYLES
 from .classes import ClassState
+from .context import OFF
 from .translation import tr as _
 
 
@@ -75,3 +77,20 @@ def choice_words() -> dict[str, str]:
         "similarity": _("Similarity"),
         "transfer function": _("Transfer function"),
     }
+
+
+def style_words() -> dict[str, str]:
+    """What users read for the styles of structures, of all of them and in their order."""
+    words = {
+        "surface": _("Surface"),
+        "glass": _("Glass"),
+        "X-ray": _("X-ray"),
+        "vessels": _("Vessels"),
+        "as scanned": _("As scanned"),
+    }
+    return {name: words.get(name, name) for name in STYLES}
+
+
+def context_words() -> dict[str, str]:
+    """What users read for what is shown around structures, beside Slicer's presets, which go by their names."""
+    return {OFF: _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}

@@ -123,10 +123,10 @@ class AppPage:
         self.errors: list[str] = []
         page.set_default_timeout(1000.0 * LONGEST_WAIT_S)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.on("console", self._note_violation)
+        page.on("console", self._note_failure)
 
-    def _note_violation(self, message: Any) -> None:
-        if "Content Security Policy" in message.text:
+    def _note_failure(self, message: Any) -> None:
+        if "Content Security Policy" in message.text or "405" in message.text:
             self.errors.append(message.text)
 
     def __getitem__(self, test_id: str) -> Any:

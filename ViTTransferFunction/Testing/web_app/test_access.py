@@ -78,6 +78,8 @@ async def _echo(request: web.Request) -> web.WebSocketResponse:
     socket = web.WebSocketResponse()
     await socket.prepare(request)
     async for message in socket:
+        if message.data == "answer when I am gone":
+            raise ConnectionResetError
         await socket.send_str(message.data)
     return socket
 
@@ -298,6 +300,21 @@ def test_a_page_says_that_it_is_closed_since_the_end_of_its_websocket_may_not_te
         assert place.left == [True]
 
     at(visit)
+
+
+def test_a_browser_that_is_gone_before_it_is_answered_is_nothing_to_report(
+    at: Callable[..., None], caplog: pytest.LogCaptureFixture
+) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.ws_connect(place.url("ws"), headers=place.origin) as socket:
+                await socket.send_str("answer when I am gone")
+                await socket.receive()
+        assert place.access._session.is_free()
+
+    at(visit)
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_of_two_tabs_closing_the_first_leaves_the_session_to_the_other(

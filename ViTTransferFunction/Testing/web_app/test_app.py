@@ -80,6 +80,31 @@ def test_the_page_shows_what_its_actions_did(opened: Callable[[Journey], None]) 
     opened(journey)
 
 
+def test_looks_and_surroundings_are_those_of_the_scene(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        state, parameters = app.server.state, app.session.parameters
+        offered = [shown["text"] for shown in state.contexts]
+        assert offered[:3] == ["Off", "Bones and vessels", "Skin"]
+        assert "CT-AAA" in offered
+        assert [shown["text"] for shown in state.styles] == ["Surface", "Glass", "X-ray", "Vessels", "As scanned"]
+        app.actions("style", "glass")
+        app.actions("addClass")
+        app.actions("addClass")
+        app.actions("style", "glass")
+        assert [shown.style for shown in app.session.classes] == ["surface", "glass"]
+        assert state.settings["style"] == "glass"
+        for action, value in (("context", "CT-AAA"), ("contextStrength", 0.25), ("contextCutAway", True), ("solo", True)):
+            app.actions(action, value)
+        assert (state.context, state.context_strength, state.context_cut_away, state.solo) == ("CT-AAA", 0.25, True, True)
+        names = ("context", "contextStrength", "contextCutAway", "renderingSolo")
+        assert [parameters.get(name) for name in names] == ["CT-AAA", 0.25, True, True]
+        app.actions("context", "no such surroundings")
+        app.actions("style", "no such style")
+        assert (state.context, state.settings["style"]) == ("CT-AAA", "glass")
+
+    opened(journey)
+
+
 def test_what_cannot_be_done_is_said_once_and_changes_nothing(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
