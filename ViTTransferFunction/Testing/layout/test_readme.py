@@ -16,7 +16,7 @@ MODULE = Path(__file__).parents[2]
 ROOT = MODULE.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ANNOTATIONS = MODULE / "Resources" / "Annotations"
-MOST_BYTES = 4_000_000
+MOST_BYTES = 5_000_000
 
 POSITION = re.compile(r"([RL]) (\d+), ([AP]) (\d+), ([SI]) (\d+)")
 """As Slicer's Data Probe shows it."""
