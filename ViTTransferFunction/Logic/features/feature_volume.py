@@ -28,6 +28,8 @@ class FeatureVolume:
     def __post_init__(self) -> None:
         if self.array.ndim != 4 or self.array.shape[:3] != self.geometry.shape:
             raise ValueError(f"features of shape {self.array.shape} do not fit a grid of shape {self.geometry.shape}")
+        if not np.allclose(self.geometry.resized(self.cells.shape).ijk_to_ras, self.cells.ijk_to_ras):
+            raise ValueError(f"patches of shape {self.geometry.shape} and the cells do not fill the same box")
 
     @property
     def cells(self) -> Geometry:

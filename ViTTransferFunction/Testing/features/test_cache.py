@@ -129,6 +129,15 @@ def test_one_value_that_is_no_number_keeps_features_from_being_used(cache: Featu
     assert not path.exists()
 
 
+def test_features_of_another_shape_are_not_used(cache: FeatureCache) -> None:
+    stored = features_named("a")
+    cache.put(stored)
+    path = cache.folder / f"{key('a')}.npz"
+    with np.load(path) as content:
+        np.savez(path, **{**content, "features": stored.array[:-1]})
+    assert cache.get(key("a")) is None
+
+
 def test_features_without_cells_are_not_used(cache: FeatureCache) -> None:
     stored = features_named("a")
     cache.put(stored)
