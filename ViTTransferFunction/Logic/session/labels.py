@@ -156,12 +156,13 @@ class _SlabComponents:
         self._first_numbers: list[int] = []
         self._last: tuple[int, np.ndarray] | None = None
         count, links = 0, [np.zeros((2, 0), dtype=int)]
-        above = np.zeros(labels.shape[1:], dtype=int)
+        above: np.ndarray | None = None
         for slab in range(-(-len(labels) // self._thickness)):
             self._first_numbers.append(count)
             numbers = self._numbers(slab)
             count += int(numbers.max())
-            links.append(_touching(above, self._shifted(slab, numbers[0])))
+            if above is not None:
+                links.append(_touching(above, self._shifted(slab, numbers[0])))
             above = self._shifted(slab, numbers[-1])
         pairs = np.concatenate(links, axis=1)
         linked = coo_array((np.ones(pairs.shape[1], dtype=bool), pairs), (count + 1, count + 1))

@@ -12,6 +12,7 @@ from threading import Lock
 
 import numpy as np
 
+from ..core.bounding_box import bounding_box
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest, check_requests
 from ..core.geometry import Geometry
@@ -30,7 +31,7 @@ from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
-from .labels import Competition, assign_labels, count_labels, keep_annotated_components
+from .labels import Competition, count_labels, keep_annotated_components
 from .memory_need import check_memory_for_refinement
 from .presets import Preset
 
@@ -283,11 +284,13 @@ class SegmentationSession:
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
     ) -> tuple[float, ...]:
         """How large each class's segment will be, millilitres, to the size of a cell: its S_L, segmented as `segment` does."""
-        maps = ((low.array, low.iso) for low in low_maps)
         geometry = self.features.geometry
-        labels = assign_labels(maps, geometry.shape)
-        self._drop_parts_without_points(labels, geometry, requests, only_annotated_components)
-        return tuple(cells * _voxel_ml(geometry) for cells in count_labels(labels, len(requests)))
+        competition = Competition(geometry.shape, np.uint16)
+        for low in low_maps:
+            box = bounding_box(low.array >= low.iso)
+            competition.enter(low.array[box] if box else None, low.iso, box)
+        self._drop_parts_without_points(competition.labels, geometry, requests, only_annotated_components)
+        return tuple(cells * _voxel_ml(geometry) for cells in count_labels(competition.labels, len(requests)))
 
     def _check_memory(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], method: RefinementMethod, bytes_per_label: int
