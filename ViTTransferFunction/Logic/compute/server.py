@@ -25,6 +25,9 @@ from .messages import ArraysNotWritten, Message, read_message, write_message
 from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, GivenUp, Progressed, Started
 from .service import SegmentationService
 
+LOCK_TURN_S = 0.0005
+"""After how long a thread that wants Python's lock gets it from one that computes: the answer to a click asks for it a hundred
+times, and Python's own 5 ms would be most of what it takes."""
 LOWER_PRIORITY = 10
 """What takes long leaves the processor to the answers to clicks, and to the window."""
 
@@ -37,6 +40,7 @@ def main(folder: str) -> None:
     """
     # A library that stops the process, as by SIGABRT, says little or nothing by itself.
     faulthandler.enable()
+    sys.setswitchinterval(LOCK_TURN_S)
     replies = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # What libraries print must not end up between the replies.
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())

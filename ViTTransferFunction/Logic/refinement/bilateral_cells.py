@@ -122,6 +122,7 @@ def _occupied(
 
     def sum_layers(layers: Sequence[tuple[int, slice]]) -> None:
         for layer, slices in layers:
+            workers.between()
             if unit is None:
                 sums = _separate_sums(voxel_cells, layer, slices, target, confidence)
             else:
@@ -226,6 +227,7 @@ def _neighbours(places: CellPlaces, workers: Workers) -> Tensor:
             return pad(places.dense_layer(layer, numbers, elsewhere=cells), (before, 0), value=cells)
 
         for layer, _ in layers:
+            workers.between()
             tables = [numbers_in(layer - 1)[before:], numbers_in(layer + 1)[before:]]
             tables += [numbers_in(layer)[before + step :] for step in steps]
             for of_colour in places.of_layers[layer]:

@@ -57,6 +57,7 @@ def slice_multilinear(
         coordinates[1] = along_columns
         for layer, slices in layers:
             for k, band in itertools.product(range(slices.start, slices.stop), bands):
+                workers.between()
                 piece = slice(k, k + 1), band.rows
                 part = voxel_cells.taking_part(layer, piece)
                 if part is not None and not bool(part.any()):

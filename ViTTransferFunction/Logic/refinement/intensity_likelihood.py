@@ -11,6 +11,8 @@ independent witnesses:
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import ndimage
 
@@ -47,21 +49,28 @@ def with_intensity_likelihood(
 
 
 def weigh_by_intensity(
-    similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float, near: float | None = None
+    similarity: np.ndarray,
+    intensities: np.ndarray,
+    window: IntensityWindow,
+    iso: float,
+    near: float | None = None,
+    between: Callable[[], None] = lambda: None,
 ) -> None:
-    """As `with_intensity_likelihood`, in place."""
+    """As `with_intensity_likelihood`, in place; `between` is called for each slice, and may raise `Cancelled`."""
     inside, outside = np.zeros(_BINS), np.zeros(_BINS)
     # What is learned does not depend on how far it is applied: a larger size must not alter the map of a smaller one.
     learned_from = NEAR_SHARE_OF_ISO * iso
     applied_to = learned_from if near is None else near
     # Slice by slice, so that nothing has the volume's size.
     for similarities, plane in zip(similarity, intensities, strict=True):
+        between()
         voxels, bins = _near_voxels(similarities, plane, window, learned_from)
         probability = similarities[voxels] ** 2 / (similarities[voxels] ** 2 + np.float32(iso) ** 2)
         inside += np.bincount(bins, probability, _BINS)
         outside += np.bincount(bins, 1.0 - probability, _BINS)
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
     for similarities, plane in zip(similarity, intensities, strict=True):
+        between()
         voxels, bins = _near_voxels(similarities, plane, window, applied_to)
         similarities[voxels] = np.minimum(similarities[voxels] * factors[bins], 1.0)
 

@@ -74,7 +74,7 @@ def refine(
     held_box = _held_part(box, volume.shape)
     if held_box is None:
         return unrefined
-    held = unrefined.part(held_box)
+    held = unrefined.part(held_box, between)
     if box is not None:
         target = held if held_box == box else held[box]
         _refine_part(target, volume, box, class_window(volume, display, positive_ras), iso, method, near, similarity, between)
@@ -115,9 +115,7 @@ def _refine_part(
     intensities = volume.array[box]
     if min(intensities.strides) < 0:
         intensities = np.ascontiguousarray(intensities)
-    between()
-    weigh_by_intensity(target, intensities, window, iso, near)
-    between()
+    weigh_by_intensity(target, intensities, window, iso, near, between)
     spacing_mm = volume.geometry.spacing_mm[::-1]
     if method == "bilateral":
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())

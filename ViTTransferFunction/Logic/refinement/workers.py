@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
@@ -28,11 +29,12 @@ class Workers:
 
     Args:
         device: where the operations run.
-        between: called before each loop; may raise `Cancelled`.
+        between: called before each loop, and wherever one calls `Workers.between`; may raise `Cancelled`.
     """
 
     def __init__(self, device: torch.device, between: Callable[[], None] = lambda: None) -> None:
         self._between = between
+        self._one_at_a_time = threading.Lock()
         self._on_cpu = device.type == "cpu"
         self._torch_threads = 1
         self._pool: ThreadPoolExecutor | None = None
@@ -54,6 +56,11 @@ class Workers:
             self._pool.shutdown()
             torch.set_num_threads(self._torch_threads)
 
+    def between(self) -> None:
+        """What work that takes long calls between its steps, so that it can be cancelled; any of the threads may."""
+        with self._one_at_a_time:
+            self._between()
+
     @property
     def shares(self) -> int:
         """How many parts a loop is divided into, where it is long enough."""
@@ -61,7 +68,7 @@ class Workers:
 
     def share_out(self, items: Sequence[Item], work: Callable[[Sequence[Item]], None]) -> None:
         """Call `work` with runs of consecutive items until all are done. It must not matter in which order."""
-        self._between()
+        self.between()
         shares = min(self.shares, len(items))
         if self._pool is None or shares <= 1:
             work(items)

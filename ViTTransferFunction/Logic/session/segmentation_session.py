@@ -233,7 +233,7 @@ class SegmentationSession:
             between()
             if wanted == "none":
                 return RefinedMap(voxels, low.iso)
-            return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index)))
+            return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index, between)))
 
     def segment(
         self,

@@ -46,7 +46,12 @@ class CosineSimilarity:
         return _iso(lambda points: sample_at(similarity[..., None], self._features.geometry, points), requests, index)
 
     def refined_iso(
-        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self,
+        similarity: VoxelMap,
+        coarse: np.ndarray,
+        requests: Sequence[ClassRequest],
+        index: int,
+        between: Callable[[], None] = lambda: None,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         return _iso(lambda points: similarity.at(self._volume_geometry, points), requests, index)

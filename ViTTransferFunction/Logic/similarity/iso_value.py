@@ -8,6 +8,7 @@ well to where the enclosed volume changes least (maximally stable extremal regio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -34,6 +35,8 @@ STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
 STABILITY_SAMPLES = 2_000_000
 """At most this many voxels of a refined map are looked at, spread evenly."""
+VALUES_AT_ONCE = 2**17
+"""Of these, so many at once: a click does not have to wait for the others."""
 LOWEST_LEVEL = 0.01
 LARGEST_LOWERING = 0.3
 """Of a map at its points by refinement, as far as the prior follows it."""
@@ -92,7 +95,12 @@ def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_po
 
 
 def choose_refined_iso(
-    voxels: np.ndarray, similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float
+    voxels: np.ndarray,
+    similarity: np.ndarray,
+    edge_strength: np.ndarray,
+    at_positives: np.ndarray,
+    prior: float,
+    between: Callable[[], None] = lambda: None,
 ) -> float:
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
@@ -102,12 +110,13 @@ def choose_refined_iso(
         edge_strength: at the same places.
         at_positives: (P,) values of the refined map at the class's positive points, P ≥ 1.
         prior: from `prior_iso`.
+        between: called between short steps; may raise `Cancelled`.
 
     Returns:
         A value in (0, 1).
     """
     edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
-    gain = edges - _log_instability(voxels) - np.log(CANDIDATES / prior) ** 2
+    gain = edges - _log_instability(voxels, between) - np.log(CANDIDATES / prior) ** 2
     return _near_prior(gain, REFINED_SOFTNESS, at_positives)
 
 
@@ -132,9 +141,14 @@ def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) 
     return total / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
 
 
-def _log_instability(values: np.ndarray) -> np.ndarray:
+def _log_instability(values: np.ndarray, between: Callable[[], None]) -> np.ndarray:
     """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
-    count = np.bincount(_bins(values[values > LOWEST_LEVEL]), minlength=_BINS)
+    count = np.zeros(_BINS, dtype=int)
+    values = values.reshape(-1)
+    for start in range(0, values.size, VALUES_AT_ONCE):
+        between()
+        some = values[start : start + VALUES_AT_ONCE]
+        count += np.bincount(_bins(some[some > LOWEST_LEVEL]), minlength=_BINS)
     enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
     near = _near(STABILITY_WIDTH)
     per_unit = (near @ count) / near.sum(axis=1) * (_BINS - 1) / -np.log(LOWEST_LEVEL)

@@ -147,7 +147,12 @@ class KernelRidge:
         return proposals_around(iso, at_positives)
 
     def refined_iso(
-        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self,
+        similarity: VoxelMap,
+        coarse: np.ndarray,
+        requests: Sequence[ClassRequest],
+        index: int,
+        between: Callable[[], None] = lambda: None,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]
@@ -155,9 +160,9 @@ class KernelRidge:
         at_cells = similarity.at_places(self._iso_cells_in_volume)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
-        iso = choose_refined_iso(
-            similarity.spread(STABILITY_SAMPLES), at_cells, self._intensities.edge_strength, at_positives, prior
-        )
+        edge_strength = self._intensities.edge_strength
+        spread = similarity.spread(STABILITY_SAMPLES)
+        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, between)
         return proposals_around(iso, at_positives)
 
     @cached_property

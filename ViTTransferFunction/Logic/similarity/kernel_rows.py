@@ -10,7 +10,10 @@ import numpy as np
 from ..features.precision import device_precision
 
 ROWS_AT_ONCE = 32
-"""Room for rows is made, and rows are multiplied, in blocks of this many."""
+"""Rows are multiplied in blocks of this many."""
+RESERVED_ROWS = 256
+"""Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used, and
+to move rows to a larger place keeps a click waiting."""
 
 
 ROWS_OF_POINT = 2
@@ -32,8 +35,9 @@ class KernelRows:
         import torch
 
         self._background = background
-        self._rows = torch.zeros((0, cells), dtype=device_precision(torch.device("cpu")))
-        self._make_room(self._background - 1)
+        self._room = torch.empty((0, cells), dtype=device_precision(torch.device("cpu")))
+        self._rows = self._room
+        self._make_room(background)
         self._row_of_key: dict[bytes, int] = {}
         self.count = len(self._rows)
 
@@ -64,18 +68,23 @@ class KernelRows:
                 made = torch.from_numpy(compute(index))
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
-                self._make_room(row + ROWS_OF_POINT - 1)
+                self._make_room(row + ROWS_OF_POINT)
                 self._rows[row : row + ROWS_OF_POINT] = made
                 self._row_of_key[key] = row
         self.count = _whole_blocks(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
 
-    def _make_room(self, row: int) -> None:
-        if row >= len(self._rows):
-            grown = self._rows.new_zeros((_whole_blocks(row + 1), self._rows.shape[1]))
-            grown[: len(self._rows)] = self._rows
-            self._rows = grown
+    def _make_room(self, rows: int) -> None:
+        """Have `rows` rows, in whole blocks; new ones are zero, since weights of 0 do not cancel what is no number."""
+        rows = _whole_blocks(rows)
+        if rows > len(self._room):
+            room = self._room.new_empty((max(RESERVED_ROWS, rows, 2 * len(self._room)), self._room.shape[1]))
+            room[: len(self._rows)] = self._rows
+            self._room = room
+        if rows > len(self._rows):
+            self._room[len(self._rows) : rows] = 0.0
+            self._rows = self._room[:rows]
 
 
 def _whole_blocks(rows: int) -> int:

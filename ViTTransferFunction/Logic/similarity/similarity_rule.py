@@ -37,9 +37,17 @@ class SimilarityRule(Protocol):
         """The thresholds that the index-th class's S_L (K', J', I') may have."""
 
     def refined_iso(
-        self, similarity: VoxelMap, coarse: np.ndarray, requests: Sequence[ClassRequest], index: int
+        self,
+        similarity: VoxelMap,
+        coarse: np.ndarray,
+        requests: Sequence[ClassRequest],
+        index: int,
+        between: Callable[[], None] = lambda: None,
     ) -> IsoProposals:
-        """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L."""
+        """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L.
+
+        `between` is called between short steps; it may raise `Cancelled`.
+        """
 
 
 def similarity_rule(
