@@ -61,7 +61,7 @@ class CellIntensities:
 
 
 def _connected_points(volume: Volume, cells: Geometry) -> ConnectedPoints:
-    return ConnectedPoints(partial(Connectedness, volume, cells, display_window(volume).width))
+    return ConnectedPoints(partial(Connectedness, volume, cells, display_window(volume)))
 
 
 def _drawn(cells: Geometry) -> np.ndarray:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..core.geometry import Geometry
+from ..core.intensity_window import IntensityWindow
 from ..core.volume import Volume
 from .flood_fill import FloodFill
 
@@ -25,6 +26,11 @@ SIMILARITIES = np.append(np.exp(-0.5 * (TOLERANCES / SIGMA) ** 2), 0.0).astype(n
 """C where D is each of the tolerances, and where it is larger than all."""
 BLOCKS_PER_CELL = 2
 """Along each axis: a wall between two structures is thinner than a cell."""
+UNITS_PER_WINDOW = 1024
+"""Intensities are compared as 16-bit numbers, which takes a fifth of the time: in these units, the first tolerance is 20."""
+_FURTHEST, _UNKNOWN = 10_000, 20_000
+"""What lies more than ten windows from the middle of the window counts as that far; and what stands for blocks without a finite
+voxel, which is far from all others. No difference leaves 16 bits."""
 MOST_BLOCKS = 2_200_000
 """Where there would be more, each cell is one block: a new point takes time in proportion to them."""
 
@@ -35,15 +41,17 @@ class Connectedness:
     Args:
         volume: the intensities; blocks without a finite voxel are joined to nothing.
         cells: the feature cells, which fill the volume's box.
-        window_width: width of the display window, in units of the intensities.
+        window: in which a person would look at them (`display_window`).
         blocks_per_cell: along each axis; one, where that would be too many blocks.
     """
 
-    def __init__(self, volume: Volume, cells: Geometry, window_width: float, blocks_per_cell: int = BLOCKS_PER_CELL) -> None:
+    def __init__(
+        self, volume: Volume, cells: Geometry, window: IntensityWindow, blocks_per_cell: int = BLOCKS_PER_CELL
+    ) -> None:
         fits = int(np.prod(cells.shape)) * blocks_per_cell**3 <= MOST_BLOCKS
         self._per_cell = blocks_per_cell if fits else 1
         k, j, i = (self._per_cell * count for count in cells.shape)
-        self._blocks = block_means(volume.array, (k, j, i)) / np.float32(window_width)
+        self._blocks = _in_units(block_means(volume.array, (k, j, i)), window)
         self._cells = cells
 
     def from_point(self, point_ras: np.ndarray) -> np.ndarray:
@@ -63,17 +71,18 @@ class Connectedness:
         levels = np.full(self._cells.shape, len(TOLERANCES), dtype=np.uint8)
         flood = FloodFill(difference.shape, (k, j, i))
         for tolerance in TOLERANCES:
-            flood.through(difference <= tolerance)
+            flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
             levels -= flood.cells(self._per_cell)
         return levels.ravel()
 
     def _difference(self, block: tuple[int, int, int]) -> np.ndarray:
-        """How far the intensities of all blocks (K, J, I) are from that of one of them; NaN where there is none."""
-        around = tuple(slice(max(index - 1, 0), index + 2) for index in block)
-        difference: np.ndarray = self._blocks - np.float32(_median(self._blocks[around]))
+        """How far the intensities of all blocks (K, J, I) are from that of one of them, int16."""
+        around = self._blocks[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
+        known = around[around != _UNKNOWN]
+        difference: np.ndarray = self._blocks - np.int16(np.median(known) if known.size else 0)
         np.abs(difference, out=difference)
         # The clicked block belongs to itself, be it brighter than those around it.
-        difference[block] = 0.0
+        difference[block] = 0
         return difference
 
 
@@ -112,6 +121,9 @@ def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:
     return means
 
 
-def _median(values: np.ndarray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
+def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
+    """Mean intensities, NaN where there is none, in `UNITS_PER_WINDOW` from the middle of the window, int16."""
+    units = (means - np.float32(0.5 * (window.low + window.high))) * np.float32(UNITS_PER_WINDOW / window.width)
+    in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
+    whole_numbers: np.ndarray = np.where(np.isnan(units), _UNKNOWN, in_range).astype(np.int16)
+    return whole_numbers

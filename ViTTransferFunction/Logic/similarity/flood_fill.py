@@ -13,7 +13,9 @@ import numpy as np
 
 WORD_BITS = 64
 _WORD = np.dtype("<u8")
-_MIRRORED_BYTE = np.packbits(np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1, bitorder="little"), axis=1).ravel()
+_BITS = np.unpackbits(np.arange(2**16, dtype="<u2").view(np.uint8), bitorder="little")
+_MIRRORED_BYTES = np.packbits(_BITS).view("<u2")
+"""Two bytes, the bits of each in reverse order: to look up two at once takes half the time."""
 _TO_FIRST_BIT = np.uint64(WORD_BITS - 1)
 
 
@@ -112,5 +114,5 @@ def _filled_upwards(seeds: np.ndarray, allowed: np.ndarray) -> np.ndarray:
 
 def _mirrored(words: np.ndarray) -> np.ndarray:
     """Words with their bits in reverse order."""
-    mirrored: np.ndarray = _MIRRORED_BYTE[words.byteswap().view(np.uint8)].view(_WORD)
+    mirrored: np.ndarray = _MIRRORED_BYTES[words.byteswap().view("<u2")].view(_WORD)
     return mirrored

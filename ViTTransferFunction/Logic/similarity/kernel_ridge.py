@@ -194,7 +194,7 @@ class KernelRidge:
         exponent = np.float32(FEATURE_SHARPNESS) * (_product(a.features, b.features) - np.float32(1.0))
         exponent -= (a.cdf[:, None] - b.cdf[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
         sigma_mm = POSITION_SIGMA * self._longest_edge_mm
-        near = _squared_distances(a.positions, b.positions)
+        near = _squared_distances(a, b)
         near /= np.float32(-2.0 * sigma_mm**2)
         np.exp(near, out=near)
         near *= np.float32(POSITION_WEIGHT)
@@ -208,6 +208,12 @@ class _Places:
 
     def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
         self.features, self.positions, self.cdf = features, positions, cdf
+
+    @cached_property
+    def squared_norms(self) -> np.ndarray:
+        """Of the positions, (N,): a volume's cells are compared with every new point."""
+        norms: np.ndarray = np.einsum("nc,nc->n", self.positions, self.positions)
+        return norms
 
     def subset(self, index: np.ndarray | slice) -> _Places:
         return _Places(self.features[index], self.positions[index], self.cdf[index])
@@ -264,11 +270,11 @@ def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.n
     return weights
 
 
-def _squared_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _squared_distances(a: _Places, b: _Places) -> np.ndarray:
     """(len a, len b) float32, mm²."""
-    squared = _product(-2.0 * a, b)
-    squared += np.einsum("nc,nc->n", a, a)[:, None]
-    squared += np.einsum("nc,nc->n", b, b)
+    squared = _product(-2.0 * a.positions, b.positions)
+    squared += a.squared_norms[:, None]
+    squared += b.squared_norms
     distances: np.ndarray = np.maximum(squared, 0.0, out=squared)
     return distances
 

@@ -12,8 +12,8 @@ from ..features.precision import device_precision
 ROWS_AT_ONCE = 32
 """Rows are multiplied in blocks of this many."""
 RESERVED_ROWS = 256
-"""Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used, and
-to move rows to a larger place keeps a click waiting."""
+"""Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used,
+and to move rows to a larger place keeps a click waiting."""
 
 
 ROWS_OF_POINT = 2

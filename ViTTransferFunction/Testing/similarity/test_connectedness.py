@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.similarity import connected_points
 from ViTTransferFunction.Logic.similarity.connected_points import (
@@ -24,7 +25,7 @@ from ViTTransferFunction.Logic.similarity.connectedness import SIMILARITIES, TOL
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
 EDGE, CELLS = 48, (12, 12, 12)
-WIDTH = 400.0
+WINDOW = IntensityWindow(-160.0, 240.0)
 TUBE_KJ, TWIN_KJ = (slice(8, 16), slice(8, 16)), (slice(32, 40), slice(32, 40))
 IN_TUBE, END_OF_TUBE, IN_TWIN, OUTSIDE = (2, 2, 1), (2, 2, 11), (9, 9, 6), (6, 6, 6)
 """Cells, (K', J', I')."""
@@ -44,13 +45,24 @@ def position(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
 
 def joined_to(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
     """C of all cells, (K', J', I'), with the middle of a cell."""
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WIDTH)
+    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
     joined: np.ndarray = SIMILARITIES[connectedness.from_point(position(volume, cell))].reshape(CELLS)
     return joined
 
 
 def test_a_tube_is_joined_all_along_and_an_equal_one_beside_it_is_not() -> None:
     joined = joined_to(tubes(), IN_TUBE)
+    assert joined[END_OF_TUBE] == SIMILARITIES[0]
+    assert joined[IN_TWIN] == joined[OUTSIDE] == 0.0
+
+
+def test_what_is_far_from_the_window_and_what_is_unknown_is_not_joined_to_what_lies_beside_it() -> None:
+    volume = tubes()
+    # Metal beside the tube, without limit; the twin is not known.
+    volume.array[:, :, 24:] = 1e6
+    volume.array[TUBE_KJ] = 200.0
+    volume.array[TWIN_KJ] = np.nan
+    joined = joined_to(volume, IN_TUBE)
     assert joined[END_OF_TUBE] == SIMILARITIES[0]
     assert joined[IN_TWIN] == joined[OUTSIDE] == 0.0
 
@@ -66,7 +78,7 @@ def test_a_wall_thinner_than_a_cell_parts_what_lies_on_either_side() -> None:
 def test_the_weakest_place_on_the_best_way_decides() -> None:
     volume = tubes()
     step = 0.5 * float(TOLERANCES[1] + TOLERANCES[2])
-    volume.array[:, :, 20:28][TUBE_KJ] -= step * WIDTH
+    volume.array[:, :, 20:28][TUBE_KJ] -= step * WINDOW.width
     joined = joined_to(volume, IN_TUBE)
     assert joined[2, 2, 3] == SIMILARITIES[0]
     assert joined[2, 2, 6] == joined[END_OF_TUBE] == SIMILARITIES[2]
@@ -110,7 +122,7 @@ def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
 
 def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WIDTH)
+    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
     connected = ConnectedPoints(lambda _: connectedness)
     asked = []
     original = Connectedness.from_point
@@ -128,7 +140,7 @@ def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: py
 
 def test_what_was_found_out_before_it_was_cancelled_is_kept() -> None:
     volume = tubes()
-    connected = ConnectedPoints(lambda _: Connectedness(volume, volume.geometry.resized(CELLS), WIDTH))
+    connected = ConnectedPoints(lambda _: Connectedness(volume, volume.geometry.resized(CELLS), WINDOW))
     points = np.stack([position(volume, (2, 2, column)) for column in range(5)])
     begun = []
 
@@ -145,7 +157,7 @@ def test_what_was_found_out_before_it_was_cancelled_is_kept() -> None:
 
 def test_points_known_to_the_block_have_other_keys_than_those_known_to_the_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
-    made = partial(Connectedness, volume, volume.geometry.resized(CELLS), WIDTH)
+    made = partial(Connectedness, volume, volume.geometry.resized(CELLS), WINDOW)
     connected = ConnectedPoints(made)
     points = np.stack([position(volume, cell) for cell in (IN_TUBE, IN_TWIN, OUTSIDE)])
     finely = connected.update(points[:2])
@@ -216,7 +228,7 @@ def test_the_kernel_of_many_points_in_a_textured_structure_is_positive_semidefin
     voxels = 20.0 * generator.normal(size=(16, 16, 16)).cumsum(axis=0) / 3.0
     volume = Volume(voxels, Geometry(voxels.shape, np.eye(4)))
     cells = volume.geometry.resized((8, 8, 8))
-    connectedness = Connectedness(volume, cells, window_width=400.0)
+    connectedness = Connectedness(volume, cells, WINDOW)
     places = generator.choice(512, 120, replace=False)
     points = cells.voxel_centres_ras()[places]
     at_points = np.stack([SIMILARITIES[connectedness.from_point(point)[places]] for point in points])
