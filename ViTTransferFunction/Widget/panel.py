@@ -29,7 +29,7 @@ from ViTTransferFunction.Widget.volume_section import VolumeSection
 
 POLL_MS = 10
 """How often the session is asked for news while something runs."""
-CLICK_POLL_MS = 5
+CLICK_POLL_MS = 2
 """And while the answer to a click is under way."""
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 
-POLL_S, CLICK_POLL_S = 0.01, 0.005
+POLL_S, CLICK_POLL_S = 0.01, 0.002
 """How often the panel has Slicer's timer call it while something runs, and while the answer to a click is under way."""
 
 # Functions of a PyDLL, other than those of a CDLL, are called with the lock held.
