@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, class_window, refine
@@ -129,3 +131,26 @@ def test_a_lower_threshold_widens_what_is_refined_and_leaves_the_rest_nearly_as_
     assert (wide != unrefined)[between].mean() > 0.99
     assert (usual != unrefined)[between].mean() < 0.8
     assert dice(wide > 0.35, usual > 0.35) > 0.95
+
+
+def test_a_refinement_is_given_up_between_any_two_of_its_many_steps() -> None:
+    intensities, _, similarity = ball_and_its_map()
+    centre = np.full((1, 3), (len(intensities) - 1) / 2)
+
+    def steps_until(last: float) -> int:
+        """How many steps are taken where the user clicks again at one of them."""
+        counted = itertools.count(1)
+
+        def between() -> None:
+            if (steps := next(counted)) >= last:
+                raise Cancelled(steps)
+
+        refine(coarse(similarity), volume_of(intensities), WINDOW, centre, 0.35, "bilateral", between)
+        return next(counted) - 1
+
+    steps = steps_until(np.inf)
+    slices = len(intensities)
+    assert steps > 4 * slices, "slices are interpolated, looked at, weighed, and read from the solution"
+    for last in (1, slices + 1, steps // 2, steps - 1, steps):
+        with pytest.raises(Cancelled):
+            steps_until(last)

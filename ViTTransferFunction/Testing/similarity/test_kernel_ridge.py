@@ -10,6 +10,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
+from ViTTransferFunction.Logic.similarity import kernel_rows
 from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
 from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import prior_iso
@@ -164,3 +165,16 @@ def test_finer_features_take_over_how_points_are_connected(
 
     monkeypatch.setattr(Connectedness, "from_point", found_out_again)
     np.testing.assert_array_equal(KernelRidge(features, volume, intensities).maps([a_class("a", IN_LEFT)]), before)
+
+
+def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
+    blocks: tuple[NormalisedFeatures, Volume], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inside = np.concatenate([at_cell(4, j, i) for j in range(3, 9) for i in (2, 3, 4)])
+    outside = np.concatenate([at_cell(7, j, i) for j in range(12) for i in range(5)])
+    wanted = KernelRidge(*blocks).maps([a_class("a", inside, negative=outside)])
+    monkeypatch.setattr(kernel_rows, "RESERVED_ROWS", 1)
+    crowded = KernelRidge(*blocks)
+    for count in range(1, len(outside) + 1, 7):
+        crowded.maps([a_class("a", inside[:count], negative=outside[:count])])
+    np.testing.assert_allclose(crowded.maps([a_class("a", inside, negative=outside)]), wanted, atol=0.01)
