@@ -49,15 +49,14 @@ class VoxelMap:
         """The map as one array, (K, J, I) float32: for maps of small volumes, and where it cannot be helped."""
         return self.part(whole_box(self.shape))
 
-    def part(self, box: Box, between: Callable[[], None] = lambda: None) -> np.ndarray:
-        """The values in a box, (K, J, I) float32; not to be changed. `between` is called before each slice is interpolated."""
+    def part(self, box: Box) -> np.ndarray:
+        """The values in a box, (K, J, I) float32; not to be changed."""
         inside = common_part(box, self.box)
         if inside == box:
             return self.held[within(box, self.box)]
         k, j, i = box
         part = np.empty([extent.stop - extent.start for extent in box], dtype=np.float32)
         for plane, index in zip(part, range(k.start, k.stop), strict=True):
-            between()
             plane[...] = self.interpolated(index, j)[:, i]
         if inside is not None:
             part[within(inside, box)] = self.held[within(inside, self.box)]
