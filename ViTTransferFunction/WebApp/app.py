@@ -20,6 +20,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
+from ..Logic.scene.classes import ClassState
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_wheel import SizeWheel
@@ -72,6 +73,7 @@ class WebApp:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
+        self.server.state.saving = None
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
         self.tool = AnnotationTool(
             self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
@@ -155,6 +157,11 @@ class WebApp:
         """Have `start` end."""
         self._stopped.set()
 
+    @property
+    def stopping(self) -> bool:
+        """Whether it was asked to end; threads may ask, too."""
+        return self._stopped.is_set()
+
     def report(self, message: str) -> None:
         """Show why something that the user asked for was not done, until the structures are changed next."""
         before = self.session, self.session.classes
@@ -194,10 +201,15 @@ class WebApp:
             })  # fmt: skip
         self.views.settle()
 
-    def mark_saved(self) -> None:
-        """The structures as they are now were saved: the page may be closed without a question."""
-        self._saved = self.session.classes
+    def mark_saved(self, classes: tuple[ClassState, ...]) -> None:
+        """These structures were saved: as long as they are what there is, the page may be closed without a question."""
+        self._saved = classes
         self.refresh()
+
+    def show_saving(self, name: str, share: float | None) -> None:
+        """Have the page show how far a file of this name is that is being made for it; None: it is ready, or there is none."""
+        with self.server.state as state:
+            state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
     async def open_files(self, paths: list[Path]) -> None:
         """Open a volume or a session in place of what is open; errors are shown."""

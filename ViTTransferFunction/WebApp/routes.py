@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 import tempfile
 from collections.abc import Callable
@@ -10,12 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from aiohttp import web
 
-from ..Logic.core.errors import InputError
-from .scene_files import write_segmentation, write_session
+from ..Logic.core.errors import Cancelled, InputError
+from ..Logic.core.progress import Progress
+from .packing import gzip_nrrd, zip_folder
+from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
 
 if TYPE_CHECKING:
     from .app import WebApp
+
+Pack = Callable[[Path, Path, Progress], None]
+"""Makes the file that is sent out of what was staged for it."""
 
 _CHUNK = 1 << 20
 
@@ -54,12 +60,15 @@ class Routes:
         node = self._app.session.parameters.segmentation
         if node is None:
             return web.Response(status=404, text="Create segments first.")
-        return await self._send(request, f"{self._volume_name()}.seg.nrrd", lambda path: write_segmentation(node, path))
+        name = f"{self._volume_name()}.seg.nrrd"
+        return await self._send(request, name, lambda staged: stage_segmentation(node, staged), gzip_nrrd)
 
     async def _download_session(self, request: web.Request) -> web.StreamResponse:
-        response = await self._send(request, f"{self._volume_name()}.mrb", lambda path: write_session(self._app.scene, path))
-        if response.status == 200:
-            self._app.mark_saved()
+        session, classes = self._app.session, self._app.session.classes
+        name = f"{self._volume_name()}.mrb"
+        response = await self._send(request, name, lambda staged: stage_session(self._app.scene, staged), zip_folder)
+        if response.status == 200 and self._app.session is session:
+            self._app.mark_saved(classes)
         return response
 
     def _volume_name(self) -> str:
@@ -67,15 +76,20 @@ class Routes:
         volume = self._app.session.parameters.volume
         return re.sub(r"[^A-Za-z0-9._-]+", "_", volume.GetName() if volume else "").strip("._-") or "volume"
 
-    async def _send(self, request: web.Request, name: str, write: Callable[[Path], None]) -> web.StreamResponse:
+    async def _send(self, request: web.Request, name: str, stage: Callable[[Path], None], pack: Pack) -> web.StreamResponse:
+        """Send what `stage` writes, quickly, and `pack` compresses while everything else goes on."""
         with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
-            path = Path(folder) / name
+            staged, path = Path(folder, "staged", name.removesuffix(".mrb")), Path(folder, name)
+            staged.parent.mkdir()
             try:
-                write(path)
+                stage(staged)
+                await self._pack(staged, path, pack)
             except InputError as error:
                 self._app.report(str(error))
                 self._app.refresh()
                 return web.Response(status=500, text=str(error))
+            except Cancelled:
+                return web.Response(status=503, text="The app was ended.")
             headers = {"Content-Disposition": f'attachment; filename="{name}"', "Content-Type": "application/octet-stream"}
             response = web.StreamResponse(headers=headers)
             response.content_length = path.stat().st_size
@@ -86,3 +100,22 @@ class Routes:
                     await response.write(chunk)
             await response.write_eof()
             return response
+
+    async def _pack(self, staged: Path, path: Path, pack: Pack) -> None:
+        """Have a thread compress, and the page show how far it is."""
+        loop = asyncio.get_running_loop()
+
+        def progress(done: int, total: int, what: str) -> None:
+            if self._app.stopping:
+                raise Cancelled
+            loop.call_soon_threadsafe(self._app.show_saving, path.name, done / max(total, 1))
+
+        try:
+            await asyncio.to_thread(pack, staged, path, progress)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(
+                f"{path.name} could not be saved: {reason}. Make room on the disk of temporary files, and try again."
+            ) from error
+        finally:
+            self._app.show_saving(path.name, None)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 from xml.etree import ElementTree
@@ -65,26 +67,65 @@ def import_scene(scene: Any, scene_file: Path) -> None:
         raise InputError(f"{scene_file.stem} could not be read whole. Save the session again, or open its volume.")
 
 
-def write_session(scene: Any, path: Path) -> None:
-    """Write the scene with its volumes, points and segments to `path` (.mrb), which Slicer opens as well.
+def stage_session(scene: Any, folder: Path) -> None:
+    """Write the scene with its volumes, points and segments to a new folder; zipped (`packing`), it is a session (.mrb).
+
+    Voxels are not compressed, since the scene stands still meanwhile, and the page with it.
 
     Raises:
         InputError: it cannot be written.
     """
-    if not scene.WriteToMRB(path.as_posix()) or not path.exists():
-        raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
+    folder.mkdir()
+    with _uncompressed(_storage_nodes(scene)) as ids:
+        if not scene.SaveSceneToSlicerDataBundleDirectory(folder.as_posix(), None):
+            raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
+    for scene_file in folder.glob("*.mrml"):
+        _say_compressed(scene_file, ids)
 
 
-def write_segmentation(segmentation: Any, path: Path) -> None:
-    """Write a segmentation node to `path` (.seg.nrrd).
+def stage_segmentation(segmentation: Any, path: Path) -> None:
+    """Write a segmentation node to a new file, of which `packing.gzip_nrrd` makes one of the usual size (.seg.nrrd).
 
     Raises:
         InputError: it cannot be written.
     """
     storage = slicer.vtkMRMLSegmentationStorageNode()
     storage.SetFileName(path.as_posix())
+    storage.UseCompressionOff()
     if not storage.WriteData(segmentation):
         raise InputError("The segments could not be written. Make room on the disk of temporary files, and try again.")
+
+
+def _storage_nodes(scene: Any) -> list[Any]:
+    """All that will write the scene's data, made where they are missing."""
+    count = scene.GetNumberOfNodesByClass("vtkMRMLStorableNode")
+    storable = [scene.GetNthNodeByClass(index, "vtkMRMLStorableNode") for index in range(count)]
+    for node in storable:
+        if node.GetSaveWithScene() and node.GetStorageNode() is None:
+            node.AddDefaultStorageNode()
+    return [node.GetStorageNode() for node in storable if node.GetStorageNode() is not None]
+
+
+@contextmanager
+def _uncompressed(nodes: list[Any]) -> Iterator[set[str]]:
+    """Have storage nodes not compress within; gives the ids of those that do else."""
+    compressing = [node for node in nodes if node.GetUseCompression()]
+    for node in compressing:
+        node.UseCompressionOff()
+    try:
+        yield {node.GetID() for node in compressing}
+    finally:
+        for node in compressing:
+            node.UseCompressionOn()
+
+
+def _say_compressed(scene_file: Path, ids: set[str]) -> None:
+    """Have Slicer compress again what it saves after it opened this scene."""
+    tree = ElementTree.parse(scene_file)
+    for element in tree.iter():
+        if element.get("id") in ids:
+            element.set("useCompression", "1")
+    tree.write(scene_file, encoding="UTF-8", xml_declaration=True)
 
 
 def _check_local(scene_file: Path) -> None:

@@ -1,10 +1,11 @@
-"""A real browser without a window, and pages of the app in it."""
+"""The app without a browser, and a real browser without a window with pages of the app in it."""
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,9 @@ import pytest
 BROWSER_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_BROWSER") == "1"
 PICTURES = os.environ.get("VITTF_APP_PICTURES")
 """Folder for a picture of each step of the tests; else pytest's temporary folder."""
+
+Journey = Callable[[Any], Coroutine[Any, Any, None]]
+"""What is done to a `WebApp`."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "msedge")
 
@@ -71,3 +75,40 @@ def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
     for context in contexts:
         context.close()
     assert not [error for page in pages for error in page.errors]
+
+
+@pytest.fixture(scope="module")
+def in_app() -> Iterator[Callable[[Journey], None]]:
+    """Runs journeys on one app, which takes seconds to make."""
+    from ViTTransferFunction.WebApp.app import WebApp
+
+    loop = asyncio.new_event_loop()
+
+    async def make() -> WebApp:
+        return WebApp()
+
+    app = loop.run_until_complete(make())
+    yield lambda journey: loop.run_until_complete(journey(app))
+    app.session.close()
+    for task in asyncio.all_tasks(loop):
+        task.cancel()
+    loop.run_until_complete(asyncio.sleep(0))
+    loop.close()
+
+
+@pytest.fixture
+def opened(in_app: Callable[[Journey], None], spheres: Any, tmp_path: Path) -> Callable[[Journey], None]:
+    """Runs a journey on an app that has the volume of spheres open."""
+    import SimpleITK as sitk  # noqa: N813
+
+    path = tmp_path / "spheres.nrrd"
+    sitk.WriteImage(sitk.GetImageFromArray(spheres[0].array), str(path))
+
+    def run(journey: Journey) -> None:
+        async def go(app: Any) -> None:
+            await app.open_files([path])
+            await journey(app)
+
+        in_app(go)
+
+    return run

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 
 pytest.importorskip("trame_slicer")
 
@@ -15,7 +16,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
-from ViTTransferFunction.WebApp import scene_files
+from ViTTransferFunction.WebApp import packing, scene_files
 
 
 def archive(path: Path, **files: str) -> Path:
@@ -43,7 +44,8 @@ def test_a_saved_session_comes_back_with_its_volume_structures_and_settings(
     session.parameters.set("rendering", "transfer function")
     before, voxels = session.classes, spheres[0].array
     session.close()
-    scene_files.write_session(slicer_app.scene, tmp_path / "session.mrb")
+    scene_files.stage_session(slicer_app.scene, tmp_path / "session")
+    packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
     again = reopened(slicer_app, tmp_path / "session.mrb", tmp_path / "unpacked")
     (state,) = again.classes
     assert (state.id, state.name, state.proximity) == (added.id, before[0].name, 0.25)
@@ -53,6 +55,36 @@ def test_a_saved_session_comes_back_with_its_volume_structures_and_settings(
     assert volume is not None
     assert volume.GetImageData().GetDimensions() == voxels.shape[::-1]
     again.close()
+
+
+def test_voxels_are_not_compressed_where_the_page_stands_still_and_slicer_compresses_them_again(
+    slicer_app: Any, spheres: Spheres, tmp_path: Path
+) -> None:
+    node = add_volume(slicer_app.scene, spheres[0])
+    scene_files.stage_session(slicer_app.scene, tmp_path / "session")
+    (voxels,) = (tmp_path / "session" / "Data").glob("*.nrrd")
+    assert b"encoding: raw\n" in voxels.read_bytes()[:2000]
+    assert node.GetStorageNode().GetUseCompression()
+    packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+    assert not voxels.exists()
+    (tmp_path / "unpacked").mkdir()
+    slicer_app.scene.Clear(0)
+    scene_files.import_scene(slicer_app.scene, scene_files.unpacked_session(tmp_path / "session.mrb", tmp_path / "unpacked"))
+    again = slicer_app.scene.GetFirstNodeByClass("vtkMRMLScalarVolumeNode")
+    assert again.GetStorageNode().GetUseCompression()
+
+
+def test_packing_a_segmentation_keeps_its_voxels_and_segments(tmp_path: Path) -> None:
+    voxels = np.zeros((30, 40, 50), dtype=np.uint8)
+    voxels[10:20, 10:20, 10:20] = 3
+    image = sitk.GetImageFromArray(voxels)
+    image.SetMetaData("Segment0_Name", "ball")
+    sitk.WriteImage(image, str(tmp_path / "raw.seg.nrrd"), useCompression=False)
+    packing.gzip_nrrd(tmp_path / "raw.seg.nrrd", tmp_path / "packed.seg.nrrd")
+    again = sitk.ReadImage(str(tmp_path / "packed.seg.nrrd"))
+    np.testing.assert_array_equal(sitk.GetArrayFromImage(again), voxels)
+    assert again.GetMetaData("Segment0_Name") == "ball"
+    assert (tmp_path / "packed.seg.nrrd").stat().st_size < voxels.size / 20
 
 
 def test_the_parameter_node_is_made_once(slicer_app: Any) -> None:

@@ -1,0 +1,137 @@
+"""Saving and downloading: what takes long does not stop the page, which shows how far it is."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import io
+import threading
+import zipfile
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+import aiohttp
+from aiohttp import web
+
+from ViTTransferFunction.WebApp import routes
+from ViTTransferFunction.WebApp.app import WebApp
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+LONGEST_WAIT_S = 120.0
+
+
+@asynccontextmanager
+async def browser_of(app: WebApp) -> AsyncIterator[aiohttp.ClientSession]:
+    """A browser before a server of the app's routes."""
+    server = web.Application()
+    routes.Routes(app, lambda name: f"/{name}").add(SimpleNamespace(app=server))
+    runner = web.AppRunner(server)
+    await runner.setup()
+    await web.TCPSite(runner, "127.0.0.1", 0).start()
+    try:
+        async with aiohttp.ClientSession(f"http://127.0.0.1:{runner.addresses[0][1]}") as browser:
+            yield browser
+    finally:
+        await runner.cleanup()
+
+
+class HeldPacking:
+    """Packs when it is let go on, and is half through until then."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.let_go = threading.Event()
+        self._pack = routes.zip_folder
+        monkeypatch.setattr(routes, "zip_folder", self)
+
+    def __call__(self, staged: Path, path: Path, progress: Any) -> None:
+        progress(1, 2, "Compressing")
+        assert self.let_go.wait(LONGEST_WAIT_S), "the server stood still meanwhile"
+        self._pack(staged, path, progress)
+
+
+async def status_and_body(browser: aiohttp.ClientSession, path: str) -> tuple[int, bytes]:
+    async with browser.get(path) as response:
+        return response.status, await response.read()
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    async def wait() -> None:
+        while not condition():
+            await asyncio.sleep(0.01)
+
+    await asyncio.wait_for(wait(), LONGEST_WAIT_S)
+
+
+def test_while_a_session_is_packed_the_server_answers_and_the_page_shows_how_far_it_is(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packing = HeldPacking(monkeypatch)
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            saved = asyncio.create_task(status_and_body(browser, "/download/session"))
+            await until(lambda: app.server.state.saving == {"name": "spheres.mrb", "percent": 50})
+            assert (await status_and_body(browser, "/download/segmentation"))[0] == 404
+            packing.let_go.set()
+            status, body = await saved
+        assert status == 200
+        assert "spheres/spheres.mrml" in zipfile.ZipFile(io.BytesIO(body)).namelist()
+        assert app.server.state.saving is None
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_what_changes_while_it_is_saved_is_not_taken_for_saved(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, changes: bool
+) -> None:
+    packing = HeldPacking(monkeypatch)
+
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        assert app.server.state.unsaved
+        async with browser_of(app) as browser:
+            saved = asyncio.create_task(status_and_body(browser, "/download/session"))
+            await until(lambda: bool(app.server.state.saving and app.server.state.saving["percent"]))
+            if changes:
+                app.actions("addClass")
+            packing.let_go.set()
+            await saved
+        assert app.server.state.unsaved == changes
+
+    opened(journey)
+
+
+def test_a_full_disk_is_told_and_nothing_is_taken_for_saved(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pack(staged: Path, path: Path, progress: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(routes, "zip_folder", pack)
+
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        async with browser_of(app) as browser:
+            assert (await status_and_body(browser, "/download/session"))[0] == 500
+        assert "No space left on device. Make room" in app.server.state.message
+        assert app.server.state.unsaved
+        assert app.server.state.saving is None
+
+    opened(journey)
+
+
+def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(WebApp, "stopping", True)
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            assert (await status_and_body(browser, "/download/session"))[0] == 503
+
+    opened(journey)
