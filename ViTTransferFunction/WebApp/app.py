@@ -30,7 +30,7 @@ from .page import build_page
 from .panel_state import session_state
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
-from .slicer_views import BrowserSliceTools, SlicerViews
+from .slicer_views import SlicerViews, slice_tools
 from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
 
 POLL_S = 0.010
@@ -74,9 +74,9 @@ class WebApp:
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
         self.tool = AnnotationTool(
-            self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
+            self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
         )
-        self._wheel = BrowserSliceTools(self.views)
+        self._wheel = slice_tools(self.views)
         self._wheel.start(self._size_wheel)
         self.session = self._new_session()
         self._saved = self.session.classes
