@@ -20,6 +20,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
+from ..Logic.scene.choices import choices, make_possible
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_wheel import SizeWheel
@@ -43,6 +44,8 @@ BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
 """Parameters that a session from elsewhere does not decide."""
+OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "onlyAnnotatedParts")
+"""Parameters that stay when another volume is opened."""
 
 
 class WebApp:
@@ -65,7 +68,7 @@ class WebApp:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
         self._slicer = SlicerApp()
         self.scene = self._slicer.scene
-        self._settings = settings or {}
+        self._settings = dict(settings or {})
         self._messages = Messages()
         self._news = asyncio.Event()
         self._stale = False
@@ -184,7 +187,7 @@ class WebApp:
             corrected = self.session.take_corrected()
             if corrected:
                 state.corrected = list(corrected)
-            state.update(session_state(self.session))
+            state.update(session_state(self.session, bool(state.advanced_open)))
             state.update({
                 "tool": self.tool.tool or "",
                 "message": "\n\n".join(self._messages.standing()),
@@ -226,6 +229,7 @@ class WebApp:
     def _new_session(self, saved: bool = False) -> SceneSession:
         """A session on the scene; `saved`: the scene comes with its own, of which only what is this computer's is replaced."""
         session = SceneSession(self.scene, self._slicer.app_logic, parameter_node(self.scene))
+        make_possible(session.parameters, choices())
         for name, value in self._settings.items():
             if not saved or name in OF_THIS_COMPUTER:
                 session.parameters.set(name, value)
@@ -285,6 +289,7 @@ class WebApp:
     def _close_scene(self) -> None:
         self.tool.put_down()
         self.extraction.give_up()
+        self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
         self._messages.clear()
         self.scene.Clear(0)
