@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from ..Logic.core.errors import InputError
 from ..Logic.scene.annotation_tool import TOOLS
+from ..Logic.scene.cache_contents import CacheContents
+from ..Logic.scene.choices import choices, is_possible
 from ..Logic.scene.classes import ClassState
-from ..Logic.scene.parameters import RENDERINGS
 from ..Logic.scene.wording import style_words
-from ..Logic.session.presets import PRESETS
-from .panel_state import color_of_hex
+from .panel_state import PARAMETERS, color_of_hex
 from .volumes import set_window
 
 if TYPE_CHECKING:
     from .app import WebApp
 
-_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float}
+_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float}
 """Fields of the selected class that the page's sliders and boxes set."""
 
 
@@ -30,6 +30,7 @@ class Actions:
 
     def __init__(self, app: WebApp) -> None:
         self._app = app
+        self._offered = choices() | {"context": dict.fromkeys(app.session.context_names, "")}
         self._by_name: dict[str, Callable[..., Any]] = {
             "extract": app.extraction.press,
             "cancel": self._cancel,
@@ -54,17 +55,16 @@ class Actions:
             "nextClass": lambda: self._select_neighbour(1),
             "nextPoint": self._show_next_point,
             "putDown": app.tool.put_down,
-            "preset": self._set_preset,
-            "rendering": self._set_rendering,
+            "duplicate": self._duplicate,
+            "parameter": self._set_parameter,
             "style": self._set_style,
-            "solo": lambda solo: app.session.parameters.set("renderingSolo", bool(solo)),
-            "context": self._set_context,
-            "contextStrength": lambda strength: app.session.parameters.set(
-                "contextStrength", min(max(float(strength), 0.0), 1.0)
-            ),
-            "contextCutAway": lambda cut_away: app.session.parameters.set("contextCutAway", bool(cut_away)),
-            "overlayOpacity": lambda opacity: app.session.parameters.set("overlayOpacity", float(opacity)),
-            "overlayVisible": lambda visible: app.session.parameters.set("overlayVisible", bool(visible)),
+            "look": self._set_look,
+            "networkWindow": self._set_network_window,
+            "exportRendering": lambda: app.session.export_rendering(),
+            "continueSegment": self._continue_segment,
+            "advanced": self._open_advanced,
+            "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
+            "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
             "write": lambda corrections="ask": app.write_segments(corrections),
             "closeMessages": app.close_messages,
@@ -161,30 +161,57 @@ class Actions:
         if selected is not None:
             self._app.session.show_next_point(selected.id)
 
-    def _set_preset(self, name: str) -> None:
-        if name in PRESETS:
-            self._app.session.parameters.set("preset", name)
+    def _duplicate(self) -> None:
+        session, selected = self._app.session, self._app.session.selected_class
+        if selected is not None:
+            session.select_class(session.annotations.duplicate_class(selected.id).id)
 
-    def _set_rendering(self, mode: str) -> None:
-        if mode in RENDERINGS:
-            self._app.session.parameters.set("rendering", mode)
+    def _set_parameter(self, name: str, value: Any) -> None:
+        """Set one of the session's settings; what it cannot be is ignored."""
+        if name in PARAMETERS and value is not None:
+            parameters = self._app.session.parameters
+            value = type(parameters.DEFAULTS[name])(value)
+            if is_possible(name, value, self._offered):
+                parameters.set(name, value)
 
     def _set_style(self, style: str) -> None:
         """Choose how the selected class looks in 3D; another style brings its own tone."""
         if style in style_words():
             self._set_fields(style=style, tone=None)
 
-    def _set_context(self, name: str) -> None:
-        if name in self._app.session.context_names:
-            self._app.session.parameters.set("context", name)
+    def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
+        """Set between which intensities the selected class gets brighter in 3D; None: as it is."""
+        selected = self._app.session.selected_class
+        shown = self._app.session.rendered_window(selected.id) if selected is not None else None
+        if automatic:
+            self._set_fields(low=None, high=None)
+        elif shown is not None:
+            self._set_fields(low=_or(low, shown[0]), high=_or(high, shown[1]))
 
-    def _set_context_strength(self, strength: float) -> None:
-        self._app.session.parameters.set("contextStrength", min(max(float(strength), 0.0), 1.0))
+    def _set_network_window(self, low: float | None, high: float | None, automatic: bool) -> None:
+        """Set which intensities the network sees; None: as it is."""
+        parameters = self._app.session.parameters
+        shown = parameters.window
+        parameters.set_window(_or(low, shown[0]), _or(high, shown[1]), bool(automatic))
+
+    def _continue_segment(self, segment_id: str) -> None:
+        """Add a class that begins with points in a segment of the session."""
+        node = self._app.session.parameters.segmentation
+        if node is not None and node.GetSegmentation().GetSegment(str(segment_id)) is not None:
+            self._app.session.continue_segment(str(segment_id))
+
+    def _open_advanced(self, opened: bool) -> None:
+        """The page shows the advanced settings, or does not any more."""
+        self._app.server.state.advanced_open = bool(opened)
 
     def _set_window(self, low: float | None, high: float | None) -> None:
         """Set both ends of the window, or one; None: as it is."""
         volume = self._app.session.parameters.volume
         if volume is not None:
             display = volume.GetScalarVolumeDisplayNode()
-            low = display.GetWindowLevelMin() if low is None else float(low)
-            set_window(volume, low, display.GetWindowLevelMax() if high is None else float(high))
+            set_window(volume, _or(low, display.GetWindowLevelMin()), _or(high, display.GetWindowLevelMax()))
+
+
+def _or(given: float | None, otherwise: float) -> float:
+    """What the page gave, as a number; what is there, where it gave nothing that is one."""
+    return otherwise if given is None else float(given)

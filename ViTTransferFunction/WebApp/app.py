@@ -20,6 +20,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
+from ..Logic.scene.choices import choices, make_possible
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
@@ -31,7 +32,7 @@ from .page import build_page
 from .panel_state import session_state
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
-from .slicer_views import BrowserSliceTools, SlicerViews
+from .slicer_views import SlicerViews, slice_tools
 from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
 
 POLL_S = 0.010
@@ -44,6 +45,8 @@ BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
 """Parameters that a session from elsewhere does not decide."""
+OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "onlyAnnotatedParts")
+"""Parameters that stay when another volume is opened."""
 
 
 class WebApp:
@@ -66,7 +69,7 @@ class WebApp:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
         self._slicer = SlicerApp()
         self.scene = self._slicer.scene
-        self._settings = settings or {}
+        self._settings = dict(settings or {})
         self._messages = Messages()
         self._news = asyncio.Event()
         self._stale = False
@@ -76,9 +79,9 @@ class WebApp:
         self.server.state.saving = None
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
         self.tool = AnnotationTool(
-            self._slicer.app_logic, BrowserSliceTools(self.views), self._brush_mm, self.report, self._on_changed
+            self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
         )
-        self._wheel = BrowserSliceTools(self.views)
+        self._wheel = slice_tools(self.views)
         self._wheel.start(self._size_wheel)
         self.session = self._new_session()
         self._saved = self.session.classes
@@ -191,7 +194,7 @@ class WebApp:
             corrected = self.session.take_corrected()
             if corrected:
                 state.corrected = list(corrected)
-            state.update(session_state(self.session))
+            state.update(session_state(self.session, bool(state.advanced_open)))
             state.update({
                 "tool": self.tool.tool or "",
                 "message": "\n\n".join(self._messages.standing()),
@@ -238,6 +241,7 @@ class WebApp:
     def _new_session(self, saved: bool = False) -> SceneSession:
         """A session on the scene; `saved`: the scene comes with its own, of which only what is this computer's is replaced."""
         session = SceneSession(self.scene, self._slicer.app_logic, parameter_node(self.scene))
+        make_possible(session.parameters, choices())
         for name, value in self._settings.items():
             if not saved or name in OF_THIS_COMPUTER:
                 session.parameters.set(name, value)
@@ -297,6 +301,7 @@ class WebApp:
     def _close_scene(self) -> None:
         self.tool.put_down()
         self.extraction.give_up()
+        self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
         self._messages.clear()
         self.scene.Clear(0)

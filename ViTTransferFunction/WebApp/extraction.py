@@ -30,7 +30,7 @@ class ExtractionButton:
     @property
     def question(self) -> str:
         """What the user is to be asked, or ""."""
-        return download_question(self._asked, "start the app with --weights FILE") if self._asked else ""
+        return download_question(self._asked) if self._asked else ""
 
     def press(self) -> None:
         """The user wants the features."""

@@ -11,10 +11,11 @@ from typing import Any
 from trame.ui.html import DivLayout
 
 from ..Logic.scene.annotation_tool import TOOLS
-from ..Logic.scene.parameters import RENDERINGS
+from ..Logic.scene.choices import choices
 from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
-from ..Logic.scene.wording import choice_words, context_words, style_words
-from ..Logic.session.presets import PRESETS
+from ..Logic.scene.wording import context_words, style_words
+from ..Logic.session.preset_meanings import PRESET_MEANINGS
+from .panel_form import panel_form
 from .slicer_views import VIEWS
 
 TITLE = "ViT Transfer Function"
@@ -30,7 +31,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "scripts": ["__vittf/page.js"],
         "styles": ["__vittf/page.css"],
     })  # fmt: skip
-    words, choices = meanings(), choice_words()
+    words = meanings()
     keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
     server.state.update({
         "trame__title": TITLE,
@@ -40,8 +41,9 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
         "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
-        "renderings": [{"name": name, "text": choices[name]} for name in RENDERINGS],
-        "presets": [{"name": name, "text": choices.get(name, name), "meaning": PRESETS[name].meaning} for name in PRESETS],
+        "form": panel_form(),
+        "choices": choices(),
+        "preset_meanings": PRESET_MEANINGS,
         "styles": [{"name": name, "text": text} for name, text in style_words().items()],
         "contexts": [{"name": name, "text": context_words().get(name, name)} for name in contexts],
         "windows": [],
@@ -50,6 +52,8 @@ def build_page(server: Any, contexts: list[str]) -> None:
         # What is being typed in a field: each change of the state fills all fields anew.
         "typing": {},
         "trame__client_only": [*server.state.trame__client_only, "typing"],
+        "advanced_open": False,
+        "deleting": "",
         "asking_open": False,
         "asking_help": False,
         "path": "",

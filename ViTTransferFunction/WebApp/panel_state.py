@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..Logic.core.progress import WorkProgress
+from ..Logic.rendering.appearance import STYLES
+from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
@@ -12,9 +14,36 @@ from ..Logic.scene.segment_tags import CLASS_TAG
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.wording import progress_text, size_in_steps, threshold_text, volume_text
 
+PARAMETERS = (
+    "preset",
+    "model",
+    "weightsPath",
+    "grid",
+    "device",
+    "refinement",
+    "onlyAnnotatedParts",
+    "respectOtherSegments",
+    "otherSegmentsAreOutside",
+    "overlayVisible",
+    "overlayOpacity",
+    "proposalsVisible",
+    "rendering",
+    "renderingSolo",
+    "context",
+    "contextStrength",
+    "contextCutAway",
+    "renderingCut",
+)
+"""Those of `SceneParameters` that the page shows and sets."""
 
-def session_state(session: SceneSession) -> dict[str, Any]:
-    """Everything about the session that the page shows, by the names that the page's templates use."""
+
+def session_state(session: SceneSession, with_cache: bool) -> dict[str, Any]:
+    """Everything about the session that the page shows, by the names that the page's templates use.
+
+    Args:
+        session: which.
+        with_cache: whether to look up what lies in the cache.
+    """
     selected = session.selected_class
     volume = session.parameters.volume
     ready, annotated = session.phase == "ready", any(state.positive for state in session.classes)
@@ -34,14 +63,10 @@ def session_state(session: SceneSession) -> dict[str, Any]:
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
         "can_write": ready and annotated,
         "written": _has_our_segments(session),
-        "preset": session.parameters.get("preset"),
-        "rendering": session.parameters.get("rendering"),
-        "solo": session.parameters.get("renderingSolo"),
-        "context": session.parameters.get("context"),
-        "context_strength": session.parameters.get("contextStrength"),
-        "context_cut_away": session.parameters.get("contextCutAway"),
-        "overlay_opacity": session.parameters.get("overlayOpacity"),
-        "overlay_visible": session.parameters.get("overlayVisible"),
+        "segments": _other_segments(session),
+        "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
+        "network_window": _network_window(session),
+        "cache": _cache(session) if with_cache else None,
         "window": _window(volume),
     }
 
@@ -95,6 +120,8 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     return {
         "opacity": selected.opacity,
         "style": selected.style,
+        "look": _look(session, selected),
+        "tone": STYLES[selected.style].tone if selected.tone is None else selected.tone,
         "threshold": round(0.5 if threshold is None else threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,
@@ -106,12 +133,45 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     }
 
 
+def _look(session: SceneSession, selected: ClassState) -> dict[str, Any] | None:
+    """The intensities between which a class gets brighter in 3D; None where it is not in 3D yet."""
+    window = session.rendered_window(selected.id)
+    if window is None:
+        return None
+    low, high = (round(end, 1) for end in window)
+    return {"low": low, "high": high, "automatic": selected.low is None and selected.high is None}
+
+
 def _has_our_segments(session: SceneSession) -> bool:
+    return any(segment.HasTag(CLASS_TAG) for _, segment in _segments(session))
+
+
+def _other_segments(session: SceneSession) -> list[dict[str, str]]:
+    """Segments that a structure may begin with."""
+    return [{"id": id_, "name": segment.GetName()} for id_, segment in _segments(session)]
+
+
+def _segments(session: SceneSession) -> list[tuple[str, Any]]:
     node = session.parameters.segmentation
-    if node is None:
-        return False
-    segmentation = node.GetSegmentation()
-    return any(segmentation.GetSegment(id_).HasTag(CLASS_TAG) for id_ in segmentation.GetSegmentIDs())
+    segmentation = node.GetSegmentation() if node else None
+    return [(id_, segmentation.GetSegment(id_)) for id_ in segmentation.GetSegmentIDs()] if segmentation else []
+
+
+def _network_window(session: SceneSession) -> dict[str, Any]:
+    """The intensities that the network sees."""
+    low, high = (round(end, 1) for end in session.parameters.window)
+    return {"low": low, "high": high, "automatic": session.parameters.get("windowAutomatic")}
+
+
+def _cache(session: SceneSession) -> dict[str, Any]:
+    cache = CacheContents(session.parameters)
+    return {
+        "text": cache.text,
+        "has_features": cache.has_features,
+        "has_model": cache.has_model,
+        "features_question": cache.features_question,
+        "model_question": cache.model_question,
+    }
 
 
 def _window(volume: Any) -> dict[str, Any] | None:

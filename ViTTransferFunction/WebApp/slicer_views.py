@@ -13,7 +13,7 @@ from trame_slicer.rca_view import RemoteSliceViewFactory
 from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
 from trame_slicer.views.threed_view import ViewDirection
 
-from ..Logic.scene.annotation_tool import MakeTool, SliceTool
+from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientThreeDViewFactory
 
@@ -132,29 +132,9 @@ def _direction(vector_ras: np.ndarray) -> str:
     return _SIDES[axis][int(vector_ras[axis] > 0.0)]
 
 
-class BrowserSliceTools:
-    """Keeps a tool in each of the slice views until it is stopped.
-
-    Args:
-        views: which.
-    """
-
-    def __init__(self, views: SlicerViews) -> None:
-        self._views = views
-        self._tools: list[SliceTool] = []
-
-    def start(self, make: MakeTool) -> None:
-        """Have a tool made for each view, and let them have the mouse."""
-        self.stop()
-        self._tools = [make(view.interactor(), view.get_view_node(), view.schedule_render) for view in self._views.slices]
-        for tool in self._tools:
-            tool.activate()
-
-    def stop(self) -> None:
-        """Give the mouse back to the views."""
-        for tool in self._tools:
-            tool.deactivate()
-        self._tools = []
+def slice_tools(views: SlicerViews) -> SliceTools:
+    """Keeps a tool in each of the slice views until it is stopped."""
+    return SliceTools(lambda: [(view.interactor(), view.get_view_node(), view.schedule_render) for view in views.slices])
 
 
 def _add_view_buttons(view_id: str, fit: Callable[[], None]) -> None:

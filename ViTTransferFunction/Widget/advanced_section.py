@@ -9,13 +9,8 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.cache_folder import cache_folder
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.features.cache import FeatureCache
-from ViTTransferFunction.Logic.scene.wording import size
-from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
-from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
-from ViTTransferFunction.Logic.weights.store import file_in, remove_weights, weights_folder
+from ViTTransferFunction.Logic.scene.cache_contents import CacheContents
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 TYPING_MS = 700
@@ -69,32 +64,19 @@ class AdvancedSection(Section):
         if self.session is None:
             return
         parameters = self.session.parameters
-        automatic = parameters.get("windowAutomatic")
-        low, high = parameters.get("windowLow"), parameters.get("windowHigh")
-        if automatic:
-            low, high = _displayed_window(parameters.volume)
         with signals_blocked(*widgets):
-            ui.windowAutomaticCheckBox.checked = automatic
-            ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = low, high
+            ui.windowAutomaticCheckBox.checked = parameters.get("windowAutomatic")
+            ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = parameters.window
 
     def _show_cache(self) -> None:
-        cache, model = FeatureCache(), self._model()
-        weights = file_in(weights_folder(), model)
-        self.ui.cacheFolderLabel.text = _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
-            folder=cache_folder(),
-            features=size(cache.size_bytes()),
-            model=model.name,
-            weights=size(weights.stat().st_size) if weights else _("not downloaded"),
-        )
-        self.ui.clearFeaturesButton.enabled = bool(cache.entries())
-        self.ui.removeModelButton.enabled = weights is not None
+        cache = self._cache
+        self.ui.cacheFolderLabel.text = cache.text
+        self.ui.clearFeaturesButton.enabled = cache.has_features
+        self.ui.removeModelButton.enabled = cache.has_model
 
-    def _model(self) -> PretrainedModel:
-        """The model of the settings, whose downloaded weights can be removed; the user's own file may be of another."""
-        if self.session is None:
-            return pretrained_model(preset(DEFAULT_PRESET).model)
-        parameters = self.session.parameters
-        return pretrained_model(parameters.get("model") or preset(parameters.get("preset")).model)
+    @property
+    def _cache(self) -> CacheContents:
+        return CacheContents(self.session.parameters if self.session else None)
 
     def _take_weights(self) -> None:
         self._typing.stop()
@@ -119,43 +101,27 @@ class AdvancedSection(Section):
         self._set_window(automatic=False)
 
     def _set_window(self, automatic: bool) -> None:
-        """Write the three parameters at once, so that nobody sees a window that is half the old one."""
-        if self.session is None:
-            return
-        parameters = self.session.parameters
-        with slicer.util.NodeModify(parameters.node):
-            parameters.set("windowLow", self.ui.windowLowSpinBox.value)
-            parameters.set("windowHigh", self.ui.windowHighSpinBox.value)
-            parameters.set("windowAutomatic", automatic)
+        if self.session is not None:
+            self.session.parameters.set_window(self.ui.windowLowSpinBox.value, self.ui.windowHighSpinBox.value, automatic)
 
     def _on_clear_features(self) -> None:
-        question = _("Delete the features of all volumes from the cache ({size})? They can be computed again.")
-        if slicer.util.confirmOkCancelDisplay(question.format(size=size(FeatureCache().size_bytes()))):
-            self._attempt(FeatureCache().clear)
+        cache = self._cache
+        if slicer.util.confirmOkCancelDisplay(cache.features_question):
+            self._attempt(cache.clear_features)
 
     def _on_remove_model(self) -> None:
-        model = self._model()
-        question = _("Delete the weights of {model} from the cache? They can be downloaded again ({size}).")
-        if model.url is None:
-            question = _("Delete the weights of {model} from the cache ({size})? This module cannot download them again.")
-        if slicer.util.confirmOkCancelDisplay(question.format(model=model.name, size=size(model.size_mb * 1e6))):
-            self._attempt(lambda: remove_weights(model.name))
+        cache = self._cache
+        if slicer.util.confirmOkCancelDisplay(cache.model_question):
+            self._attempt(cache.remove_model)
 
-    def _attempt(self, action: Callable[[], Any]) -> None:
+    def _attempt(self, action: Callable[[], None]) -> None:
         try:
             action()
         except InputError as error:
             self.report(str(error))
-        except OSError as error:
-            self.report(_("Cannot delete from the cache: {reason}. Close what uses it and try again.").format(reason=error))
         self.refresh()
 
 
 def ask_folder(title: str, path: str, parent: Any) -> str:
     """Have the user choose a folder, beginning at `path`; "" where the user cancels."""
     return str(qt.QFileDialog.getExistingDirectory(parent, title, path))
-
-
-def _displayed_window(volume: slicer.vtkMRMLScalarVolumeNode | None) -> tuple[float, float]:
-    display = volume.GetScalarVolumeDisplayNode() if volume else None
-    return (display.GetWindowLevelMin(), display.GetWindowLevelMax()) if display else (0.0, 0.0)

@@ -8,7 +8,7 @@ import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
 from ViTTransferFunction.Widget.section import Report, Section
-from ViTTransferFunction.Widget.slice_tools import SliceTools
+from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 
 
 class AnnotationTools(Section):
@@ -29,7 +29,7 @@ class AnnotationTools(Section):
         }
         size_mm = ui.brushSizeSlider
         app_logic = slicer.app.applicationLogic()
-        self._in_hand = AnnotationTool(app_logic, SliceTools(), lambda: size_mm.value, report, self._check_buttons)
+        self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._check_buttons)
         for tool, button in self._buttons.items():
             self._connect(tool, button)
         ui.brushSizeSlider.valueChanged.connect(self._in_hand.follow_brush_size)

@@ -8,7 +8,7 @@ from ViTTransferFunction.Logic.scene.class_size import stepped
 from ViTTransferFunction.Logic.scene.size_wheel import SizeWheel
 from ViTTransferFunction.Logic.scene.wording import size_in_steps
 from ViTTransferFunction.Widget.section import Report, Section
-from ViTTransferFunction.Widget.slice_tools import SliceTools
+from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 
 
 class SizeControls(Section):
@@ -16,7 +16,7 @@ class SizeControls(Section):
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
-        self._wheel = SliceTools()
+        self._wheel = LayoutSliceTools()
         ui.smallerButton.clicked.connect(self.make_smaller)
         ui.largerButton.clicked.connect(self.make_larger)
         ui.sizeAsChosenButton.clicked.connect(self.reset)

@@ -88,7 +88,7 @@ class ComputeProcess:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise InputError(
                 f"Computing could not be started with {executable}: {error.strerror or error}. "
-                "Restart Slicer; if that does not help, install Slicer again."
+                "Restart Slicer or the app; if that does not help, install it again."
             ) from error
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -152,8 +152,8 @@ def _executable(given: str | Path | None) -> str:
     executable = str(given or sys.executable or "")
     if not executable or not Path(executable).is_file():
         raise InputError(
-            f"Python was not found {f'as {executable}' if executable else 'in Slicer'}, and nothing can be computed without "
-            "it. The installation of Slicer is incomplete: install Slicer again."
+            f"Python was not found{f' as {executable}' if executable else ''}, and nothing can be computed without it. The "
+            "installation of Slicer, or of the app, is incomplete: install it again."
         )
     # It is started from another folder.
     return str(Path(executable).absolute())

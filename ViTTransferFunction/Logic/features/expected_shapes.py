@@ -57,7 +57,7 @@ def check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> N
         raise InputError(
             f"The weights are not those of '{model.name}': {len(differing)} entries differ, first '{first}': expected "
             f"{expected.get(first, 'no such entry')}, got {got.get(first, 'no such entry')}. "
-            f"Choose the model that the file belongs to{belongs_to} (Model in the panel, or --model), or choose another file."
+            f"Choose the model that the file belongs to{belongs_to} (Model under Advanced, or --model), or choose another file."
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from .classes import ClassState
 from .place_mode import PlaceMode
 from .region_tool import RegionTool, Shape
 from .session import SceneSession
+from .slice_tools import SliceTools
 from .stroke_tool import StrokeTool
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
@@ -27,30 +28,6 @@ _REGIONS: dict[Tool, tuple[Shape, bool]] = {
 """What each tool for regions draws, and whether it lies inside the structure."""
 _INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
 """Those of the tools' icons."""
-
-
-class SliceTool(Protocol):
-    """Works in one slice view while active."""
-
-    def activate(self) -> None:
-        """Take the mouse."""
-
-    def deactivate(self) -> None:
-        """Give it back to the view."""
-
-
-MakeTool = Callable[[Any, Any, Callable[[], None]], SliceTool]
-"""Makes a tool for one view of its interactor, its slice node, and what has it drawn again soon."""
-
-
-class SliceTools(Protocol):
-    """Keeps a tool in every slice view, until it is stopped; how, is the front end's."""
-
-    def start(self, make: MakeTool) -> None:
-        """Have a tool made for each view, and let them have the mouse."""
-
-    def stop(self) -> None:
-        """Give the mouse back to the views."""
 
 
 class AnnotationTool:

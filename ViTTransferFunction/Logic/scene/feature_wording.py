@@ -55,17 +55,17 @@ def points_beyond_text(name: str, count: int) -> str:
     return _("⚠ {name}: {count} points outside the volume do not count.").format(name=name, count=count)
 
 
-def download_question(download: WeightsDownload, instead: str | None = None) -> str:
-    """What there is to know about weights before they are downloaded; `instead`: how a file from elsewhere is given."""
+def download_question(download: WeightsDownload) -> str:
+    """What there is to know about weights before they are downloaded."""
     return _(
-        "To compute features, this module needs the weights of a neural network, which are not on this computer yet.\n\n"
+        "To compute features, the weights of a neural network are needed, which are not on this computer yet.\n\n"
         "Model: {model} ({homepage})\n"
         "Licence: {licence}\n"
         "Download: {size}, once, from {site}\n"
         "Kept as: {target}\n"
         "SHA-256: {sha256}\n\n"
         "Nothing is uploaded: your images stay on this computer. Without a network, press Cancel, get the file on another "
-        "computer from {url}, and {instead}.\n\n"
+        "computer from {url}, and choose it under Advanced, Weights.\n\n"
         "For research use only. This is not a medical device: do not base diagnosis or treatment on its results."
     ).format(
         model=download.model,
@@ -76,5 +76,4 @@ def download_question(download: WeightsDownload, instead: str | None = None) -> 
         target=download.target,
         sha256=download.sha256 or _("not published; the file that comes is trusted, and no other from then on"),
         url=download.url,
-        instead=instead or _("choose it under Advanced, Weights"),
     )

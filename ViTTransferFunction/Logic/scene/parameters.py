@@ -97,6 +97,22 @@ class SceneParameters:
         self.node.SetParameter(name, str(type(self.DEFAULTS[name])(value)))
 
     @property
+    def window(self) -> tuple[float, float]:
+        """The intensities that the network sees, low and high; while they are chosen automatically, those that views show."""
+        display = self.volume.GetScalarVolumeDisplayNode() if self.volume else None
+        if self.get("windowAutomatic") and display is not None:
+            return display.GetWindowLevelMin(), display.GetWindowLevelMax()
+        return self.get("windowLow"), self.get("windowHigh")
+
+    def set_window(self, low: float, high: float, automatic: bool) -> None:
+        """Write what the network sees, at once, so that nobody sees a window that is half the old one."""
+        was_modifying = self.node.StartModify()
+        self.set("windowLow", low)
+        self.set("windowHigh", high)
+        self.set("windowAutomatic", automatic)
+        self.node.EndModify(was_modifying)
+
+    @property
     def volume(self) -> Any:
         """The volume to segment, a vtkMRMLScalarVolumeNode; None where none is chosen."""
         return self.node.GetNodeReference("volume")

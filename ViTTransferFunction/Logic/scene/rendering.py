@@ -126,8 +126,8 @@ class ClassRendering:
         logic = self._app_logic.GetModuleLogic("VolumeRendering")
         if logic is None:
             raise InputError(
-                "3D rendering needs Slicer's module Volume Rendering, which is not loaded. Enable it under Edit, Application "
-                "Settings, Modules, and restart Slicer."
+                "3D rendering needs Slicer's module Volume Rendering, which is not loaded. In Slicer, enable it under Edit, "
+                "Application Settings, Modules, and restart; outside of it, install the app anew."
             )
         display = logic.CreateVolumeRenderingDisplayNode(DISPLAY_CLASS)
         # Created for the caller to release.

@@ -35,8 +35,8 @@ def check_writable(segmentation_node: Any, volume_node: Any) -> None:
     if segmentation.GetNumberOfSegments() and source != LABELMAP:
         raise InputError(
             f"The segmentation '{segmentation_node.GetName()}' is stored as '{source}'; expected '{LABELMAP}'. Choose or make "
-            "another segmentation. Or convert this one, which changes its segments a little: in the module Segmentations, "
-            f"under Representations, press Create and then Make source beside '{LABELMAP}'."
+            "another segmentation. Or convert this one in Slicer, which changes its segments a little: in the module "
+            f"Segmentations, under Representations, press Create and then Make source beside '{LABELMAP}'."
         )
     matrix_to_world(segmentation_node)
     geometry_from_node(volume_node)

@@ -39,7 +39,7 @@ def geometry_from_node(node: Any) -> Geometry:
     if scalars.GetNumberOfComponents() != 1:
         raise InputError(
             f"'{name}' has {scalars.GetNumberOfComponents()} numbers in each voxel, as colour and vector volumes do; expected "
-            "a scalar volume. Convert it with the module Vector to Scalar Volume, or choose another one."
+            "a scalar volume. Choose another one, or convert this one in Slicer, with the module Vector to Scalar Volume."
         )
     matrix_to_world(node)
     ijk_to_ras = vtkMatrix4x4()
@@ -48,8 +48,8 @@ def geometry_from_node(node: Any) -> Geometry:
         return Geometry(image.GetDimensions()[::-1], numpy_matrix(ijk_to_ras))
     except ValueError as error:
         raise InputError(
-            f"'{name}' has a spacing of zero or axes that lie in one plane. Correct it in the module Volumes, under Volume "
-            "Information, or load the volume again."
+            f"'{name}' has a spacing of zero or axes that lie in one plane. Load the volume again, or correct it in Slicer: "
+            "module Volumes, Volume Information."
         ) from error
 
 
@@ -73,7 +73,8 @@ def matrix_to_world(node: Any) -> np.ndarray:
     if parent is not None and not parent.IsTransformToWorldLinear():
         raise InputError(
             f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
-            f"or none. Harden it: in the module Data, right-click the transform icon of '{node.GetName()}', Harden transform."
+            "or none. Harden it in Slicer, in the module Data: right-click the transform icon of "
+            f"'{node.GetName()}', Harden transform."
         )
     if parent is not None:
         parent.GetMatrixTransformToWorld(matrix)

@@ -229,6 +229,6 @@ def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUn
         how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"
     return WeightsUnavailable(
         f"There are no weights of '{model.name}' on this computer, and they could not be fetched: {reason}. "
-        f"{how} to {target}; or copy it anywhere and choose it as Weights (in the panel under Advanced), by --weights, or in "
-        f"{WEIGHTS_VARIABLE}."
+        f"{how} to {target}; or copy it anywhere on this computer and name it under Advanced, Weights, by --weights, or "
+        f"in {WEIGHTS_VARIABLE}."
     )

@@ -80,7 +80,7 @@ def check_cached(model: PretrainedModel, path: Path) -> str:
     if not _is_intact(model, path, sha256):
         raise InputError(
             f"{path} was changed or is damaged: its SHA-256 is {sha256}, expected {' or '.join(trusted_hashes(model, path))}. "
-            f"Remove it (Remove model in the panel, or 'vittf weights remove {model.name}') and get it again."
+            f"Remove it (Remove model under Advanced, or 'vittf weights remove {model.name}') and get it again."
         )
     if sha256 not in trusted_hashes(model, path):
         remember(model, path, sha256)

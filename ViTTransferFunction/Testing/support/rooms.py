@@ -14,13 +14,13 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "rendering": ("core",),
     "session": ("core", "weights", "features", "similarity", "refinement"),
     "compute": ("core", "features", "refinement", "rendering", "session"),
-    "scene": ("core", "refinement", "rendering", "session", "compute"),
+    "scene": ("core", "weights", "features", "refinement", "rendering", "session", "compute"),
 }
 """Room → the rooms that its files may import."""
 
 FRONT_ENDS: dict[str, tuple[str, ...]] = {
     "Widget": ("core", "weights", "features", "refinement", "rendering", "session", "scene"),
-    "WebApp": ("core", "files", "session", "scene"),
+    "WebApp": ("core", "files", "rendering", "session", "scene"),
     "CommandLine": tuple(ARROWS),
 }
 """Folder beside the Logic → the rooms that its files may import. Of each other, only `CommandLine` knows `WebApp`."""

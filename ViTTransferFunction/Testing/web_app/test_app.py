@@ -58,14 +58,14 @@ def test_looks_and_surroundings_are_those_of_the_scene(opened: Callable[[Journey
         app.actions("style", "glass")
         assert [shown.style for shown in app.session.classes] == ["surface", "glass"]
         assert state.settings["style"] == "glass"
-        for action, value in (("context", "CT-AAA"), ("contextStrength", 0.25), ("contextCutAway", True), ("solo", True)):
-            app.actions(action, value)
-        assert (state.context, state.context_strength, state.context_cut_away, state.solo) == ("CT-AAA", 0.25, True, True)
-        names = ("context", "contextStrength", "contextCutAway", "renderingSolo")
-        assert [parameters.get(name) for name in names] == ["CT-AAA", 0.25, True, True]
-        app.actions("context", "no such surroundings")
+        chosen = {"context": "CT-AAA", "contextStrength": 0.25, "contextCutAway": True, "renderingSolo": True}
+        for name, value in chosen.items():
+            app.actions("parameter", name, value)
+        assert {name: state.parameters[name] for name in chosen} == chosen
+        assert {name: parameters.get(name) for name in chosen} == chosen
+        app.actions("parameter", "context", "no such surroundings")
         app.actions("style", "no such style")
-        assert (state.context, state.settings["style"]) == ("CT-AAA", "glass")
+        assert (state.parameters["context"], state.settings["style"]) == ("CT-AAA", "glass")
 
     opened(journey)
 

@@ -23,8 +23,8 @@
     const key = keyOf(event);
     const inDialog = document.querySelector(".backdrop");
     if (key === "Esc" && (inDialog || state("asking_help"))) {
-      set("asking_open", false);
-      set("asking_help", false);
+      if (inDialog) inDialog.querySelector("[data-cancel]").click();
+      else set("asking_help", false);
       return;
     }
     if (isTyping(event.target) || inDialog) return;
@@ -43,6 +43,18 @@
     else act(shortcut.action);
     event.preventDefault();
   });
+
+  // A dialog has the keyboard while it is there, and gives it back.
+  let dialog = null;
+  let before = null;
+  new MutationObserver(() => {
+    const shown = document.querySelector(".dialog");
+    if (shown === dialog) return;
+    if (!dialog) before = document.activeElement;
+    dialog = shown;
+    if (shown) shown.querySelector("button, input").focus();
+    else if (before && before.isConnected) before.focus();
+  }).observe(document.documentElement, { childList: true, subtree: true });
 
   // Closing the page ends the app.
   window.addEventListener("beforeunload", (event) => {

@@ -1,0 +1,82 @@
+"""What lies in the cache, in words, and its removal: features, and the weights of the model that the settings name."""
+
+from __future__ import annotations
+
+from ..core.cache_folder import cache_folder
+from ..core.errors import InputError
+from ..features.cache import FeatureCache
+from ..session.presets import DEFAULT_PRESET, preset
+from ..weights.models import PretrainedModel, pretrained_model
+from ..weights.store import file_in, remove_weights, weights_folder
+from .parameters import SceneParameters
+from .translation import tr as _
+from .wording import size
+
+
+class CacheContents:
+    """The cache as it is now: each look reads its folders.
+
+    Args:
+        parameters: whose model's weights are meant, wherever the user's own file may be; None: those of the default.
+    """
+
+    def __init__(self, parameters: SceneParameters | None) -> None:
+        self._model = _model(parameters)
+
+    @property
+    def text(self) -> str:
+        """Where the cache is, and how much it holds."""
+        weights = file_in(weights_folder(), self._model)
+        return _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
+            folder=cache_folder(),
+            features=size(FeatureCache().size_bytes()),
+            model=self._model.name,
+            weights=size(weights.stat().st_size) if weights else _("not downloaded"),
+        )
+
+    @property
+    def has_features(self) -> bool:
+        """Whether there is something for `clear_features`."""
+        return bool(FeatureCache().entries())
+
+    @property
+    def has_model(self) -> bool:
+        """Whether there is something for `remove_model`."""
+        return file_in(weights_folder(), self._model) is not None
+
+    @property
+    def features_question(self) -> str:
+        """What the user is asked before `clear_features`."""
+        question = _("Delete the features of all volumes from the cache ({size})? They can be computed again.")
+        return question.format(size=size(FeatureCache().size_bytes()))
+
+    @property
+    def model_question(self) -> str:
+        """What the user is asked before `remove_model`."""
+        question = _("Delete the weights of {model} from the cache? They can be downloaded again ({size}).")
+        if self._model.url is None:
+            question = _("Delete the weights of {model} from the cache ({size})? This program cannot download them again.")
+        return question.format(model=self._model.name, size=size(self._model.size_mb * 1e6))
+
+    def clear_features(self) -> None:
+        """Delete all features. Raises InputError where they cannot be."""
+        try:
+            FeatureCache().clear()
+        except OSError as error:
+            raise _not_deleted(error) from error
+
+    def remove_model(self) -> None:
+        """Delete the model's weights. Raises InputError where they cannot be."""
+        try:
+            remove_weights(self._model.name)
+        except OSError as error:
+            raise _not_deleted(error) from error
+
+
+def _model(parameters: SceneParameters | None) -> PretrainedModel:
+    name = parameters.get("preset") if parameters else DEFAULT_PRESET
+    return pretrained_model((parameters.get("model") if parameters else "") or preset(name).model)
+
+
+def _not_deleted(error: OSError) -> InputError:
+    return InputError(_("Cannot delete from the cache: {reason}. Close what uses it and try again.").format(reason=error))

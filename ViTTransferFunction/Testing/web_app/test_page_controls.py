@@ -1,0 +1,211 @@
+"""The settings that the page has from the panel: what they do to the session, and that they can be used without a mouse."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
+from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.WebApp.app import WebApp
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+
+
+@pytest.fixture(scope="module")
+def in_app() -> Iterator[Callable[[Journey], None]]:
+    """Runs journeys on one app, which takes seconds to make."""
+    loop = asyncio.new_event_loop()
+
+    async def make() -> WebApp:
+        return WebApp()
+
+    app = loop.run_until_complete(make())
+    yield lambda journey: loop.run_until_complete(journey(app))
+    app.session.close()
+    for task in asyncio.all_tasks(loop):
+        task.cancel()
+    loop.run_until_complete(asyncio.sleep(0))
+    loop.close()
+
+
+@pytest.fixture
+def file(spheres: Spheres, tmp_path: Path) -> Path:
+    path = tmp_path / "spheres.nrrd"
+    sitk.WriteImage(sitk.GetImageFromArray(spheres[0].array), str(path))
+    return path
+
+
+@pytest.fixture
+def opened(in_app: Callable[[Journey], None], file: Path) -> Callable[[Journey], None]:
+    """Runs a journey on an app that has the volume of spheres open."""
+
+    def run(journey: Journey) -> None:
+        async def go(app: WebApp) -> None:
+            await app.open_files([file])
+            await journey(app)
+
+        in_app(go)
+
+    return run
+
+
+def test_the_panels_settings_reach_the_session_and_come_back(opened: Callable[[Journey], None]) -> None:
+    settings = {
+        "preset": "fine", "model": "dino_vits8", "grid": 48, "device": "cpu", "refinement": "guided",
+        "onlyAnnotatedParts": False, "proposalsVisible": False, "respectOtherSegments": False, "renderingCut": True,
+    }  # fmt: skip
+
+    async def journey(app: WebApp) -> None:
+        before = {name: app.session.parameters.get(name) for name in settings}
+        for name, value in settings.items():
+            app.actions("parameter", name, value)
+            assert app.session.parameters.get(name) == value
+            assert app.server.state.parameters[name] == value
+            app.actions("parameter", name, before[name])
+
+    opened(journey)
+
+
+def test_what_a_setting_cannot_be_is_ignored(opened: Callable[[Journey], None]) -> None:
+    hostile = {
+        "preset": "none such", "model": "", "grid": 129, "device": "tpu", "refinement": None, "overlayOpacity": 1.5,
+        "selectedClass": "x", "windowLow": 3.0, "no such setting": 1,
+    }  # fmt: skip
+
+    async def journey(app: WebApp) -> None:
+        before = dict(app.server.state.parameters)
+        for name, value in hostile.items():
+            app.actions("parameter", name, value)
+        assert app.server.state.parameters == before
+        assert app.session.parameters.get("windowLow") != 3.0
+
+    opened(journey)
+
+
+def test_settings_stay_when_another_volume_is_opened_but_not_its_intensities(
+    opened: Callable[[Journey], None], file: Path
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("parameter", "preset", "fine")
+        app.actions("parameter", "weightsPath", "/no/such/file.pt")
+        app.actions("networkWindow", -100.0, 200.0, False)
+        await app.open_files([file])
+        parameters = app.session.parameters
+        names = ("preset", "weightsPath", "windowAutomatic")
+        assert [parameters.get(name) for name in names] == ["fine", "/no/such/file.pt", True]
+        app.actions("parameter", "preset", "balanced")
+        app.actions("parameter", "weightsPath", "")
+
+    opened(journey)
+
+
+def test_the_network_s_window_is_that_of_the_views_until_it_is_set(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        state, parameters = app.server.state, app.session.parameters
+        app.actions("window", -50.0, 150.0)
+        assert state.network_window == {"low": -50.0, "high": 150.0, "automatic": True}
+        app.actions("networkWindow", None, 200.0, False)
+        assert [parameters.get(name) for name in ("windowAutomatic", "windowLow", "windowHigh")] == [False, -50.0, 200.0]
+        app.actions("networkWindow", 300.0, None, False)
+        assert "lower first" in state.message
+        app.actions("networkWindow", None, None, True)
+        assert state.network_window["automatic"]
+
+    opened(journey)
+
+
+def test_intensities_in_3d_are_the_structures_own_until_they_are_set(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        assert app.server.state.settings["look"] is None
+        (structure,) = app.session.classes
+        levels, own = np.linspace(-100.0, 410.0, 256), np.array([[50.0, 150.0]])
+        rendering = StructureVolume(np.zeros((2, 2, 2, 4), np.uint8), own, levels, True, 1.0, Geometry((2, 2, 2), np.eye(4)))
+        monkeypatch.setattr(app.session._proxy, "rendering", rendering)
+        monkeypatch.setattr(app.session._proxy, "rendered", (structure.id,))
+        app.refresh()
+        assert app.server.state.settings["look"] == {"low": 0.0, "high": 200.0, "automatic": True}
+        app.actions("look", 60.0, None, False)
+        assert [(state.low, state.high) for state in app.session.classes] == [(60.0, 200.0)]
+        app.actions("set", "tone", 0.4)
+        assert app.server.state.settings["tone"] == 0.4
+        app.actions("style", "glass")
+        assert app.session.classes[0].tone is None
+        app.actions("look", None, None, True)
+        assert [(state.low, state.high) for state in app.session.classes] == [(None, None)]
+
+    opened(journey)
+
+
+def test_a_structure_is_duplicated_and_moved(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.actions("duplicate")
+        first, second = app.session.classes
+        assert app.session.selected_class == second
+        app.actions("moveUp")
+        assert app.session.classes == (second, first)
+
+    opened(journey)
+
+
+def test_without_a_rendering_there_is_nothing_to_export_and_the_page_says_so(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("exportRendering")
+        assert "no 3D rendering" in app.server.state.message
+
+    opened(journey)
+
+
+def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
+    opened: Callable[[Journey], None], a_cache_of_its_own: Path
+) -> None:
+    kept = a_cache_of_its_own / "features" / f"{'0' * 64}.npz"
+    kept.parent.mkdir(parents=True)
+    kept.write_bytes(b"x" * 3_000_000)
+
+    async def journey(app: WebApp) -> None:
+        state: Any = app.server.state
+        assert state.cache is None
+        app.actions("advanced", True)
+        assert str(a_cache_of_its_own) in state.cache["text"]
+        assert "Features: 3 MB" in state.cache["text"]
+        assert "of all volumes from the cache (3 MB)" in state.cache["features_question"]
+        assert not state.cache["has_model"]
+        app.actions("removeModel")
+        assert "Nothing to remove" in state.message
+        app.actions("clearFeatures")
+        assert not kept.exists()
+        assert not state.cache["has_features"]
+        app.actions("advanced", False)
+        assert state.cache is None
+
+    opened(journey)
+
+
+def test_a_setting_of_another_version_becomes_its_default(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        from ViTTransferFunction.WebApp.scene_files import write_session
+
+        app.session.parameters.set("model", "of tomorrow")
+        path = tmp_path / "session.mrb"
+        write_session(app.scene, path)
+        app.session.parameters.set("model", "")
+        await app.open_files([path])
+        assert app.server.state.message == ""
+        assert app.session.parameters.get("model") == ""
+
+    in_app(journey)

@@ -1,0 +1,133 @@
+"""The page without a mouse, for those who cannot see it, and on a small screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.Testing.support.web_app import AppPage, Server, serving
+
+pytestmark = pytest.mark.slow
+
+STRUCTURES = 8
+CONTROLS = "button, input, select, summary, a[href], [tabindex='0']"
+FOLDED = ("appearance", "segmentation", "advanced")
+
+NUMBER_ALL = f"""() => {{
+    const seen = [...document.querySelectorAll("{CONTROLS}")].filter((one) => !one.disabled && one.checkVisibility());
+    seen.forEach((one, index) => {{ one.dataset.number = index; }});
+    return seen.map((one) => one.outerHTML.slice(0, 200));
+}}"""
+"""Numbers all controls that can be seen and used."""
+FOCUSED = """() => {
+    const one = document.activeElement;
+    const outlined = [one, one.closest("label")].some((box) => box && getComputedStyle(box).outlineStyle !== "none");
+    return [one.dataset.number ?? "", outlined];
+}"""
+"""Number of the control that has the focus, and whether that can be seen."""
+BEYOND = """() => [...document.querySelectorAll(".panel *")].filter((one) => {
+    const edge = document.querySelector(".panel").getBoundingClientRect().right;
+    return one.checkVisibility() && one.getBoundingClientRect().right > edge;
+}).map((one) => one.outerHTML.slice(0, 200))"""
+"""What of the panel lies beyond its edge."""
+NAMED_ROLES = ("button", "checkbox", "combobox", "slider", "spinbutton", "textbox", "link", "ColorWell", "DisclosureTriangle")
+
+
+@pytest.fixture(scope="module")
+def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("app")
+    voxels = np.random.default_rng(0).normal(0.0, 8.0, (8, 9, 10)).astype(np.int16)
+    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(folder / "noise.nrrd"))
+    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
+        yield server
+
+
+@pytest.fixture
+def page(new_page: Callable[[], AppPage], server: Server) -> AppPage:
+    """The page with eight structures, and with all that is folded away open."""
+    page = new_page()
+    page.page.goto(server.address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    for number in range(page.page.evaluate("window.trame.state.get('classes').length"), STRUCTURES):
+        page["add-class"].click()
+        page[f"class-{number}"].wait_for()
+    for name in FOLDED:
+        if page[name].get_attribute("open") is None:
+            page[name].locator("summary").click()
+    page["cache"].wait_for()
+    return page
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_nothing_is_wider_than_a_small_screen(page: AppPage, theme: str) -> None:
+    if page["app"].get_attribute("data-theme") != theme:
+        page["theme"].click()
+    page.wait_for_drawing()
+    page.keep_picture(f"upper half, {theme}")
+    page["remove-model"].scroll_into_view_if_needed()
+    page.keep_picture(f"lower half, {theme}")
+    assert page.page.evaluate("document.documentElement.scrollWidth") <= 1280
+    assert page.page.evaluate("(box => box.scrollWidth - box.clientWidth)(document.querySelector('.sections'))") <= 0
+    assert page.page.evaluate(BEYOND) == []
+
+
+def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage) -> None:
+    controls = page.page.evaluate(NUMBER_ALL)
+    assert len(controls) > 80
+    reached, unseen = set(), []
+    for _ in range(len(controls) + 20):
+        page.page.keyboard.press("Tab")
+        number, outlined = page.page.evaluate(FOCUSED)
+        reached.add(number)
+        if number and not outlined:
+            unseen.append(controls[int(number)])
+    assert [control for number, control in enumerate(controls) if str(number) not in reached] == []
+    assert unseen == []
+
+
+def test_screen_readers_have_a_name_for_every_control(page: AppPage) -> None:
+    nodes = page.page.context.new_cdp_session(page.page).send("Accessibility.getFullAXTree")["nodes"]
+    controls = [node for node in nodes if not node.get("ignored") and _value(node, "role") in NAMED_ROLES]
+    assert len(controls) > 80
+    assert [node for node in controls if not _value(node, "name")] == []
+
+
+def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> None:
+    page["class-2"].focus()
+    page.page.keyboard.press("Enter")
+    page.wait_for_state("classes.length === 8")
+    page.page.wait_for_function("window.trame.state.get('selected') === window.trame.state.get('classes')[2].id")
+    page.page.keyboard.press("F2")
+    page.page.keyboard.type("liver")
+    page.page.keyboard.press("Enter")
+    page.wait_for_state("classes[2].name === 'liver'")
+    page["class-2"].focus()
+    page.page.keyboard.press("Delete")
+    page.wait_for_state("classes.length === 7")
+
+
+def test_a_dialog_has_the_keyboard_until_esc_gives_it_back(page: AppPage) -> None:
+    page["open"].focus()
+    page.page.keyboard.press("Enter")
+    page["open-dialog"].wait_for()
+    inside = "document.querySelector('.dialog').contains(document.activeElement)"
+    page.page.wait_for_function(inside)
+    for _ in range(12):
+        page.page.keyboard.press("Tab")
+        assert page.page.evaluate(f"{inside} || document.activeElement === document.body")
+    page["open-path"].focus()
+    page.page.keyboard.press("Escape")
+    page["open-dialog"].wait_for(state="detached")
+    page.page.wait_for_function("document.activeElement.dataset.testid === 'open'")
+
+
+def _value(node: dict[str, Any], name: str) -> str:
+    return str(node.get(name, {}).get("value", ""))
