@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..Logic.core.colors import hex_color
 from ..Logic.core.progress import WorkProgress
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
@@ -44,11 +45,6 @@ def session_state(session: SceneSession) -> dict[str, Any]:
         "overlay_visible": session.parameters.get("overlayVisible"),
         "window": _window(volume),
     }
-
-
-def hex_color(color: tuple[float, ...]) -> str:
-    """A colour as HTML writes it."""
-    return "#" + "".join(f"{round(255 * part):02x}" for part in color)
 
 
 def color_of_hex(text: str) -> tuple[float, float, float]:
@@ -93,8 +89,8 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     chosen = session.chosen_iso(selected.id)
     threshold = selected.iso if selected.iso is not None else chosen
     return {
-        "opacity": selected.opacity,
-        "style": selected.style,
+        "opacity": selected.look.opacity,
+        "style": selected.look.style,
         "threshold": round(0.5 if threshold is None else threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,
