@@ -1,4 +1,4 @@
-"""What every picture is made of: the segments to show, shapes and text drawn on an array of pixels, a legend, a PNG file.
+"""What every picture is made of: the segments to show, shapes and text drawn on an array of pixels, a legend.
 
 A picture is an array (H, W, 3) uint8, its first row on top. Drawing needs no screen and no OpenGL.
 """
@@ -7,16 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
-from vtkmodules.vtkIOImage import vtkPNGWriter
 from vtkmodules.vtkRenderingCore import vtkTextProperty, vtkTextRenderer
 from vtkmodules.vtkRenderingFreeType import vtkFreeTypeTools  # noqa: F401  (importing it gives vtkTextRenderer its fonts)
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
 from ViTTransferFunction.Logic.core.colors import Color
 
 BACKGROUND: Color = (0.055, 0.063, 0.078)
@@ -60,29 +57,6 @@ def check_segments(segments: Sequence[PictureSegment], shape: tuple[int, int, in
     for segment in segments:
         if segment.mask.shape != shape:
             raise ValueError(f"segment '{segment.name}' has a mask of shape {segment.mask.shape}, its volume is {shape}")
-
-
-def save_png(picture: np.ndarray, path: Path) -> None:
-    """Write a picture to `path`, whole or not at all; its folder is made if missing.
-
-    Args:
-        picture: (H, W, 3) uint8, or (H, W, 4) with the opacity of each pixel.
-        path: of the file.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    image = vtkImageData()
-    image.SetDimensions(picture.shape[1], picture.shape[0], 1)
-    # VTK counts rows from the bottom.
-    image.GetPointData().SetScalars(numpy_to_vtk(np.ascontiguousarray(picture[::-1]).reshape(-1, picture.shape[2]), deep=True))
-    # Written to memory: the file's own errors then come from Python, not from VTK's error log.
-    writer = vtkPNGWriter()
-    writer.SetInputData(image)
-    writer.WriteToMemoryOn()
-    writer.Write()
-    with replacing(path) as temporary:
-        temporary.write_bytes(vtk_to_numpy(writer.GetResult()).tobytes())
 
 
 class Canvas:

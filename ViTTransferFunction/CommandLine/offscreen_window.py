@@ -11,14 +11,14 @@ from types import TracebackType
 
 import numpy as np
 import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (importing it gives VTK its OpenGL classes)
-from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkObject
-from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow, vtkWindowToImageFilter
+from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow
 
-from ViTTransferFunction.CommandLine.camera import Size
 from ViTTransferFunction.CommandLine.canvas import BACKGROUND
+from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.view_picture import pixels_of
 
 BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
 
@@ -65,23 +65,7 @@ class OffscreenWindow:
         self._renderer.ResetCameraClippingRange()
         self._window.SetSize(*size)
         self._window.Render()
-        grabber = vtkWindowToImageFilter()
-        grabber.SetInput(self._window)
-        if transparent:
-            grabber.SetInputBufferTypeToRGBA()
-        grabber.ReadFrontBufferOff()
-        grabber.ShouldRerenderOff()
-        grabber.Update()
-        scalars = grabber.GetOutput().GetPointData().GetScalars()
-        pixels = vtk_to_numpy(scalars).reshape(size[1], size[0], -1)[::-1].copy()
-        return _straight(pixels) if transparent else pixels
-
-
-def _straight(pixels: np.ndarray) -> np.ndarray:
-    """Pixels (H, W, 4) whose colours VTK weighed by their opacity, with the colours themselves, as PNG has them."""
-    opacity = pixels[..., 3:].astype(np.float32) / 255.0
-    colors = np.divide(pixels[..., :3], opacity, out=np.zeros(pixels[..., :3].shape, np.float32), where=opacity > 0.0)
-    return np.concatenate([np.rint(np.minimum(colors, 255.0)).astype(np.uint8), pixels[..., 3:]], axis=-1)
+        return pixels_of(self._window, transparent)
 
 
 @contextmanager

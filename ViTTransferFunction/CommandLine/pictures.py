@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ViTTransferFunction.CommandLine.canvas import PictureSegment, save_png
+from ViTTransferFunction.CommandLine.canvas import PictureSegment
 from ViTTransferFunction.CommandLine.file_names import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
@@ -17,6 +17,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE
+from ViTTransferFunction.Logic.scene.png_file import save_png
 
 NO_CONTEXT = "off"
 

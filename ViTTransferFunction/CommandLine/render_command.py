@@ -16,13 +16,13 @@ from ViTTransferFunction.Logic.core.errors import InputError
 if TYPE_CHECKING:
     import numpy as np
 
-    from ViTTransferFunction.CommandLine.camera import Camera, Direction, Size
     from ViTTransferFunction.CommandLine.canvas import PictureSegment
-    from ViTTransferFunction.CommandLine.film import FilmPlan
     from ViTTransferFunction.CommandLine.rendering_picture import Rendering
+    from ViTTransferFunction.Logic.core.camera import Camera, Direction, Size
     from ViTTransferFunction.Logic.core.progress import Progress
     from ViTTransferFunction.Logic.core.volume import Volume
     from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
+    from ViTTransferFunction.Logic.files.film import FilmPlan
 
 VIEW_DEGREES = {
     "front": (0.0, 0.0),
@@ -77,9 +77,9 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     outputs = _outputs(args)
     size, seen_from = _size(args), _direction(args)
-    from ViTTransferFunction.CommandLine.camera import read_camera, write_camera
     from ViTTransferFunction.CommandLine.pictures import draw_slice_picture, open_rendering
     from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+    from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
     from ViTTransferFunction.Logic.files.volume_files import files_of
 
     film = _film(args)
@@ -160,7 +160,7 @@ def _outputs(args: argparse.Namespace) -> dict[str, Path]:
 def _size(args: argparse.Namespace) -> Size | None:
     if args.size is None:
         return None
-    from ViTTransferFunction.CommandLine.camera import checked_side
+    from ViTTransferFunction.Logic.core.camera import checked_side
 
     width, separator, height = args.size.lower().replace("×", "x").partition("x")
     if not (separator and all(side.isdecimal() and len(side) < 10 for side in (width, height))):
@@ -169,7 +169,7 @@ def _size(args: argparse.Namespace) -> Size | None:
 
 
 def _direction(args: argparse.Namespace) -> Direction:
-    from ViTTransferFunction.CommandLine.camera import DEFAULT_DEGREES, direction
+    from ViTTransferFunction.Logic.core.camera import DEFAULT_DEGREES, direction
 
     given = {name: value for name in ("view", "azimuth", "elevation") if (value := getattr(args, name)) is not None}
     if args.camera and given:
@@ -184,7 +184,7 @@ def _direction(args: argparse.Namespace) -> Direction:
 def _film(args: argparse.Namespace) -> FilmPlan | None:
     if not args.turntable:
         return None
-    from ViTTransferFunction.CommandLine.film import DEFAULT_FRAMES, DEFAULT_SECONDS, FilmPlan, check_film_writer
+    from ViTTransferFunction.Logic.files.film import DEFAULT_FRAMES, DEFAULT_SECONDS, FilmPlan, check_film_writer
 
     frames = DEFAULT_FRAMES if args.frames is None else args.frames
     plan = FilmPlan(args.turntable, frames, DEFAULT_SECONDS if args.seconds is None else args.seconds)
@@ -224,8 +224,8 @@ def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None
     """
     if size is None:
         return None
-    from ViTTransferFunction.CommandLine.camera import SMALLEST_SIDE
     from ViTTransferFunction.CommandLine.rendering_picture import height_below
+    from ViTTransferFunction.Logic.core.camera import SMALLEST_SIDE
 
     left = size[1] - height_below(shown, size)
     if left < SMALLEST_SIDE:
@@ -235,8 +235,8 @@ def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None
 
 def _draw_3d(path: Path, rendering: Rendering, look: _Look, transparent: bool) -> Camera:
     """Draw the 3D picture; returns its camera."""
-    from ViTTransferFunction.CommandLine.camera import DEFAULT_HEIGHT
-    from ViTTransferFunction.CommandLine.canvas import save_png
+    from ViTTransferFunction.Logic.core.camera import DEFAULT_HEIGHT
+    from ViTTransferFunction.Logic.scene.png_file import save_png
 
     camera = look.camera_of(rendering, look.size if transparent else look.above_legend, DEFAULT_HEIGHT)
     picture = rendering.picture(camera, transparent=True) if transparent else rendering.labelled_picture(camera, look.size)
@@ -246,7 +246,7 @@ def _draw_3d(path: Path, rendering: Rendering, look: _Look, transparent: bool) -
 
 def _shoot(plan: FilmPlan, rendering: Rendering, look: _Look, progress: Progress) -> Camera:
     """Shoot the film; returns the camera of its first frame."""
-    from ViTTransferFunction.CommandLine.film import write_film
+    from ViTTransferFunction.Logic.files.film import write_film
 
     camera = look.camera_of(rendering, look.above_legend, FILM_HEIGHT, turning=True)
 

@@ -14,7 +14,10 @@ import vtkmodules.vtkRenderingVolumeOpenGL2  # noqa: F401  (importing it gives V
 from scipy.ndimage import binary_dilation, label
 from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer
 
-from ViTTransferFunction.CommandLine.camera import (
+from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment, check_segments, draw_legend, legend_height
+from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
+from ViTTransferFunction.CommandLine.structure_prop import structure_prop
+from ViTTransferFunction.Logic.core.camera import (
     DEFAULT_DIRECTION,
     DEFAULT_HEIGHT,
     Camera,
@@ -23,9 +26,6 @@ from ViTTransferFunction.CommandLine.camera import (
     framing,
     middle_of,
 )
-from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment, check_segments, draw_legend, legend_height
-from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
-from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
@@ -34,6 +34,7 @@ from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_level
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS, Surroundings
+from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""
@@ -134,7 +135,7 @@ class Rendering:
 
     def picture(self, camera: Camera, *, transparent: bool = False) -> np.ndarray:
         """What the camera sees, of its size: (H, W, 3) uint8, or (H, W, 4) with opacities where `transparent`."""
-        return self._window.picture(camera.placed(self.middle_ras), camera.size, transparent=transparent)
+        return self._window.picture(placed_camera(camera, self.middle_ras), camera.size, transparent=transparent)
 
     def labelled_picture(self, camera: Camera, size: Size | None = None) -> np.ndarray:
         """What the camera sees, with the patient's directions at its edges, above a legend: (H, W, 3) uint8.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..Logic.core.colors import hex_color
 from ..Logic.core.progress import WorkProgress
-from ..Logic.rendering.appearance import STYLES
+from ..Logic.rendering.appearance import effective
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
@@ -71,11 +72,6 @@ def session_state(session: SceneSession, with_cache: bool) -> dict[str, Any]:
     }
 
 
-def hex_color(color: tuple[float, ...]) -> str:
-    """A colour as HTML writes it."""
-    return "#" + "".join(f"{round(255 * part):02x}" for part in color)
-
-
 def color_of_hex(text: str) -> tuple[float, float, float]:
     """The colour that HTML writes so. Raises ValueError where it is none."""
     if len(text) != 7 or text[0] != "#":
@@ -118,10 +114,10 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     chosen = session.chosen_iso(selected.id)
     threshold = selected.iso if selected.iso is not None else chosen
     return {
-        "opacity": selected.opacity,
-        "style": selected.style,
+        "opacity": selected.look.opacity,
+        "style": selected.look.style,
         "look": _look(session, selected),
-        "tone": STYLES[selected.style].tone if selected.tone is None else selected.tone,
+        "tone": effective(selected.look).tone,
         "threshold": round(0.5 if threshold is None else threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,
@@ -139,7 +135,7 @@ def _look(session: SceneSession, selected: ClassState) -> dict[str, Any] | None:
     if window is None:
         return None
     low, high = (round(end, 1) for end in window)
-    return {"low": low, "high": high, "automatic": selected.low is None and selected.high is None}
+    return {"low": low, "high": high, "automatic": selected.look.low is None and selected.look.high is None}
 
 
 def _has_our_segments(session: SceneSession) -> bool:

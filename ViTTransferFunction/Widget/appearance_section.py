@@ -2,56 +2,98 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from ViTTransferFunction.Logic.rendering.appearance import STYLES
+import qt
+
+from ViTTransferFunction.Logic.rendering.appearance import STYLES, effective
 from ViTTransferFunction.Logic.scene.wording import context_words, style_words
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
+HANDLE_STEPS = 1000
+"""Of the handles below the histogram, from one end to the other."""
+
 
 class AppearanceSection(Section):
-    """The selected structure's style, what is shown around all of them, and the button that leaves it to the scene."""
+    """The selected structure's transfer function, what is shown around all, and the button that leaves it to the scene."""
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._contexts: list[str] = []
+        self._drawn: str | None = None
         for text in style_words().values():
             ui.styleComboBox.addItem(text)
         ui.styleComboBox.currentIndexChanged.connect(self._on_style)
         ui.lookLowSpinBox.valueChanged.connect(self._on_window)
         ui.lookHighSpinBox.valueChanged.connect(self._on_window)
         ui.lookAutomaticCheckBox.toggled.connect(self._on_window_automatic)
+        ui.lookWindowSlider.minimumValueChanged.connect(self._on_low_handle)
+        ui.lookWindowSlider.maximumValueChanged.connect(self._on_high_handle)
         ui.lookToneSlider.valueChanged.connect(self._on_tone)
+        ui.lookFadeSlider.valueChanged.connect(self._on_fade)
+        ui.lookEdgesSlider.valueChanged.connect(self._on_edges)
+        ui.appearanceCollapsibleButton.contentsCollapsed.connect(self.refresh)
         ui.contextComboBox.currentIndexChanged.connect(self._on_context)
         ui.exportRenderingButton.clicked.connect(self._on_export)
 
     def refresh(self) -> None:
-        """Show the selected structure's style, and the surroundings."""
+        """Show how the selected structure looks, and the surroundings."""
         ui, session, selected = self.ui, self.session, self.selected
         ui.styleComboBox.enabled = selected is not None
         ui.contextComboBox.enabled = ui.exportRenderingButton.enabled = session is not None
-        self._show_window()
+        self._show_look()
         with signals_blocked(ui.styleComboBox, ui.contextComboBox):
-            ui.styleComboBox.currentIndex = list(STYLES).index(selected.style) if selected else 0
+            ui.styleComboBox.currentIndex = list(STYLES).index(selected.look.style) if selected else 0
             if session is not None:
                 self._list_contexts(session.context_names)
                 context = session.parameters.get("context")
                 ui.contextComboBox.currentIndex = self._contexts.index(context) if context in self._contexts else 0
 
-    def _show_window(self) -> None:
+    def _show_look(self) -> None:
         """Intensities are known as soon as the structure has been rendered."""
-        ui, selected = self.ui, self.selected
-        window = self.session.rendered_window(selected.id) if self.session and selected else None
-        spin_boxes = (ui.lookLowSpinBox, ui.lookHighSpinBox)
-        for widget in (*spin_boxes, ui.lookAutomaticCheckBox, ui.lookToneSlider):
-            widget.enabled = selected is not None and window is not None
-        if selected is None or window is None:
+        ui, session, selected = self.ui, self.session, self.selected
+        window = session.rendered_window(selected.id) if session and selected else None
+        numbers = (ui.lookLowSpinBox, ui.lookHighSpinBox)
+        shares = (ui.lookToneSlider, ui.lookFadeSlider, ui.lookEdgesSlider)
+        for widget in (*numbers, ui.lookWindowSlider, ui.lookAutomaticCheckBox, *shares):
+            widget.enabled = window is not None
+        if session is None or selected is None or window is None:
+            ui.lookHistogramLabel.clear()
+            self._drawn = None
             return
-        with signals_blocked(*spin_boxes, ui.lookAutomaticCheckBox, ui.lookToneSlider):
-            for spin_box, value in zip(spin_boxes, window, strict=True):
+        style = effective(session.rendered_look(selected))
+        ui.lookEdgesSlider.enabled = style.density > 0.0
+        self._show_histogram(window)
+        with signals_blocked(*numbers, ui.lookAutomaticCheckBox, *shares):
+            for spin_box, value in zip(numbers, window, strict=True):
                 spin_box.value = value
-            ui.lookAutomaticCheckBox.checked = selected.low is None and selected.high is None
-            ui.lookToneSlider.value = STYLES[selected.style].tone if selected.tone is None else selected.tone
+            ui.lookAutomaticCheckBox.checked = selected.look.low is None and selected.look.high is None
+            for slider, value in zip(shares, (style.tone, 1.0 - style.low, style.edges), strict=True):
+                slider.value = value
+
+    def _show_histogram(self, window: tuple[float, float]) -> None:
+        """Draw the histogram, with a handle below each end of the window; once somebody sees it, since it takes its time."""
+        ui, session, selected = self.ui, self.session, self.selected
+        if session is None or selected is None or ui.appearanceCollapsibleButton.collapsed:
+            return
+        histogram = session.histogram(selected.id)
+        if histogram is None:
+            return
+        first, last = float(histogram.edges[0]), float(histogram.edges[-1])
+        with signals_blocked(ui.lookWindowSlider, ui.lookLowSpinBox, ui.lookHighSpinBox):
+            ui.lookWindowSlider.setRange(first, last)
+            ui.lookWindowSlider.singleStep = max((last - first) / HANDLE_STEPS, 1e-9)
+            ui.lookWindowSlider.setValues(*window)
+            for spin_box in (ui.lookLowSpinBox, ui.lookHighSpinBox):
+                spin_box.decimals = _decimals(last - first)
+                spin_box.singleStep = max((last - first) / 100.0, 1e-9)
+        picture = session.histogram_svg(selected.id)
+        if picture is not None and picture != self._drawn:
+            self._drawn = picture
+            pixmap = qt.QPixmap()
+            pixmap.loadFromData(picture.encode())
+            ui.lookHistogramLabel.pixmap = pixmap
 
     def _list_contexts(self, names: list[str]) -> None:
         if names == self._contexts:
@@ -63,11 +105,18 @@ class AppearanceSection(Section):
             box.addItem(words.get(name, name))
 
     def _on_style(self) -> None:
-        # Another style brings its own tone.
-        self._set(style=list(STYLES)[self.ui.styleComboBox.currentIndex], tone=None)
+        # Another style brings its own of all that it is made of.
+        self._set(style=list(STYLES)[self.ui.styleComboBox.currentIndex], tone=None, ramp=None, edges=None)
 
     def _on_window(self) -> None:
         self._set(low=self.ui.lookLowSpinBox.value, high=self.ui.lookHighSpinBox.value)
+
+    def _on_low_handle(self, low: float) -> None:
+        """The other end stays, also where it lies beyond what the handles reach."""
+        self._set(low=low, high=self.ui.lookHighSpinBox.value)
+
+    def _on_high_handle(self, high: float) -> None:
+        self._set(low=self.ui.lookLowSpinBox.value, high=high)
 
     def _on_window_automatic(self) -> None:
         if self.ui.lookAutomaticCheckBox.checked:
@@ -77,6 +126,12 @@ class AppearanceSection(Section):
 
     def _on_tone(self) -> None:
         self._set(tone=self.ui.lookToneSlider.value)
+
+    def _on_fade(self) -> None:
+        self._set(ramp=1.0 - self.ui.lookFadeSlider.value)
+
+    def _on_edges(self) -> None:
+        self._set(edges=self.ui.lookEdgesSlider.value)
 
     def _set(self, **fields: Any) -> None:
         if self.session is not None and self.selected is not None:
@@ -89,3 +144,8 @@ class AppearanceSection(Section):
     def _on_export(self) -> None:
         if self.session is not None:
             self.session.export_rendering()
+
+
+def _decimals(span: float) -> int:
+    """Digits after the point that tell intensities apart which are a thousandth of their span apart."""
+    return min(max(3 - math.floor(math.log10(max(span, 1e-9))), 0), 6)

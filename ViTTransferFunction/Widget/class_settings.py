@@ -33,7 +33,7 @@ class ClassSettings(Section):
         if selected is None:
             return
         with signals_blocked(*widgets):
-            ui.opacitySlider.value = selected.opacity
+            ui.opacitySlider.value = selected.look.opacity
             threshold = self.threshold(selected)
             if threshold is not None:
                 ui.thresholdSlider.value = threshold

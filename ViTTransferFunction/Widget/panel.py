@@ -20,6 +20,7 @@ from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
+from ViTTransferFunction.Widget.pictures_section import PicturesSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
@@ -73,6 +74,7 @@ class Panel:
             self.tools,
             ClassSettings(ui, report),
             AppearanceSection(ui, report),
+            PicturesSection(ui, report),
             self.size,
             OutputSection(ui, report),
             AdvancedSection(ui, report),

@@ -23,3 +23,8 @@ DEFAULT_COLORS: tuple[Color, ...] = (
 def default_color(index: int) -> Color:
     """The colour of the index-th class whose colour nobody chose."""
     return DEFAULT_COLORS[index % len(DEFAULT_COLORS)]
+
+
+def hex_color(color: tuple[float, ...]) -> str:
+    """A colour as web pages and pictures write it, "#rrggbb"."""
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in color)

@@ -6,7 +6,7 @@ Nothing of it is in the volume that is rendered: to change it is to draw another
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +79,24 @@ class Appearance:
     tone: float | None = None
 
 
+UNSEEN = Appearance((0.0, 0.0, 0.0), opacity=0.0)
+"""Of a structure that is not shown."""
+
+DETAIL_TONE = 0.3
+"""How much darker surfaces are where the image is, where the image's own detail is to be seen on them."""
+
+
+def detailed(look: Appearance) -> Appearance:
+    """A look that shows the image's own detail, unless somebody chose otherwise."""
+    return replace(look, tone=DETAIL_TONE) if look.style == DEFAULT_STYLE and look.tone is None else look
+
+
+def effective(look: Appearance) -> Style:
+    """A look's style, with what was chosen otherwise."""
+    chosen = {"tone": look.tone, "low": look.ramp, "edges": look.edges}
+    return STYLES[look.style]._replace(**{name: value for name, value in chosen.items() if value is not None})
+
+
 def appearance_rows(
     appearances: Sequence[Appearance], own_levels: np.ndarray, levels: np.ndarray, unit_voxels: float
 ) -> np.ndarray:
@@ -92,12 +110,12 @@ def appearance_rows(
     """
     rows = np.zeros((capacity(len(appearances)), ROWS, 4))
     for number, (look, own) in enumerate(zip(appearances, own_levels, strict=True), start=1):
-        style = STYLES[look.style]
+        style = effective(look)
         low, high = (level / 255.0 for level in window_levels(look, own, levels))
         rows[number] = (
             (*look.color, look.opacity),
-            (style.wall, style.rim, _chosen(look.tone, style.tone), style.density / unit_voxels),
-            (low, max(high, low + LEAST_WINDOW), _chosen(look.ramp, style.low), _chosen(look.edges, style.edges)),
+            (style.wall, style.rim, style.tone, style.density / unit_voxels),
+            (low, max(high, low + LEAST_WINDOW), style.low, style.edges),
             (style.lit, 0.0, 0.0, 0.0),
         )
     return rows
@@ -117,7 +135,3 @@ def window_levels(look: Appearance, own: np.ndarray, levels: np.ndarray) -> tupl
         for chosen, level in ((look.low, begin), (look.high, own[1]))
     )
     return low, high
-
-
-def _chosen(value: float | None, default: float) -> float:
-    return default if value is None else value

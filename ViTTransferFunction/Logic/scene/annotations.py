@@ -22,6 +22,7 @@ from .class_size import stepped, turned
 from .classes import (
     ClassState,
     Point,
+    changed,
     class_id,
     class_nodes,
     create_class,
@@ -116,14 +117,16 @@ class SceneAnnotations:
             remove_class(self._scene, self._positive(id_))
 
     def set_class(self, id_: str, **fields: Any) -> None:
-        """Change fields of a class (see `ClassState`). The steps of a slider being dragged count as one for undo.
+        """Change fields of a class (see `ClassState`), or of its look (see `Appearance`).
+
+        The steps of a slider being dragged count as one for undo.
 
         A fixed iso value takes the place of the size.
 
         Raises:
             InputError: the name is empty, or cannot be written.
         """
-        state = replace(self._class(id_), **fields)
+        state = changed(self._class(id_), **fields)
         if not state.name.strip():
             raise InputError("A structure needs a name; it keeps the one that it had.")
         check_name(state.name)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import uuid
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ import vtk
 
 from ..core.colors import Color, default_color
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-from ..rendering.appearance import DEFAULT_STYLE, STYLES, Appearance
+from ..rendering.appearance import STYLES, Appearance
 from .derived_nodes import nodes_of_class
 from .folder import put_into_folder
 
@@ -40,14 +40,7 @@ class ClassState:
     Attributes:
         id: stays the same when everything else changes.
         name: what the user calls it.
-        color: red, green, blue in [0, 1].
-        opacity: of its rendering, in [0, 1].
-        style: of its rendering, one of `STYLES`.
-        low: intensity at which the window of its rendering begins; see `Appearance`, as for all that follow up to `tone`.
-        high: intensity at which it ends.
-        ramp: opacity at its low end.
-        edges: how much is seen only where intensities change.
-        tone: how much darker it is at the low end.
+        look: how it is shown: its colour everywhere, all else in 3D.
         iso: threshold in [0, 1]; None: chosen from the annotations.
         size: offset from what is chosen, see `ClassRequest`; 0 where there is an `iso`.
         proximity: in [0, 1]; see `ClassRequest`.
@@ -60,14 +53,7 @@ class ClassState:
 
     id: str
     name: str
-    color: Color
-    opacity: float = 1.0
-    style: str = DEFAULT_STYLE
-    low: float | None = None
-    high: float | None = None
-    ramp: float | None = None
-    edges: float | None = None
-    tone: float | None = None
+    look: Appearance
     iso: float | None = None
     size: float = 0.0
     proximity: float = 0.0
@@ -77,24 +63,25 @@ class ClassState:
     negative: tuple[Point, ...] = ()
     continues: str = ""
 
+    @property
+    def color(self) -> Color:
+        """Red, green, blue in [0, 1]."""
+        return self.look.color
 
-LOOK: tuple[str, ...] = ("opacity", "style", "low", "high", "ramp", "edges", "tone")
-"""The fields of `ClassState` that decide, with its colour, how a class looks in 3D."""
-SETTINGS: tuple[str, ...] = (*LOOK, "iso", "size", "proximity", "refine", "visible")
-"""The fields of `ClassState` that are attributes of the list of positive points."""
+
+LOOK = tuple(field.name for field in fields(Appearance) if field.name != "color")
+"""The fields of a class's `Appearance` that are attributes of the list of positive points; its colour is the list's own."""
+SETTINGS = ("iso", "size", "proximity", "refine", "visible")
+"""The fields of `ClassState` that are."""
 _ANY = (-math.inf, math.inf)
 _RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE), "low": _ANY, "high": _ANY}
 """Of numbers among them that are no shares in [0, 1]."""
 
 
-def appearance(state: ClassState | None, tone: float | None = None) -> Appearance:
-    """How a class looks in 3D; None: one that is not shown. `tone` is what it has unless its own was chosen."""
-    if state is None:
-        return Appearance((0.0, 0.0, 0.0), opacity=0.0)
-    look = {name: getattr(state, name) for name in LOOK}
-    if state.tone is None and state.style == DEFAULT_STYLE:
-        look["tone"] = tone
-    return Appearance(state.color, **look)
+def changed(state: ClassState, **changes: Any) -> ClassState:
+    """A class with other values of fields: its own, or those of its look."""
+    look = {name: changes.pop(name) for name in ("color", *LOOK) if name in changes}
+    return replace(state, look=replace(state.look, **look), **changes)
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
@@ -125,8 +112,8 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     return ClassState(
         class_id(positive),
         positive.GetName() or "",
-        tuple(positive.GetDisplayNode().GetSelectedColor()),
-        **_read_settings(positive),
+        Appearance(tuple(positive.GetDisplayNode().GetSelectedColor()), **_read_attributes(positive, Appearance, LOOK)),
+        **_read_attributes(positive, ClassState, SETTINGS),
         positive=defined_points(positive),
         negative=defined_points(negative) if negative else (),
         continues=positive.GetAttribute(f"{_PREFIX}continues") or "",
@@ -156,10 +143,11 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
         _set_visible(node, state.visible)
         if defined_points(node) != points:
             _set_points(node, points)
-    for name in SETTINGS:
-        value = getattr(state, name)
-        if (_read_settings(positive)[name]) != value:
-            positive.SetAttribute(f"{_PREFIX}{name}", None if value is None else str(value))
+    for holder, names in ((state, SETTINGS), (state.look, LOOK)):
+        present = _read_attributes(positive, type(holder), names)
+        for name, value in ((name, getattr(holder, name)) for name in names):
+            if present[name] != value:
+                positive.SetAttribute(f"{_PREFIX}{name}", None if value is None else str(value))
     if (positive.GetAttribute(f"{_PREFIX}continues") or "") != state.continues:
         positive.SetAttribute(f"{_PREFIX}continues", state.continues or None)
 
@@ -199,7 +187,8 @@ def new_class_state(existing: list[ClassState], name: str | None = None, color: 
     number = next(n for n in range(1, len(existing) + 2) if f"Structure {n}" not in taken)
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
-    return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", color or default_color(next(free, len(existing))))
+    look = Appearance(color or default_color(next(free, len(existing))))
+    return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", look)
 
 
 def duplicate_class_state(existing: list[ClassState], original: ClassState) -> ClassState:
@@ -207,7 +196,7 @@ def duplicate_class_state(existing: list[ClassState], original: ClassState) -> C
     taken = {state.name for state in existing}
     names = (f"{original.name} copy{f' {n}' if n > 1 else ''}" for n in range(1, len(existing) + 2))
     fresh = new_class_state(existing, next(name for name in names if name not in taken))
-    return replace(original, id=fresh.id, name=fresh.name, color=fresh.color)
+    return changed(original, id=fresh.id, name=fresh.name, color=fresh.color)
 
 
 def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
@@ -242,19 +231,20 @@ def _create_negative(
     return negative
 
 
-def _read_settings(positive: slicer.vtkMRMLMarkupsFiducialNode) -> dict[str, Any]:
-    settings: dict[str, Any] = {}
-    for name in SETTINGS:
-        default = getattr(ClassState, name)
+def _read_attributes(positive: slicer.vtkMRMLMarkupsFiducialNode, kind: type, names: Sequence[str]) -> dict[str, Any]:
+    """Fields of a dataclass as attributes of the list say; what they do not, or garbled, as the class has by default."""
+    values: dict[str, Any] = {}
+    for name in names:
+        default = getattr(kind, name)
         text = positive.GetAttribute(f"{_PREFIX}{name}")
-        settings[name] = default
+        values[name] = default
         if text in ("True", "False"):
-            settings[name] = text == "True"
+            values[name] = text == "True"
         elif isinstance(default, str):
-            settings[name] = text if text in STYLES else default
+            values[name] = text if text in STYLES else default
         elif text is not None:
-            settings[name] = _number(text, _RANGES.get(name, (0.0, 1.0)), default)
-    return settings
+            values[name] = _number(text, _RANGES.get(name, (0.0, 1.0)), default)
+    return values
 
 
 def _number(text: str, between: tuple[float, float], default: float | None) -> float | None:

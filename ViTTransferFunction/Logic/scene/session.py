@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import slicer
@@ -18,15 +19,21 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
+from ..core.camera import middle_of
 from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
+from ..rendering.appearance import UNSEEN, Appearance, detailed
+from ..rendering.composition import DEPTH, SURFACE
+from ..rendering.histogram_picture import histogram_svg
+from ..rendering.intensity_histogram import IntensityHistogram, intensity_histogram
+from ..rendering.structure_volume import StructureVolume
 from ..rendering.surroundings import Surroundings
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, Point, Polarity, appearance
+from .classes import ClassState, Point, Polarity
 from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .corrections import Corrections
@@ -50,10 +57,6 @@ SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRe
 """After which other segments may have other voxels."""
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
-
-
-DETAIL_TONE = 0.3
-"""How much darker surfaces are where the image is, in the mode that shows the image's own detail."""
 
 
 class SceneSession:
@@ -88,6 +91,7 @@ class SceneSession:
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
         self._display = SceneDisplay(scene, app_logic)
+        self._histograms: WeakKeyDictionary[StructureVolume, dict[int, IntensityHistogram]] = WeakKeyDictionary()
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
@@ -234,13 +238,34 @@ class SceneSession:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
 
+    def rendered_look(self, state: ClassState) -> Appearance:
+        """How 3D views show a class where it is visible."""
+        return detailed(state.look) if self.parameters.rendering_mode() == "transfer function" else state.look
+
     def rendered_window(self, id_: str) -> tuple[float, float] | None:
         """The intensities between which a class gets brighter and more opaque in 3D; None where it is not in 3D yet."""
         rendering, rendered = self._proxy.rendering, self._proxy.rendered
         state = next((state for state in self.classes if state.id == id_), None)
         if rendering is None or state is None or id_ not in rendered:
             return None
-        return rendering.window(rendered.index(id_), appearance(state))
+        return rendering.window(rendered.index(id_), state.look)
+
+    def histogram(self, id_: str) -> IntensityHistogram | None:
+        """Of the intensities in a class and around it; None where it is not in 3D yet."""
+        rendering, rendered = self._proxy.rendering, self._proxy.rendered
+        if rendering is None or id_ not in rendered:
+            return None
+        known, index = self._histograms.setdefault(rendering, {}), rendered.index(id_)
+        if index not in known:
+            known[index] = intensity_histogram(rendering, index)
+        return known[index]
+
+    def histogram_svg(self, id_: str) -> str | None:
+        """The same as a picture, with a class's transfer function over it (`histogram_picture`); None likewise."""
+        histogram, window = self.histogram(id_), self.rendered_window(id_)
+        if histogram is None or window is None:
+            return None
+        return histogram_svg(histogram, window, self.rendered_look(next(state for state in self.classes if state.id == id_)))
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
@@ -303,6 +328,15 @@ class SceneSession:
         else:
             self.parameters.set("rendering", "off")
         self._notify()
+
+    def middle_ras(self) -> np.ndarray | None:
+        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to; None where there are none."""
+        rendering, volume = self._proxy.rendering, self.parameters.volume
+        inside = None if rendering is None else rendering.voxels[..., DEPTH] > SURFACE
+        if rendering is None or volume is None or inside is None or not inside.any():
+            return None
+        middle: np.ndarray = transform_points(matrix_to_world(volume), middle_of(rendering.geometry, [inside])[None])[0]
+        return middle
 
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
@@ -450,7 +484,7 @@ class SceneSession:
         visible = {state.id: state for state in self.classes if state.visible}
         mode = self.parameters.rendering_mode()
         rendered = {selected.id: selected} if selected and self.parameters.get("renderingSolo") else visible
-        casting = {id_: state.opacity > 0.0 for id_, state in rendered.items() if state.visible}
+        casting = {id_: state.look.opacity > 0.0 for id_, state in rendered.items() if state.visible}
         self._proxy.look(mode, casting, self.parameters.get("context") != OFF and self.parameters.get("contextStrength") > 0.0)
         if mode is None:
             self._problems.solve("views")
@@ -467,8 +501,7 @@ class SceneSession:
         )
         self._display.show_proposals(volume, self._other_proposals(selected))
         box = shown_box(self._scene, self.parameters, volume)
-        tone = DETAIL_TONE if mode == "transfer function" else None
-        looks = [appearance(rendered.get(id_), tone) for id_ in self._proxy.rendered]
+        looks = [self.rendered_look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
         self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), box))
 
     def _surroundings(self) -> Surroundings:

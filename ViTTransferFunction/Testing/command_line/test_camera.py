@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine.camera import Camera, direction, framing, middle_of, read_camera, write_camera
+from ViTTransferFunction.Logic.core.camera import Camera, direction, framing, middle_of
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
+from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import CENTRE, distance_mm, geometry_about_the_centre
 
 SIZE = 320, 200
@@ -19,7 +21,7 @@ SIZE = 320, 200
 def projected(camera: Camera, middle_ras: np.ndarray, points_ras: np.ndarray) -> np.ndarray:
     """Where points (N, 3) are in the camera's picture, (N, 2) from −1 to 1, from the lower left corner."""
     width, height = camera.size
-    transform = camera.placed(middle_ras).GetCompositeProjectionTransformMatrix(width / height, -1.0, 1.0)
+    transform = placed_camera(camera, middle_ras).GetCompositeProjectionTransformMatrix(width / height, -1.0, 1.0)
     matrix = np.array([[transform.GetElement(row, column) for column in range(4)] for row in range(4)])
     clip = np.column_stack([points_ras, np.ones(len(points_ras))]) @ matrix.T
     return clip[:, :2] / clip[:, 3:]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine.camera import direction, framing
+from ViTTransferFunction.Logic.core.camera import direction, framing
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
+from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import BLUE, CENTRE, GREEN, RED, distance_mm, pixels_of, place_of
 from ViTTransferFunction.Testing.support.readme_pictures.exhibits import EXHIBITS
 from ViTTransferFunction.Testing.support.readme_pictures.gallery import ANNOTATIONS
@@ -27,7 +28,7 @@ def test_each_intensity_shows_in_its_colour_and_at_its_place(geometry: Geometry)
     stops += [IntensityStop(60.0, 0.0, RED), IntensityStop(90.0, 1.0, RED)]
     camera = framing(CENTRE + np.array([[60.0, 0, 0], [-60.0, 0, 0]]), CENTRE, direction(0.0, 0.0), size=SIZE)
     try:
-        picture = intensity_picture(Volume(array, geometry), stops, camera.placed(CENTRE), SIZE)
+        picture = intensity_picture(Volume(array, geometry), stops, placed_camera(camera, CENTRE), SIZE)
     except InputError as error:
         pytest.skip(str(error))
     # The patient's right is on the left.

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.CommandLine.camera import read_camera
 from ViTTransferFunction.CommandLine.canvas import BACKGROUND
 from ViTTransferFunction.CommandLine.pictures import NO_CONTEXT
 from ViTTransferFunction.CommandLine.render_command import CONTEXTS, STYLES
@@ -17,6 +16,7 @@ from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.colors import default_color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.files.camera_files import read_camera
 from ViTTransferFunction.Logic.rendering.appearance import STYLES as ALL_STYLES
 from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS as ALL_CONTEXTS
 from ViTTransferFunction.Testing.support.pictures import BLUE, GREEN, RED, ball, dark_volume, landmarks, pixels_of, place_of
@@ -139,7 +139,7 @@ def test_a_transparent_picture_is_clear_where_nothing_is_and_laid_on_the_backgro
 
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 def test_a_turntable_shows_all_sides(opengl: None, tmp_path: Path, case: tuple[str, str], ending: str) -> None:
-    from ViTTransferFunction.Testing.command_line.test_film import frames_of
+    from ViTTransferFunction.Testing.files.test_film import frames_of
 
     pytest.importorskip({"gif": "PIL", "mp4": "imageio_ffmpeg"}[ending])
     film = tmp_path / f"film.{ending}"

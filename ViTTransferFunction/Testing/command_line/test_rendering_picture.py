@@ -13,6 +13,7 @@ from ViTTransferFunction.CommandLine.rendering_picture import Rendering, render_
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,
@@ -177,7 +178,7 @@ def _silhouette(geometry: Geometry, mask: np.ndarray, height: int, part: np.ndar
     """Which pixels of a 3D picture of the mask the voxels of a part of it cover, as boxes, (height, W) bool."""
     with Rendering(dark_volume(geometry), [PictureSegment("any", RED, 1.0, mask)]) as rendering:
         framed = rendering.framing(height=height)
-        camera, width = framed.placed(rendering.middle_ras), framed.size[0]
+        camera, width = placed_camera(framed, rendering.middle_ras), framed.size[0]
     steps = (np.arange(6) - 2.5) / 6
     within = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3)
     ijk = (np.argwhere(part)[:, None, ::-1] + within).reshape(-1, 3)

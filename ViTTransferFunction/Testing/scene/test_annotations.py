@@ -85,12 +85,13 @@ def names(session: SceneSession) -> list[str]:
 
 def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.annotations.set_class(id_, iso=0.25, refine=False)
+    session.annotations.set_class(id_, iso=0.25, refine=False, style="glass")
     session.annotations.add_points(id_, centre_ras(spheres, 3), positive=False)
     duplicate = session.annotations.duplicate_class(id_)
     original, copy, *_ = session.classes
     assert names(session) == ["sphere 1", "sphere 1 copy", "sphere 2", "sphere 3"]
-    assert replace(copy, id=original.id, name=original.name, color=original.color) == original
+    assert replace(copy, id=original.id, name=original.name, look=original.look) == original
+    assert replace(copy.look, color=original.color) == original.look
     assert copy.id == duplicate.id
     assert copy.color not in {state.color for state in session.classes if state.id != copy.id}
     session.annotations.duplicate_class(id_)

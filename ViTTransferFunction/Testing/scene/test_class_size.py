@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.class_size import stepped, turned
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.proposal_outlines import STYLE
@@ -18,7 +19,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
 def a_class(**fields: Any) -> ClassState:
-    return ClassState("a1", "liver", (0.0, 0.0, 0.0), **fields)
+    return ClassState("a1", "liver", Appearance((0.0, 0.0, 0.0)), **fields)
 
 
 @pytest.mark.parametrize(

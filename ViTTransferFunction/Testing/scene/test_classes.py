@@ -10,6 +10,7 @@ import pytest
 import slicer
 import vtk
 
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes import (
     ClassState,
     class_nodes,
@@ -27,8 +28,7 @@ from ViTTransferFunction.Testing.support.scenes import add_parameter_node, put_u
 LIVER = ClassState(
     "a1",
     "Leber, groß",
-    (0.25, 0.5, 0.75),
-    opacity=0.5,
+    Appearance((0.25, 0.5, 0.75), opacity=0.5, style="glass", low=-40.0, ramp=0.25, edges=0.125),
     iso=0.125,
     proximity=0.25,
     refine=False,
@@ -56,16 +56,16 @@ def display_of_negative(node: Any) -> Any:
 
 def test_what_was_written_is_read(scene: Any, parameter_node: Any) -> None:
     assert read_class(create_class(scene, parameter_node, LIVER)) == LIVER
-    plain = ClassState("b2", "spleen", (0.0, 0.0, 0.0))
+    plain = ClassState("b2", "spleen", Appearance((0.0, 0.0, 0.0)))
     assert read_class(create_class(scene, parameter_node, plain)) == plain
 
 
 def test_every_field_can_be_changed(scene: Any, parameter_node: Any) -> None:
-    node = create_class(scene, parameter_node, ClassState("a1", "spleen", (0.0, 0.0, 0.0)))
+    node = create_class(scene, parameter_node, ClassState("a1", "spleen", Appearance((0.0, 0.0, 0.0))))
     write_class(scene, node, LIVER)
     assert read_class(node) == LIVER
-    write_class(scene, node, ClassState("a1", "spleen", (0.0, 0.0, 0.0)))
-    assert read_class(node) == ClassState("a1", "spleen", (0.0, 0.0, 0.0))
+    write_class(scene, node, ClassState("a1", "spleen", Appearance((0.0, 0.0, 0.0))))
+    assert read_class(node) == ClassState("a1", "spleen", Appearance((0.0, 0.0, 0.0)))
 
 
 def test_writing_what_is_there_already_touches_nothing(scene: Any, parameter_node: Any) -> None:
@@ -82,7 +82,7 @@ def test_garbled_settings_count_as_absent(scene: Any, parameter_node: Any, garba
     for name in ("iso", "opacity", "proximity"):
         node.SetAttribute(f"ViTTransferFunction.{name}", garbage)
     state = read_class(node)
-    assert (state.iso, state.opacity, state.proximity) == (None, 1.0, 0.0)
+    assert (state.iso, state.look.opacity, state.proximity) == (None, 1.0, 0.0)
 
 
 @pytest.mark.parametrize(("text", "size"), [("-2.5", -2.5), ("3.0", 3.0), ("3.1", 0.0), ("nan", 0.0), ("larger", 0.0)])
@@ -157,5 +157,5 @@ def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any
 def test_a_class_that_is_removed_leaves_nothing(scene: Any, parameter_node: Any) -> None:
     create_class(scene, parameter_node, LIVER)
     count = scene.GetNumberOfNodes()
-    remove_class(scene, create_class(scene, parameter_node, ClassState("b2", "spleen", (0.0, 0.0, 0.0))))
+    remove_class(scene, create_class(scene, parameter_node, ClassState("b2", "spleen", Appearance((0.0, 0.0, 0.0)))))
     assert scene.GetNumberOfNodes() == count

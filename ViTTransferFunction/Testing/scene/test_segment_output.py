@@ -12,6 +12,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from ViTTransferFunction.Logic.compute.requests import Labels
 from ViTTransferFunction.Logic.core import stepped_work
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.segment_output import SegmentOutput
@@ -19,7 +20,7 @@ from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment
 
 SHAPE = (12, 512, 512)
-CLASSES = (ClassState("a", "liver", (1.0, 0.0, 0.0)), ClassState("b", "spleen", (0.0, 1.0, 0.0)))
+CLASSES = (ClassState("a", "liver", Appearance((1.0, 0.0, 0.0))), ClassState("b", "spleen", Appearance((0.0, 1.0, 0.0))))
 LABELS = np.zeros(SHAPE, dtype=np.uint8)
 LABELS[:, 10:200, 20:400] = 1
 LABELS[:, 300:400, 20:400] = 2
@@ -161,7 +162,7 @@ def test_a_class_that_is_removed_meanwhile_is_not_written_and_leaves_no_voxels(d
 
 def test_a_class_that_is_renamed_meanwhile_has_its_new_name(desk: Desk) -> None:
     desk.begin()
-    desk.classes = (CLASSES[0], ClassState("b", "milza", (0.0, 1.0, 0.0)))
+    desk.classes = (CLASSES[0], ClassState("b", "milza", Appearance((0.0, 1.0, 0.0))))
     desk.finish()
     assert set(desk.voxels()) == {"bone", "liver", "milza"}
 

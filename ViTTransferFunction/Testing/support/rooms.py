@@ -19,7 +19,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
 """Room → the rooms that its files may import."""
 
 FRONT_ENDS: dict[str, tuple[str, ...]] = {
-    "Widget": ("core", "weights", "features", "refinement", "rendering", "session", "scene"),
+    "Widget": ("core", "files", "weights", "features", "refinement", "rendering", "session", "scene"),
     "WebApp": ("core", "files", "rendering", "session", "scene"),
     "CommandLine": tuple(ARROWS),
 }
@@ -29,8 +29,8 @@ KNOWS_MRML = {"scene"}
 """Rooms that know VTK and Slicer's scene, and no PyTorch; all others are the other way round."""
 
 CONTENT = {
-    "core": "volumes, geometry, intensities, requests and maps of classes, resampling, errors, progress, atomic files",
-    "files": "volumes, annotations and segmentations from and to files",
+    "core": "volumes, geometry, cameras, intensities, requests and maps of classes, resampling, errors, progress, atomic files",
+    "files": "volumes, annotations, segmentations, cameras and films from and to files",
     "weights": "the models, and where their weights come from",
     "features": "from a volume to its feature volume F",
     "similarity": "from annotations to maps S_L and thresholds",

@@ -13,8 +13,9 @@ pytest.importorskip("trame_slicer")
 
 import SimpleITK as sitk  # noqa: N813
 
+from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.WebApp.app import WebApp
-from ViTTransferFunction.WebApp.panel_state import color_of_hex, hex_color
+from ViTTransferFunction.WebApp.panel_state import color_of_hex
 from ViTTransferFunction.WebApp.slicer_views import sides
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -56,7 +57,7 @@ def test_looks_and_surroundings_are_those_of_the_scene(opened: Callable[[Journey
         app.actions("addClass")
         app.actions("addClass")
         app.actions("style", "glass")
-        assert [shown.style for shown in app.session.classes] == ["surface", "glass"]
+        assert [shown.look.style for shown in app.session.classes] == ["surface", "glass"]
         assert state.settings["style"] == "glass"
         chosen = {"context": "CT-AAA", "contextStrength": 0.25, "contextCutAway": True, "renderingSolo": True}
         for name, value in chosen.items():

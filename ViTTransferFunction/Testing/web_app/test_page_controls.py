@@ -139,13 +139,13 @@ def test_intensities_in_3d_are_the_structures_own_until_they_are_set(
         app.refresh()
         assert app.server.state.settings["look"] == {"low": 0.0, "high": 200.0, "automatic": True}
         app.actions("look", 60.0, None, False)
-        assert [(state.low, state.high) for state in app.session.classes] == [(60.0, 200.0)]
+        assert [(state.look.low, state.look.high) for state in app.session.classes] == [(60.0, 200.0)]
         app.actions("set", "tone", 0.4)
         assert app.server.state.settings["tone"] == 0.4
         app.actions("style", "glass")
-        assert app.session.classes[0].tone is None
+        assert app.session.classes[0].look.tone is None
         app.actions("look", None, None, True)
-        assert [(state.low, state.high) for state in app.session.classes] == [(None, None)]
+        assert [(state.look.low, state.look.high) for state in app.session.classes] == [(None, None)]
 
     opened(journey)
 
@@ -198,11 +198,13 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
 
 def test_a_setting_of_another_version_becomes_its_default(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
     async def journey(app: WebApp) -> None:
-        from ViTTransferFunction.WebApp.scene_files import write_session
+        from ViTTransferFunction.WebApp import packing
+        from ViTTransferFunction.WebApp.scene_files import stage_session
 
         app.session.parameters.set("model", "of tomorrow")
         path = tmp_path / "session.mrb"
-        write_session(app.scene, path)
+        stage_session(app.scene, tmp_path / "session")
+        packing.zip_folder(tmp_path / "session", path)
         app.session.parameters.set("model", "")
         await app.open_files([path])
         assert app.server.state.message == ""

@@ -149,8 +149,8 @@ def test_sliders_set_the_selected_class_and_no_other(widget: Any) -> None:
     widget.ui.proximitySlider.value = 0.5
     widget.ui.refineCheckBox.click()
     first, second = widget.panel.session.classes
-    assert (second.opacity, second.proximity, second.refine) == (0.25, 0.5, False)
-    assert (first.opacity, first.proximity, first.refine) == (1.0, 0.0, True)
+    assert (second.look.opacity, second.proximity, second.refine) == (0.25, 0.5, False)
+    assert (first.look.opacity, first.proximity, first.refine) == (1.0, 0.0, True)
     widget.ui.classTable.selectRow(0)
     assert (widget.ui.opacitySlider.value, widget.ui.proximitySlider.value, widget.ui.refineCheckBox.isChecked()) == (
         1,

@@ -190,7 +190,7 @@ def test_a_saved_scene_brings_everything_back(widget: Any, volume: Any, tmp_path
     slicer.mrmlScene.Clear()
     slicer.mrmlScene.Import()
     (state,) = widget.panel.session.classes
-    assert (state.name, state.opacity) == ("liver", 0.5)
+    assert (state.name, state.look.opacity) == ("liver", 0.5)
     assert text(widget.ui.classTable, 0, 1) == "liver"
     assert widget.ui.renderingComboBox.currentText() == "Off"
     widget.ui.renderingComboBox.setCurrentIndex(1)

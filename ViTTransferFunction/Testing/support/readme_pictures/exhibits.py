@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ViTTransferFunction.CommandLine.camera import Direction, direction
+from ViTTransferFunction.Logic.core.camera import Direction, direction
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Testing.support.readme_pictures.intensity_rendering import IntensityStop
 

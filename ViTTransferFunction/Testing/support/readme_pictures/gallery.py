@@ -26,6 +26,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, row, save_small
@@ -63,7 +64,7 @@ def exhibit_picture(exhibit: Exhibit, folder: Path, progress: Progress) -> np.nd
     with open_rendering(volume, shown, exhibit.context) as rendering:
         camera = rendering.framing(exhibit.seen_from, size=(SIDE, SIDE))
         ours = rendering.picture(camera)
-        placed = camera.placed(rendering.middle_ras)
+        placed = placed_camera(camera, rendering.middle_ras)
     plain = intensity_picture(volume, exhibit.stops, placed, camera.size)
     points = sum(len(annotated.request.positive) + len(annotated.request.negative) for annotated in classes)
     pair = row(

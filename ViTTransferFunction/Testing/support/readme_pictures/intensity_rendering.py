@@ -13,9 +13,9 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkColorTransferFunction, vtkRenderer, vtkVolume, vtkVolumeProperty
 from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 
-from ViTTransferFunction.CommandLine.camera import Size
 from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.rendering_picture import add_lights
+from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.volume import Volume
 

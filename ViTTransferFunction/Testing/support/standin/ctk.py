@@ -1,4 +1,4 @@
-"""The three widgets of CTK that the panel uses, looking and behaving near enough."""
+"""The four widgets of CTK that the panel uses, looking and behaving near enough."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 )
 
 _SLIDER_STEPS = 10_000
+HANDLE = 11
 
 
 class ctkCollapsibleButton(QAbstractButton):  # noqa: N801
@@ -133,6 +134,68 @@ class ctkSliderWidget(QWidget):  # noqa: N801
         float, lambda self: self._spin_box.singleStep(), lambda self, step: self._spin_box.setSingleStep(step)
     )
     suffix = Property(str, lambda self: self._spin_box.suffix(), lambda self, text: self._spin_box.setSuffix(text))
+
+
+class ctkDoubleRangeSlider(QWidget):  # noqa: N801
+    """Two handles on one line. Neither gets beyond the line's ends, nor past the other one."""
+
+    minimumValueChanged = Signal(float)  # noqa: N815
+    maximumValueChanged = Signal(float)  # noqa: N815
+    rangeChanged = Signal(float, float)  # noqa: N815
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._minimum, self._maximum, self._step = 0.0, 99.0, 1.0
+        self._low, self._high = 0.0, 99.0
+        self._orientation = Qt.Orientation.Vertical
+
+    def setRange(self, minimum: float, maximum: float) -> None:  # noqa: N802
+        """Set the line's ends."""
+        before, (self._minimum, self._maximum) = (self._minimum, self._maximum), sorted((minimum, maximum))
+        if before != (self._minimum, self._maximum):
+            self.rangeChanged.emit(self._minimum, self._maximum)
+        self.setValues(self._low, self._high)
+
+    def setValues(self, low: float, high: float) -> None:  # noqa: N802
+        """Set both handles."""
+        before = self._low, self._high
+        self._low, self._high = (min(max(value, self._minimum), self._maximum) for value in sorted((low, high)))
+        if self._low != before[0]:
+            self.minimumValueChanged.emit(self._low)
+        if self._high != before[1]:
+            self.maximumValueChanged.emit(self._high)
+        self.update()
+
+    def _set_step(self, step: float) -> None:
+        if self._minimum != self._maximum and not 2.3e-16 <= step <= self._maximum - self._minimum:
+            raise ValueError(f"CTK warns that a step of {step} is outside of valid bounds, and goes on with the one before")
+        self._step = step
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
+        """Draw the line, what lies between the handles, and these."""
+        painter, room, middle = QPainter(self), self.width() - HANDLE, self.height() // 2
+        span = (self._maximum - self._minimum) or 1.0
+        left, right = (round(room * (value - self._minimum) / span) for value in (self._low, self._high))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self.palette().mid())
+        painter.drawRect(HANDLE // 2, middle - 2, room, 4)
+        painter.setBrush(self.palette().highlight() if self.isEnabled() else self.palette().mid())
+        painter.drawRect(HANDLE // 2 + left, middle - 2, right - left, 4)
+        for x in (left, right):
+            painter.setBrush(self.palette().button())
+            painter.setPen(self.palette().dark().color())
+            painter.drawRect(x, middle - 8, HANDLE - 1, 16)
+
+    def sizeHint(self) -> QSize:  # noqa: N802
+        """As high as a slider."""
+        return QSize(84, 22)
+
+    minimumValue = Property(float, lambda self: self._low, lambda self, low: self.setValues(low, max(low, self._high)))  # noqa: N815
+    maximumValue = Property(float, lambda self: self._high, lambda self, high: self.setValues(min(high, self._low), high))  # noqa: N815
+    minimum = Property(float, lambda self: self._minimum, lambda self, end: self.setRange(end, self._maximum))
+    maximum = Property(float, lambda self: self._maximum, lambda self, end: self.setRange(self._minimum, end))
+    singleStep = Property(float, lambda self: self._step, _set_step)  # noqa: N815
+    orientation = Property(Qt.Orientation, lambda self: self._orientation, lambda self, o: setattr(self, "_orientation", o))
 
 
 class ctkPathLineEdit(QWidget):  # noqa: N801

@@ -18,12 +18,18 @@ setattr(QtCore.QObject, "name", property(lambda self: self.objectName()))  # noq
 for _dialog in (QtWidgets.QDialog, QtWidgets.QMessageBox):
     setattr(_dialog, "exec_", _dialog.exec)  # noqa: B010
 
+# PythonQt returns the file alone, and not with the kind that was chosen.
+QFileDialog = QtWidgets.QFileDialog
+for _name in ("getSaveFileName", "getOpenFileName"):
+    _ask = getattr(QFileDialog, _name)
+    setattr(QFileDialog, _name, staticmethod(lambda *arguments, _ask=_ask: _ask(*arguments)[0]))
+
 
 class QUiLoader(QtUiTools.QUiLoader):
     """Knows the widgets of CTK and Slicer."""
 
     def __init__(self) -> None:
         super().__init__()
-        of_ctk = (ctk.ctkCollapsibleButton, ctk.ctkSliderWidget, ctk.ctkPathLineEdit)
+        of_ctk = (ctk.ctkCollapsibleButton, ctk.ctkSliderWidget, ctk.ctkDoubleRangeSlider, ctk.ctkPathLineEdit)
         for widget in (*of_ctk, qMRMLNodeComboBox, qMRMLSegmentationShow3DButton):
             self.registerCustomWidget(widget)

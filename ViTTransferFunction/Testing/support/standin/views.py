@@ -6,7 +6,7 @@ from typing import Any
 
 import slicer
 import vtk
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import Property, QObject, Qt, Signal
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QVBoxLayout, QWidget
 from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
 
@@ -15,7 +15,7 @@ FIELD_OF_VIEW_MM = 200.0
 
 
 class LayoutManager(QObject):
-    """Three slice views, and those that are added.
+    """Three slice views, those that are added, and a 3D view.
 
     Args:
         scene: gets their slice nodes.
@@ -28,12 +28,14 @@ class LayoutManager(QObject):
         self._scene = scene
         orientations = {"Red": "Axial", "Green": "Coronal", "Yellow": "Sagittal"}
         self._widgets = {name: SliceWidget(scene, name, orientation) for name, orientation in orientations.items()}
+        self._three_d = ThreeDWidget()
 
     def setViewport(self, window: QMainWindow) -> None:  # noqa: N802
         """Put the views into the main window, where tests do not look at them."""
         for widget in self._widgets.values():
             widget.setParent(window)
             widget.hide()
+        self._three_d.setParent(window)
 
     def add_detached_view(self, name: str, main_window: QMainWindow) -> QWidget:
         """Change to a layout with another view, in a window of its own as on a second monitor; returns that window."""
@@ -72,9 +74,34 @@ class LayoutManager(QObject):
         """A slice view by its name; None where there is none of that name."""
         return self._widgets.get(name)
 
+    threeDViewCount = Property(int, lambda self: 1)  # noqa: N815
+
+    def threeDWidget(self, index: int) -> ThreeDWidget | None:  # noqa: N802
+        """A 3D view; None where there are fewer."""
+        return self._three_d if index == 0 else None
+
     def viewWidgets(self) -> tuple[QWidget, ...]:  # noqa: N802
         """All views, shown or not."""
         return tuple(self._widgets.values())
+
+
+class ThreeDWidget(QWidget):
+    """A 3D view, and the view in it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._window = vtk.vtkRenderWindow()
+        self._window.SetOffScreenRendering(True)
+        self._window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
+        self._window.AddRenderer(vtk.vtkRenderer())
+
+    def threeDView(self) -> ThreeDWidget:  # noqa: N802
+        """The view."""
+        return self
+
+    def renderWindow(self) -> Any:  # noqa: N802
+        """What it is drawn in."""
+        return self._window
 
 
 class SliceWidget(QWidget):

@@ -1,4 +1,4 @@
-"""Where a 3D picture is taken from: directions by name or in degrees, the frame around what is shown, and cameras in files.
+"""Where a 3D picture is taken from: directions in degrees, and the frame around what is shown.
 
 A camera is relative to what it sees: its places are RAS millimetres from the middle of the segments. Each scanner, and each
 way of lying in it, has an origin of its own, so that a place in scanner coordinates would show one patient's liver and another
@@ -7,20 +7,14 @@ one's ceiling; relative to the segments, several cases are seen from one side, a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vtkmodules.vtkRenderingCore import vtkCamera
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
-from ViTTransferFunction.Logic.core.class_request import is_number
-from ViTTransferFunction.Logic.core.errors import InputError, shown
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.files.json_files import read_json
+from .errors import InputError, shown
+from .geometry import Geometry
 
 DEFAULT_HEIGHT = 1000
 SMALLEST_SIDE, LARGEST_SIDE = 16, 8192
@@ -33,8 +27,6 @@ NARROWEST, WIDEST = 0.75, 1.6
 
 TURNS = 24
 """Directions of a full turn that a film's frame is fitted to."""
-
-RELATIVE_TO = "middle of the segments"
 
 Vector = tuple[float, float, float]
 Size = tuple[int, int]
@@ -98,15 +90,6 @@ class Camera:
         position = focal_point + rotation @ (np.array(self.position_mm) - focal_point)
         return replace(self, position_mm=_vector(position), view_up=_vector(rotation @ np.array(self.view_up)))
 
-    def placed(self, middle_ras: np.ndarray) -> vtkCamera:
-        """The camera as VTK has it, where the segments' middle (3,) is at `middle_ras`."""
-        camera = vtkCamera()
-        camera.SetViewAngle(self.view_angle_degrees)
-        camera.SetPosition(*(middle_ras + np.array(self.position_mm)))
-        camera.SetFocalPoint(*(middle_ras + np.array(self.focal_point_mm)))
-        camera.SetViewUp(*self.view_up)
-        return camera
-
 
 def middle_of(geometry: Geometry, masks: Sequence[np.ndarray]) -> np.ndarray:
     """The middle of the box along R, A and S that holds the voxels of all masks (K, J, I), (3,) RAS millimetres.
@@ -168,55 +151,6 @@ def framing(
     return Camera(_vector(position), _vector(focal_point), seen_from.up, size)
 
 
-def write_camera(camera: Camera, path: Path) -> None:
-    """Write a camera as JSON, whole or not at all.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    content = {
-        "coordinate_system": "RAS",
-        "relative_to": RELATIVE_TO,
-        "position_mm": _rounded(camera.position_mm),
-        "focal_point_mm": _rounded(camera.focal_point_mm),
-        "view_up": _rounded(camera.view_up),
-        "view_angle_degrees": camera.view_angle_degrees,
-        "size_pixels": list(camera.size),
-    }
-    lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value)}" for name, value in content.items())
-    with replacing(path) as temporary:
-        temporary.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
-
-
-def read_camera(path: Path) -> Camera:
-    """Read a camera that `write_camera` wrote, or that somebody did by hand.
-
-    Raises:
-        InputError: it cannot be read, or is no camera.
-    """
-    content = read_json(path)
-    if not isinstance(content, dict) or "position_mm" not in content or "focal_point_mm" not in content:
-        raise InputError(f"{path} is not a camera; `vittf render … --save-camera {path.name}` writes one.")
-    for field, expected in (("coordinate_system", "RAS"), ("relative_to", RELATIVE_TO)):
-        if content.get(field) != expected:
-            raise InputError(f"{path}: '{field}' is {shown(content.get(field))}; expected {expected!r}.")
-    position, focal_point, up = (_as_vector(content, field, path) for field in ("position_mm", "focal_point_mm", "view_up"))
-    towards = np.subtract(position, focal_point)
-    # Not so close to parallel that rounding decides.
-    if np.linalg.norm(np.cross(towards, up)) <= 1e-6 * np.linalg.norm(towards) * np.linalg.norm(up):
-        raise InputError(
-            f"{path}: 'position_mm' and 'focal_point_mm' have to differ, and not along 'view_up', which is up in the picture."
-        )
-    angle = content.get("view_angle_degrees", VIEW_ANGLE_DEGREES)
-    if not is_number(angle) or not 0.1 <= angle <= 150.0:
-        raise InputError(f"{path}: 'view_angle_degrees' is {shown(angle)}; expected 0.1 to 150.")
-    size = content.get("size_pixels")
-    if not isinstance(size, list) or len(size) != 2:
-        raise InputError(f"{path}: 'size_pixels' is {shown(size)}; expected [width, height].")
-    width, height = (checked_side(side, f"{path}: 'size_pixels'") for side in size)
-    return Camera(position, focal_point, up, (width, height), float(angle))
-
-
 def checked_side(side: Any, what: str) -> int:
     """A picture's width or height in pixels.
 
@@ -228,13 +162,6 @@ def checked_side(side: Any, what: str) -> int:
     return side
 
 
-def _as_vector(content: dict[str, Any], field: str, path: Path) -> Vector:
-    values = content.get(field)
-    if isinstance(values, list) and len(values) == 3 and all(is_number(value) and abs(value) <= 1e6 for value in values):
-        return float(values[0]), float(values[1]), float(values[2])
-    raise InputError(f"{path}: '{field}' is {shown(values)}; expected three numbers, of at most a million.")
-
-
 def _rotation(degrees: float) -> np.ndarray:
     """The rotation matrix (3, 3) about the axis to the head that takes the front to the patient's left at 90°."""
     turn = np.radians(degrees)
@@ -243,8 +170,3 @@ def _rotation(degrees: float) -> np.ndarray:
 
 def _vector(array: np.ndarray) -> Vector:
     return float(array[0]), float(array[1]), float(array[2])
-
-
-def _rounded(vector: Vector) -> list[float]:
-    """Short numbers, and no negative zeros."""
-    return [round(value, 6) + 0.0 for value in vector]

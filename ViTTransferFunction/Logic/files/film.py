@@ -12,13 +12,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, Queue
+from threading import Thread
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ..core.atomic_file import replacing
+from ..core.errors import Cancelled, InputError
+from ..core.progress import Progress, no_progress
+from ..core.stepped_work import ADVANCE_S, Steps
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -53,6 +56,11 @@ class FilmPlan:
     path: Path
     frames: int = DEFAULT_FRAMES
     seconds: float = DEFAULT_SECONDS
+
+    @property
+    def drawings(self) -> int:
+        """How many pictures are asked for until it is written."""
+        return self.frames + (min(_PALETTE_FRAMES, self.frames) if self.path.suffix.lower() == ".gif" else 0)
 
     def __post_init__(self) -> None:
         if self.path.suffix.lower() not in ENDINGS:
@@ -93,17 +101,68 @@ def write_film(plan: FilmPlan, frame: Callable[[int], np.ndarray], progress: Pro
             _write_mp4(temporary, plan, shown)
 
 
+def film_steps(plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> Steps[None]:
+    """As `write_film`, where an event loop waits: a step draws a picture, or waits a moment for those drawn to be written.
+
+    Pictures are drawn by whoever takes the steps; they are written by a thread, which gets on while a step waits for it. Work
+    that is given up (`close` of the generator) leaves nothing.
+    """
+    asked: Queue[int | None] = Queue()
+    drawn: Queue[np.ndarray | None] = Queue()
+    failed: list[Exception] = []
+
+    def ask(number: int) -> np.ndarray:
+        asked.put(number)
+        picture = drawn.get()
+        if picture is None:
+            raise Cancelled
+        return picture
+
+    def write() -> None:
+        try:
+            write_film(plan, ask)
+        except Exception as error:  # Raised where the steps are taken.
+            failed.append(error)
+        finally:
+            asked.put(None)
+
+    writer = Thread(target=write, daemon=True)
+    writer.start()
+    try:
+        while True:
+            try:
+                number = asked.get(timeout=ADVANCE_S)
+            except Empty:
+                yield 0
+                continue
+            if number is None:
+                break
+            drawn.put(frame(number))
+            yield 1
+    finally:
+        drawn.put(None)
+        writer.join()
+    if failed:
+        raise failed[0]
+
+
 def check_film_writer(path: Path) -> None:
     """Raise InputError now if the library is missing that a film of this name needs."""
+    gif = path.suffix.lower() == ".gif"
+    package = "pillow" if gif else "imageio-ffmpeg"
     try:
-        if path.suffix.lower() == ".gif":
+        if gif:
             import PIL.Image  # noqa: F401
         else:
             import imageio_ffmpeg
 
             imageio_ffmpeg.get_ffmpeg_exe()
     except (ImportError, RuntimeError) as error:
-        raise InputError(f"A film needs what is not installed ({error}): pip install 'vit-transfer-function[film]'") from error
+        instead = "" if gif else " A .gif needs no such package."
+        raise InputError(
+            f"A {path.suffix} film needs the package {package}, which is not there ({error}): pip install {package}, or in "
+            f"Slicer's Python console slicer.util.pip_install('{package}').{instead}"
+        ) from error
 
 
 def _write_gif(path: Path, plan: FilmPlan, frame: Callable[[int], np.ndarray], palette: Image.Image) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from threading import get_ident
 
 import numpy as np
 import pytest
 
-from ViTTransferFunction.CommandLine.film import FilmPlan, write_film
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps, write_film
 
 COLORS = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30), (30, 200, 200), (200, 30, 200)]
 
@@ -68,6 +70,51 @@ def test_a_film_that_is_given_up_leaves_nothing(path: Path) -> None:
         write_film(FilmPlan(path, frames=5, seconds=1.0), frame)
     assert path.read_bytes() == b"an older film"
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_film_shot_in_steps_is_that_shot_at_once_and_drawn_by_who_takes_the_steps(path: Path) -> None:
+    plan = FilmPlan(path, frames=len(COLORS), seconds=1.0)
+    write_film(plan, plain)
+    at_once = path.read_bytes()
+    path.unlink()
+    threads = set()
+
+    def frame(number: int) -> np.ndarray:
+        threads.add(get_ident())
+        return plain(number)
+
+    assert sum(film_steps(plan, frame)) == plan.drawings
+    assert path.read_bytes() == at_once
+    assert threads == {get_ident()}
+
+
+def test_a_film_given_up_between_steps_leaves_nothing(path: Path) -> None:
+    steps = film_steps(FilmPlan(path, frames=len(COLORS), seconds=1.0), plain)
+    while next(steps) == 0:
+        pass
+    steps.close()
+    assert list(path.parent.iterdir()) == []
+
+
+def test_what_goes_wrong_while_a_film_is_written_is_raised_where_its_steps_are_taken(path: Path) -> None:
+    path.mkdir(parents=True)
+    with pytest.raises(InputError, match="is a folder"):
+        sum(film_steps(FilmPlan(path, frames=3, seconds=1.0), plain))
+
+
+def test_a_frame_that_cannot_be_drawn_ends_the_film(path: Path) -> None:
+    def frame(number: int) -> np.ndarray:
+        raise InputError("no view")
+
+    with pytest.raises(InputError, match="no view"):
+        sum(film_steps(FilmPlan(path, frames=3, seconds=1.0), frame))
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_film_whose_writer_is_missing_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(InputError, match=r"pip install imageio-ffmpeg.*slicer\.util\.pip_install.*\.gif needs no such"):
+        check_film_writer(Path("film.mp4"))
 
 
 def test_progress_counts_frames(path: Path) -> None:

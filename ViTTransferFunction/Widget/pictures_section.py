@@ -1,0 +1,160 @@
+"""Pictures and films of a 3D view, and its camera in files, so that several cases are seen alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import qt
+import slicer
+from slicer.i18n import tr as _
+
+from ViTTransferFunction.Logic.core.camera import Size
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
+from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
+from ViTTransferFunction.Logic.scene.filming import Filming
+from ViTTransferFunction.Logic.scene.png_file import save_png
+from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
+from ViTTransferFunction.Widget.progress_row import ProgressRow
+from ViTTransferFunction.Widget.section import Report, Section
+
+FRAMES_PER_SECOND = 12
+
+
+class PicturesSection(Section):
+    """Size and kind of pictures, the buttons that make them, and a film's progress."""
+
+    def __init__(self, ui: Any, report: Report) -> None:
+        super().__init__(ui, report)
+        self._filming: Filming | None = None
+        self._progress = ProgressRow(ui, "film")
+        self._timer = qt.QTimer()
+        # Whenever the application has nothing else to do.
+        self._timer.interval = 0
+        self._timer.timeout.connect(self._on_timer)
+        ui.pictureButton.clicked.connect(lambda: self._attempt(self._take_picture))
+        ui.filmButton.clicked.connect(lambda: self._attempt(self._start_film))
+        ui.saveCameraButton.clicked.connect(lambda: self._attempt(self._save_camera))
+        ui.loadCameraButton.clicked.connect(lambda: self._attempt(self._load_camera))
+        self._progress.cancel_button.clicked.connect(self._end_film)
+
+    def refresh(self) -> None:
+        """Show what can be done, and how far a film is; a film ends with the session."""
+        if self.session is None:
+            self._end_film()
+        self._progress.show(self._filming.progress if self._filming else None)
+        for button in (self.ui.pictureButton, self.ui.filmButton, self.ui.saveCameraButton, self.ui.loadCameraButton):
+            button.enabled = self.session is not None and self._filming is None
+
+    def _take_picture(self) -> None:
+        path = self._asked_for_path(_("Save picture"), ".png", _("Pictures") + " (*.png)")
+        if path is not None:
+            transparent = self.ui.pictureTransparentCheckBox.checked
+            save_png(view_picture(view_window(), self._size(), transparent=transparent), path)
+
+    def _start_film(self) -> None:
+        path = self._asked_for_path(_("Save film"), ".gif", _("Films") + " (*.gif *.mp4)")
+        if path is None:
+            return
+        seconds = self.ui.filmSecondsSpinBox.value
+        plan = FilmPlan(path, round(FRAMES_PER_SECOND * seconds), seconds)
+        check_film_writer(path)
+        self._filming = Filming(view_window(), self._size(), plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
+        self._timer.start()
+        self.refresh()
+
+    def _on_timer(self) -> None:
+        if self._filming is not None:
+            self._attempt(self._shoot)
+
+    def _shoot(self) -> None:
+        assert self._filming is not None
+        try:
+            over = self._filming.advance()
+        except InputError:
+            self._end_film()
+            raise
+        if over:
+            self._end_film()
+        self.refresh()
+
+    def _end_film(self) -> None:
+        """Let go of the film; of one that is not finished, nothing is left."""
+        filming, self._filming = self._filming, None
+        self._timer.stop()
+        if filming is not None:
+            filming.cancel()
+            self.refresh()
+
+    def _save_camera(self) -> None:
+        middle = self._middle()
+        path = self._asked_for_path(_("Save camera"), ".json", _("Cameras") + " (*.json)")
+        if path is not None:
+            write_camera(camera_of(view_window(), self._size(), middle), path)
+
+    def _load_camera(self) -> None:
+        middle = self._middle()
+        path = ask_path_to_read(_("Load camera"), _("Cameras") + " (*.json)", self.ui.loadCameraButton)
+        if not path:
+            return
+        camera = read_camera(Path(path))
+        window = view_window()
+        renderer = window.GetRenderers().GetFirstRenderer()
+        place(renderer.GetActiveCamera(), camera, middle)
+        renderer.ResetCameraClippingRange()
+        self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value = camera.size
+        window.Render()
+
+    def _middle(self) -> Any:
+        middle = self.session.middle_ras() if self.session else None
+        if middle is None:
+            raise InputError(
+                _("Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first.")
+            )
+        return middle
+
+    def _size(self) -> Size:
+        return self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value
+
+    def _asked_for_path(self, title: str, ending: str, kinds: str) -> Path | None:
+        """Where the user wants a file, which ends in `ending` unless they wrote another; None where they cancel."""
+        volume = self.session.parameters.volume if self.session else None
+        name = f"{volume.GetName() if volume else 'ViTTransferFunction'}{ending}".replace("/", "_")
+        chosen = ask_path_to_write(title, name, kinds, self.ui.pictureButton)
+        if not chosen:
+            return None
+        path = Path(chosen)
+        return path if path.suffix else path.with_name(path.name + ending)
+
+    def _attempt(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except InputError as error:
+            self.report(str(error))
+            self.refresh()
+
+
+def view_window() -> Any:
+    """The vtkRenderWindow of the first 3D view that is shown.
+
+    Raises:
+        InputError: none is.
+    """
+    manager = slicer.app.layoutManager()
+    widgets = [manager.threeDWidget(index) for index in range(manager.threeDViewCount)]
+    for widget in widgets:
+        if widget is not None and widget.visible:
+            return widget.threeDView().renderWindow()
+    raise InputError(_("No 3D view is shown. Choose a layout that has one, by View, Layout."))
+
+
+def ask_path_to_write(title: str, name: str, kinds: str, parent: Any) -> str:
+    """Have the user choose a file to write, `name` unless they say otherwise; "" where they cancel."""
+    return str(qt.QFileDialog.getSaveFileName(parent, title, name, kinds))
+
+
+def ask_path_to_read(title: str, kinds: str, parent: Any) -> str:
+    """Have the user choose a file to read; "" where they cancel."""
+    return str(qt.QFileDialog.getOpenFileName(parent, title, "", kinds))
