@@ -1,31 +1,31 @@
-"""How fast structures are drawn in 3D, and what a changed look costs.
+"""How fast structures are drawn in 3D, what a changed look costs, and how long a click takes until it is seen.
 
     python dev.py bench rendering [--size N] [--pixels N]
 
 A volume of five balls in noise is shown in one of Slicer's 3D views, without a screen, by whatever OpenGL the computer has:
 first by Slicer's own volume rendering through its preset CT-AAA, then as a volume of structures, without and with what is
-around them, all in the same run. They stand still, at full sampling, and turn, with fewer samples the longer a picture takes,
-as Slicer does while the user turns. A changed look is timed with the picture that shows it, in turns with pictures where only
-the camera changed: the difference is what the change itself costs. What it takes to make the volume of structures from
-refined maps is timed by itself. Where OpenGL runs in software, figures say little of computers with a graphics card, ratios
-more. Writes `rendering.json` and `rendering.md`.
+around them, all in the same run. They stand still, with the samples that Slicer's qualities *Normal* and *Adaptive* take, and
+turn, with as few samples as *Adaptive* finds necessary for as many pictures a second as Slicer's views ask for. A changed look
+is timed with the picture that shows it, and in turns with pictures where only the camera changed: the difference is what the
+change itself costs. Clicks go the whole way, from the point placed to the picture drawn (`clicks`). What it takes to make the
+volume of structures from refined maps is timed by itself. Where OpenGL runs in software, figures say little of computers with
+a graphics card, ratios more. Writes `rendering.json` and `rendering.md`.
 """
 
 from __future__ import annotations
 
-import time
+import os
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import slicer
 from trame_slicer.core import SlicerApp
-from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
-from trame_slicer.views.render_scheduler import NoScheduleRendering
-from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
 from Benchmarks.interaction.made_up_volume import centres, phantom
+from Benchmarks.rendering.clicks import CLASSES, measure_clicks
+from Benchmarks.rendering.stage import Stage, timed
 from Benchmarks.shared.arguments import benchmark_parser
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
@@ -39,10 +39,8 @@ from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image
-
-WISHED_FRAMES_PER_S = 8.0
-"""What Slicer's views ask for while the user turns them."""
+from ViTTransferFunction.Logic.scene.volume import bytes_image
+from ViTTransferFunction.Testing.support.scenes import add_volume
 
 PRESET = "CT-AAA"
 
@@ -53,19 +51,28 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=256, help="voxels along each edge of the volume (default 256)")
     parser.add_argument("--pixels", type=int, default=512, help="along each edge of the view (default 512)")
     parser.add_argument("--frames", type=int, default=8, help="pictures that are timed of each kind (default 8)")
+    parser.add_argument("--clicks", type=int, default=10, help="clicks that are timed (default 10)")
     options = parser.parse_args()
     volume = phantom((options.size,) * 3)
     structures, making = made_structures(volume)
-    stage = Stage(volume, options.pixels, options.frames)
-    drawn = {"Slicer's own, the volume": stage.own_rendering(), **stage.structure_renderings(structures)}
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["VITTF_CACHE"] = cache
+        clicks = measure_clicks(volume, options.pixels, options.clicks)
+    app = SlicerApp()
+    node = add_volume(app.scene, volume)
+    stage = Stage(app, volume.geometry, options.pixels, options.frames)
     measured = {
         "machine": machine(),
+        "opengl": stage.opengl,
         "volume": options.size,
         "pixels": options.pixels,
         "making_ms": making,
-        "drawn": drawn,
-        "changes": stage.changes(structures),
+        "drawn": {"Slicer's own, the volume": measure_own(app, node, stage)},
+        "clicks": clicks,
     }
+    rendering = ClassRendering(app.scene, app.app_logic)
+    measured["drawn"] |= measure_structures(rendering, node, stage, structures)
+    measured["changes"] = measure_changes(rendering, stage, structures)
     write_results(options.results, "rendering", {**measured, "summary": summary(measured)}, text(measured))
 
 
@@ -76,114 +83,67 @@ def made_structures(volume: Volume) -> tuple[StructureVolume, dict[str, float]]:
     for centre in centres(volume.shape):
         distance = np.sqrt(sum((axis - c) ** 2 for axis, c in zip(grid, centre, strict=True)))
         maps.append(np.rint(255.0 * np.clip(0.5 + (radius - distance) / 6.0, 0.0, 1.0)).astype(np.uint8))
-    composed_ms, composition = _timed(lambda: similarity_volume(maps, [0.5] * len(maps), volume.shape))
+    composed_ms, composition = timed(lambda: similarity_volume(maps, [0.5] * len(maps), volume.shape))
     levels = intensity_levels(volume)
-    gray_ms, gray = _timed(lambda: gray_levels(volume.array, levels, volume.shape))
-    light_ms, voxels = _timed(lambda: composition.voxels(gray))
-    structures = structure_volume(voxels, len(maps), levels, volume.geometry, volume)
+    gray_ms, gray = timed(lambda: gray_levels(volume.array, levels, volume.shape))
+    light_ms, voxels = timed(lambda: composition.voxels(gray))
+    structures = structure_volume(voxels, len(maps), levels, volume.geometry, volume.geometry, hounsfield=False)
     return structures, {"structures": composed_ms, "grey levels": gray_ms, "light": light_ms}
 
 
-class Stage:
-    """A 3D view of Slicer's that looks at a volume.
+def measure_own(app: SlicerApp, node: Any, stage: Stage) -> dict[str, float]:
+    """Slicer's volume rendering of the volume itself."""
+    display = app.volume_rendering.create_display_node(node, PRESET)
+    measured = stage.measured()
+    display.SetVisibility(False)
+    return measured
 
-    Args:
-        volume: what to show.
-        pixels: along each edge of the view.
-        frames: pictures to time of each kind.
-    """
 
-    def __init__(self, volume: Volume, pixels: int, frames: int) -> None:
-        self._app = SlicerApp()
-        self._app.view_manager.register_factory(DirectViewFactory(do_render_offscreen=True))
-        self._frames = frames
-        self._node = self._app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "volume")
-        set_image(self._node, volume.array, volume.geometry.ijk_to_ras)
-        self._view = self._app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
-        self._view.set_scheduled_render(NoScheduleRendering())
-        self._view.render_window().SetSize(pixels, pixels)
-        self._view.get_view_node().SetVolumeRenderingQuality(slicer.vtkMRMLViewNode.Adaptive)
-        self._rendering = ClassRendering(self._app.scene, self._app.app_logic)
-        camera = self._view.get_camera_node()
-        middle = volume.geometry.ijk_to_ras_points((np.array(volume.shape[::-1])[None] - 1) / 2)[0]
-        camera.SetFocalPoint(*middle)
-        camera.SetPosition(*(middle + np.array([0.0, 2.2 * float(volume.geometry.extent_mm.max()), 0.0])))
-        camera.SetViewUp(0.0, 0.0, 1.0)
+def measure_structures(
+    rendering: ClassRendering, node: Any, stage: Stage, structures: StructureVolume
+) -> dict[str, dict[str, float]]:
+    """Structures by themselves, translucent, and with what is around them."""
+    looks, around = _looks(structures), _around(structures)
+    kinds: dict[str, tuple[list[Appearance], Surroundings]] = {
+        "structures": (looks, Surroundings()),
+        "structures, glass": ([replace(look, opacity=0.5, style="glass") for look in looks], Surroundings()),
+        "structures and surroundings": (looks, around),
+    }
+    image = finished(bytes_image(structures.voxels))
+    measured = {}
+    for name, kind in kinds.items():
+        uniforms = structures.uniforms(*kind)
+        rendering.show(node, image, len(looks), uniforms, structures.geometry.ijk_to_ras)
+        measured[name] = stage.measured()
+    return measured
 
-    def own_rendering(self) -> dict[str, float]:
-        """Slicer's volume rendering of the volume itself."""
-        display = self._app.volume_rendering.create_display_node(self._node, PRESET)
-        drawn = self._drawn()
-        display.SetVisibility(False)
-        return drawn
 
-    def structure_renderings(self, structures: StructureVolume) -> dict[str, dict[str, float]]:
-        """Structures by themselves, translucent, and with what is around them."""
-        looks, around = _looks(structures), _around(structures)
-        kinds: dict[str, tuple[list[Appearance], Surroundings]] = {
-            "structures": (looks, Surroundings()),
-            "structures, glass": ([replace(look, opacity=0.5, style="glass") for look in looks], Surroundings()),
-            "structures and surroundings": (looks, around),
-        }
-        image = finished(bytes_image(structures.voxels))
-        drawn = {}
-        for name, kind in kinds.items():
-            uniforms = structures.uniforms(*kind)
-            self._rendering.show(self._node, image, len(looks), uniforms, structures.geometry.ijk_to_ras)
-            drawn[name] = self._drawn()
-        return drawn
+def measure_changes(rendering: ClassRendering, stage: Stage, structures: StructureVolume) -> dict[str, dict[str, float]]:
+    """Milliseconds from a changed look to the picture, and how much of that a picture without a change does not take."""
+    looks = _looks(structures)
+    changes: dict[str, Callable[[int], dict[str, Any]]] = {
+        "colour": lambda n: {"color": default_color(n)},
+        "opacity": lambda n: {"opacity": 1.0 - 0.01 * n},
+        "window": lambda n: {"low": 10.0 * n, "tone": 0.5},
+        "preset": lambda n: {"style": ("surface", "glass")[n % 2]},
+    }
+    costs = {}
+    for name, change in changes.items():
+        step = 0
 
-    def changes(self, structures: StructureVolume) -> dict[str, float]:
-        """Milliseconds that a picture with a changed look takes longer than one from another side."""
-        looks = _looks(structures)
-        self._rendering.change(structures.uniforms(looks, Surroundings()))
-        self._picture()
-        changes: dict[str, Callable[[int], dict[str, Any]]] = {
-            "colour": lambda n: {"color": default_color(n)},
-            "opacity": lambda n: {"opacity": 1.0 - 0.01 * n},
-            "window": lambda n: {"low": 10.0 * n, "tone": 0.5},
-            "preset": lambda n: {"style": ("surface", "glass")[n % 2]},
-        }
-        costs = {}
-        for name, change in changes.items():
-            differences_ms = []
-            for n in range(self._frames):
-                changed = [replace(looks[0], **change(n)), *looks[1:]]
-                same_ms, _ = _timed(self._turned_picture)
-                changed_ms, _ = _timed(lambda: self._changed_picture(structures, changed))  # noqa: B023
-                differences_ms.append(changed_ms - same_ms)
-            costs[name] = float(np.median(differences_ms))
-        return costs
+        def changed(change: Callable[[int], dict[str, Any]] = change) -> None:
+            nonlocal step
+            step += 1
+            look = replace(looks[0], **change(step))
+            rendering.change(structures.uniforms([look, *looks[1:]], Surroundings()))
 
-    def _drawn(self) -> dict[str, float]:
-        """Milliseconds for the first picture, for one at full sampling, and for one while the view is turned."""
-        window = self._view.render_window()
-        window.SetDesiredUpdateRate(0.0001)
-        first_ms, _ = _timed(self._picture)
-        still_ms = np.median([_timed(self._turned_picture)[0] for _ in range(self._frames)])
-        window.SetDesiredUpdateRate(WISHED_FRAMES_PER_S)
-        # The renderer needs some pictures to find out how many samples it can afford.
-        turning_ms = np.median([_timed(self._turned_picture)[0] for _ in range(2 * self._frames)][self._frames :])
-        window.SetDesiredUpdateRate(0.0001)
-        return {"first_ms": first_ms, "still_ms": float(still_ms), "turning_ms": float(turning_ms)}
-
-    def _changed_picture(self, structures: StructureVolume, looks: list[Appearance]) -> None:
-        self._rendering.change(structures.uniforms(looks, Surroundings()))
-        self._turned_picture()
-
-    def _turned_picture(self) -> None:
-        self._view.renderer().GetActiveCamera().Azimuth(3.0)
-        self._picture()
-
-    def _picture(self) -> None:
-        """Draw, and wait until it is done: software hands back at once."""
-        self._view.renderer().ResetCameraClippingRange()
-        self._view.render()
-        grabber = vtkWindowToImageFilter()
-        grabber.SetInput(self._view.render_window())
-        grabber.ReadFrontBufferOff()
-        grabber.ShouldRerenderOff()
-        grabber.Update()
+        stage.set_turning(turning=True)
+        stage.median_ms(changed)
+        quick_ms = stage.median_ms(changed)
+        stage.set_turning(turning=False)
+        differences = [timed(lambda: (changed(), stage.turned_picture()))[0] - timed(stage.turned_picture)[0] for _ in range(9)]
+        costs[name] = {"picture_ms": stage.median_ms(changed), "quick_ms": quick_ms, "itself_ms": float(np.median(differences))}
+    return costs
 
 
 def _looks(structures: StructureVolume) -> list[Appearance]:
@@ -196,18 +156,14 @@ def _around(structures: StructureVolume) -> Surroundings:
     return Surroundings(((low, (0.9, 0.8, 0.7), 0.0), (high, (0.9, 0.8, 0.7), 0.1)))
 
 
-def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    began = time.perf_counter()
-    result = work()
-    return 1e3 * (time.perf_counter() - began), result
-
-
 def summary(measured: dict[str, Any]) -> dict[str, float]:
     """The figures that are tracked."""
     own, *ours = measured["drawn"].values()
     return {
-        "change_ms": max(measured["changes"].values()),
+        "change_ms": max(change["itself_ms"] for change in measured["changes"].values()),
+        "changed_picture_ms": max(change["quick_ms"] for change in measured["changes"].values()),
         "making_ms": sum(measured["making_ms"].values()),
+        "click_to_picture_ms": measured["clicks"]["picture"]["median_ms"],
         "still_ratio": ours[0]["still_ms"] / own["still_ms"],
         "surroundings_still_ratio": ours[-1]["still_ms"] / own["still_ms"],
         "turning_frames_per_s": 1e3 / max(rendering["turning_ms"] for rendering in ours),
@@ -217,24 +173,34 @@ def summary(measured: dict[str, Any]) -> dict[str, float]:
 def text(measured: dict[str, Any]) -> str:
     """The report for people."""
     own = next(iter(measured["drawn"].values()))
+    kinds = ("first_ms", "normal_ms", "still_ms", "turning_ms")
     return paragraphs(
         "# Rendering",
-        f"{in_words(measured['machine'])}.",
+        f"{in_words(measured['machine'])}. OpenGL: {measured['opengl']}.",
         f"{measured['volume']}³ voxels, a view of {measured['pixels']}² pixels, medians. In brackets, times Slicer's own.",
         table(
-            ["what", "first picture", "standing still", "turning"],
+            ["what", "first picture", "standing still, *Normal*", "standing still, *Adaptive*", "turning, *Adaptive*"],
             [
-                [
-                    name,
-                    *(f"{times[key]:.0f} ms ({times[key] / own[key]:.2f})" for key in ("first_ms", "still_ms", "turning_ms")),
-                ]
+                [name, *(f"{times[key]:.0f} ms ({times[key] / own[key]:.2f})" for key in kinds)]
                 for name, times in measured["drawn"].items()
             ],
         ),
         "## A changed look",
-        "What it takes longer than a picture where nothing changed but the camera. Nothing is computed anew.",
-        table(["what", "time"], [[name, f"{cost:.0f} ms"] for name, cost in measured["changes"].items()]),
-        "## A new volume of structures",
+        "Nothing is computed anew. *The change itself*: what it takes longer than a picture where only the camera changed.",
+        table(
+            ["what", "to the picture", "with the samples of a turning view", "the change itself"],
+            [
+                [name, *(f"{cost[key]:.0f} ms" for key in ("picture_ms", "quick_ms", "itself_ms"))]
+                for name, cost in measured["changes"].items()
+            ],
+        ),
+        "## A click",
+        f"On features that are in the cache, {CLASSES} classes; with the compute process and Slicer's renderer.",
+        table(
+            ["from the point placed to", "median", "slowest"],
+            [[name, f"{ms['median_ms']:.0f} ms", f"{ms['worst_ms']:.0f} ms"] for name, ms in measured["clicks"].items()],
+        ),
+        "## A volume of structures from refined maps",
         table(["step", "time"], [[name, f"{cost:.0f} ms"] for name, cost in measured["making_ms"].items()]),
     )
 

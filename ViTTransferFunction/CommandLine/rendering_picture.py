@@ -27,6 +27,7 @@ from ViTTransferFunction.Logic.core.camera import (
     middle_of,
 )
 from ViTTransferFunction.Logic.core.colors import Color
+from ViTTransferFunction.Logic.core.intensity_window import looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, SURFACE
@@ -198,7 +199,8 @@ def _structures_of(volume: Volume, segments: Sequence[PictureSegment], whole: bo
         (volume.array, levels) if whole or scanned else None,
         whole,
     )
-    return structure_volume(voxels, len(segments), levels, grid, volume)
+    hounsfield = looks_like_hounsfield_units(volume)
+    return structure_volume(voxels, len(segments), levels, grid, volume.geometry, hounsfield=hounsfield)
 
 
 def _reach(structures: StructureVolume, around: Surroundings) -> np.ndarray:

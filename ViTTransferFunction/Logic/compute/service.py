@@ -14,6 +14,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
 from ..core.geometry import Box
+from ..core.intensity_window import looks_like_hounsfield_units
 from ..core.progress import Progress
 from ..core.volume import Volume
 from ..features.networks import Networks
@@ -79,6 +80,7 @@ class SegmentationService:
         self._session: SegmentationSession | None = None
         self._maps: list[ClassMap] = []
         self._segmented: _Segmented | None = None
+        self._intensities: tuple[np.ndarray, bool] | None = None
         self._handlers: dict[type, Callable[[Any], Any]] = {
             TakeVolume: self._take_volume,
             Prepare: self._prepare,
@@ -107,7 +109,7 @@ class SegmentationService:
                 session.prepare_clicks()
 
     def _take_volume(self, request: TakeVolume) -> Done:
-        self._volume = self._session = self._segmented = None
+        self._volume = self._session = self._segmented = self._intensities = None
         self._volume = Volume(request.array, request.geometry, request.name)
         return Done()
 
@@ -164,9 +166,17 @@ class SegmentationService:
             composition = similarity_volume(maps, isos, shape, self._progress)
         else:
             composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
-        levels = intensity_levels(session.volume)
+        levels, hounsfield = self._known_intensities()
         voxels = composition.voxels(gray_levels(intensities, levels, composition.shape), request.casting)
-        return structure_volume(voxels, len(maps), levels, scan.part(box).resized(composition.shape), session.volume)
+        geometry = scan.part(box).resized(composition.shape)
+        return structure_volume(voxels, len(maps), levels, geometry, scan, hounsfield=hounsfield)
+
+    def _known_intensities(self) -> tuple[np.ndarray, bool]:
+        """The volume's grey levels, and whether it has Hounsfield units; found once, since that takes a look at many voxels."""
+        if self._intensities is None:
+            volume = self._the_volume
+            self._intensities = intensity_levels(volume), looks_like_hounsfield_units(volume)
+        return self._intensities
 
     def _last_maps(self, refined: bool) -> tuple[list[Any], list[float], Box]:
         """The arrays of the maps that were replied last, their thresholds, and the part of the volume that they fill."""

@@ -1,7 +1,8 @@
 """All structures in one volume, so that one volume rendering shows any number of them.
 
 A voxel has four numbers: of its structure, how deep it lies in that, the intensity, and how much light reaches it. Nothing of
-how structures look is in them: a renderer's shader (`shader`) adds that.
+how structures look is in them: a renderer's shader (`shader`) adds that. Away from all structures, where a voxel has none, it
+has instead how many voxels it is from them at least: so far a ray may leap.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
 from ..core.errors import InputError
 from ..core.geometry import Box
@@ -17,8 +18,8 @@ from ..core.resampling import interpolated
 from .class_membership import Shape
 
 NUMBER, LIGHT, INTENSITY, DEPTH = range(4)
-"""What the four numbers of a voxel are: of its structure, from 1; how much light reaches it; its intensity; how deep it lies in
-the structure, last, since VTK finds by the last one what a click in a 3D view meets."""
+"""What the four numbers of a voxel are: of its structure, from 1, or how far away they are; how much light reaches it; its
+intensity; how deep it lies in the structure, last, since VTK finds by the last one what a click in a 3D view meets."""
 
 SURFACE = 127
 """Depth up to which a voxel lies outside: a surface is between this and the next."""
@@ -43,6 +44,9 @@ TYPICAL_DEPTH = 200
 OWN_SHARE = (3.0, 97.0)
 """Percentiles of its voxels between which a structure's own intensities lie."""
 
+BLOCK_VOXELS = 4
+"""Along each edge of the blocks whose distances from structures are known: those of single voxels would take seconds."""
+
 
 class Composition:
     """A volume to which structures are added one after the other; of two, the one in which a voxel lies deeper has it.
@@ -62,6 +66,7 @@ class Composition:
             )
         self.shape = shape
         self._voxels = np.zeros((*shape, 4), dtype=np.uint8)
+        self._filled_blocks = np.zeros([-(-size // BLOCK_VOXELS) for size in shape], dtype=bool)
 
     def add(self, box: Box, index: int, depths: np.ndarray) -> None:
         """Add the structure of an index, from 0: how deep voxels lie in it, (k, j, i) uint8 of a box."""
@@ -69,6 +74,17 @@ class Composition:
         deeper = depths > part[..., DEPTH]
         np.copyto(part[..., DEPTH], depths, where=deeper)
         np.copyto(part[..., NUMBER], np.uint8(index + 1), where=deeper)
+        if depths.size:
+            self._fill_blocks(box, depths)
+
+    def _fill_blocks(self, box: Box, depths: np.ndarray) -> None:
+        blocks = depths
+        for axis, extent in enumerate(box):
+            first = -(-extent.start // BLOCK_VOXELS) * BLOCK_VOXELS - extent.start
+            starts = np.unique([0, *range(first, extent.stop - extent.start, BLOCK_VOXELS)])
+            blocks = np.maximum.reduceat(blocks, starts, axis=axis)
+        k, j, i = (slice(extent.start // BLOCK_VOXELS, -(-extent.stop // BLOCK_VOXELS)) for extent in box)
+        self._filled_blocks[k, j, i] |= blocks > 0
 
     def voxels(self, gray: np.ndarray | None = None, casting: Sequence[bool] | None = None) -> np.ndarray:
         """The volume, (K, J, I, 4) uint8.
@@ -80,7 +96,21 @@ class Composition:
         if gray is not None:
             self._voxels[..., INTENSITY] = gray
         self._voxels[..., LIGHT] = _ambient_light(self._voxels, casting)
+        self._write_distances()
         return self._voxels
+
+    def _write_distances(self) -> None:
+        """Let voxels of empty blocks have instead of a number how many voxels away, along each axis, all structures are."""
+        if self._filled_blocks.any():
+            blocks_away = distance_transform_cdt(~self._filled_blocks, "chessboard")
+            distances = np.clip(BLOCK_VOXELS * (blocks_away - 1), 0, 255).astype(np.uint8)
+        else:
+            distances = np.full(self._filled_blocks.shape, 255, dtype=np.uint8)
+        _, rows, columns = self.shape
+        for index, of_blocks in enumerate(distances):
+            away = of_blocks.repeat(BLOCK_VOXELS, axis=0).repeat(BLOCK_VOXELS, axis=1)[:rows, :columns]
+            slices = self._voxels[index * BLOCK_VOXELS : (index + 1) * BLOCK_VOXELS]
+            np.copyto(slices[..., NUMBER], away, where=away > 0)
 
 
 def shape_within_budget(shape: Shape) -> Shape:
@@ -121,7 +151,9 @@ def _ambient_light(voxels: np.ndarray, casting: Sequence[bool] | None) -> np.nda
     matter = np.maximum(coarse[..., DEPTH], SURFACE) - np.float32(SURFACE)
     matter /= 255.0 - SURFACE
     if casting is not None:
-        matter *= np.array([False, *casting])[coarse[..., NUMBER]]
+        casts = np.zeros(256, dtype=bool)
+        casts[1 : len(casting) + 1] = casting
+        matter *= casts[coarse[..., NUMBER]]
     sigmas = [reach * max(matter.shape) for reach in SHADOW_REACHES]
     # Half of what is around a flat surface is matter.
     occlusion = sum(gaussian_filter(matter, sigma, mode="constant", truncate=2.5) for sigma in sigmas) / len(sigmas)

@@ -25,15 +25,6 @@ STEP = 16
 STRUCTURES, CONTEXT, SCENE = "vittf_structures", "vittf_context", "vittf_scene"
 """Names of the uniform variables; `structure_volume.StructureVolume.uniforms` has their values."""
 
-_GRADIENT = """
-// Every surface is shaded by a normal that is known where it is found.
-vec3 vittf_normal = vec3(0.0);
-vec4 computeGradient(in vec3 texPos, in int c, in sampler3D volume, in int index)
-{
-  return vec4(vittf_normal, -1.0);
-}
-"""
-
 _FUNCTIONS = """
 int vittf_before = -1;             // The structure at the last sample, 0: none, -1: there is no last sample.
 float vittf_number = -1.0;         // What its voxels have as number, visible or not.
@@ -41,6 +32,9 @@ float vittf_last = -1.0;           // The intensity at the last sample, and at t
 float vittf_now = -1.0;
 bool vittf_hit = false;            // Whether the ray has met a structure.
 vec4 vittf_veil = vec4(0.0);       // What it passed before, of what belongs to none.
+mat3 vittf_eye = mat3(0.0);        // From voxels to the viewer's frame, of the world's units.
+vec3 vittf_along = vec3(0.0);      // Of the ray, in that frame.
+float vittf_length = 0.0;          // Of a step, in edges of cubes as large as a voxel.
 
 vec4 vittf_row(int structure, int row)
 {
@@ -135,16 +129,47 @@ vec3 vittf_intensity_gradient(vec3 place)
                     texture3D(in_volume[0], place + z).b - texture3D(in_volume[0], place - z).b);
 }
 
-// Along the ray, in voxels.
-vec3 vittf_direction()
+// What is the same for all of a ray.
+void vittf_begin()
 {
-  return normalize(g_dirStep * vec3(vittf_size()));
+  mat3 to_eye = mat3(in_modelViewMatrix * in_volumeMatrix[0]);
+  vittf_eye = mat3(to_eye[0] * in_cellSpacing[0].x, to_eye[1] * in_cellSpacing[0].y, to_eye[2] * in_cellSpacing[0].z);
+  vec3 step_eye = vittf_eye * (g_dirStep * vec3(vittf_size()));
+  vittf_along = normalize(step_eye);
+  vittf_length = length(step_eye) / pow(max(abs(determinant(vittf_eye)), 1e-30), 1.0 / 3.0);
 }
 
-// How much of a colour's light leaves a surface whose normal is `vittf_normal`.
-vec3 vittf_lit(vec3 color)
+// Of the surface that a gradient per voxel is at a right angle to, towards the viewer, in the viewer's frame.
+vec3 vittf_normal(vec3 gradient)
 {
-  return computeLighting(vec4(color, 1.0), 0, 0.0).rgb;
+  vec3 normal = gradient.x * cross(vittf_eye[1], vittf_eye[2]) + gradient.y * cross(vittf_eye[2], vittf_eye[0])
+    + gradient.z * cross(vittf_eye[0], vittf_eye[1]);
+  float size = length(normal);
+  return size > 0.0 ? faceforward(normal / size, vittf_along, normal) : -vittf_along;
+}
+
+// How much of a colour's light leaves a surface. VTK's own function takes normals for right only where all edges of the volume
+// are as long, and parallel to those of the world.
+vec3 vittf_lit(vec3 color, vec3 normal)
+{
+  vec3 diffuse = vec3(0.0), specular = vec3(0.0), ambient = vec3(0.0);
+#ifdef TOTAL_NUMBER_LIGHTS
+  for (int n = 0; n < TOTAL_NUMBER_LIGHTS; ++n)
+  {
+    vec3 direction = in_lightDirection[n];
+    ambient += in_lightAmbientColor[n];
+#else
+  for (int n = 0; n < 1; ++n)
+  {
+    vec3 direction = vittf_along;
+    ambient += color;
+#endif
+    float light = max(-dot(normal, direction), 0.0);
+    diffuse += light * in_lightDiffuseColor[n];
+    float mirrored = max(-dot(reflect(direction, normal), vittf_along), 0.0);
+    specular += light > 0.0 ? pow(mirrored, in_shininess[0]) * in_lightSpecularColor[n] : vec3(0.0);
+  }
+  return in_ambient[0] * ambient + in_diffuse[0] * diffuse * color + in_specular[0] * specular;
 }
 
 void vittf_compose(vec3 color, float opacity)
@@ -176,22 +201,20 @@ void vittf_wall(vec3 place, int structure, bool cut)
   {
     return;
   }
-  vec3 along = vittf_direction();
-  vec3 inward = cut ? along : vittf_depth_gradient(place, structure);
-  float steepness = length(inward);
-  inward = steepness > 0.0 ? inward / steepness : along;
+  vec3 inward = cut ? vec3(0.0) : vittf_depth_gradient(place, structure);
+  vec3 normal = vittf_normal(inward);
   // A little below the surface: on it, voxels are half of something else.
-  vec3 below = cut ? place : place + 1.5 * inward / vec3(vittf_size());
+  vec3 below = place + 1.5 * inward / max(length(inward), 1e-6) / vec3(vittf_size());
   vec4 voxel = texture3D(in_volume[0], below);
   float level = vittf_in_window(voxel.b, window);
-  float facing = cut ? 1.0 : min(abs(dot(inward, along)), 1.0);
+  float facing = min(abs(dot(normal, vittf_along)), 1.0);
   float opacity = style.x * look.a * mix(window.z, 1.0, level);
   // As of a wall of some thickness; of glass, what faces the viewer is clear.
   opacity = 1.0 - pow(max(1.0 - opacity, 0.0), 1.0 / max(facing, 0.25));
   opacity *= mix(1.0, cut ? 1.0 : 0.12 + 0.88 * pow(1.0 - facing, 1.5), style.y);
-  vittf_normal = inward;
   float light = texture3D(in_volume[0], place).g;
-  vittf_compose(vittf_lit(vittf_toned(look.rgb, cut ? max(style.z, 0.6) : style.z, level)) * light, opacity);
+  vec3 color = vittf_toned(look.rgb, cut ? max(style.z, 0.6) : style.z, level);
+  vittf_compose(vittf_lit(color, normal) * light, opacity);
 }
 
 // What a step through the inside of a structure adds.
@@ -201,13 +224,13 @@ void vittf_inside(vec4 voxel, int structure)
   float level = vittf_in_window(voxel.b, window);
   // The map has a say: less where it is in doubt.
   float density = style.w * look.a * mix(window.z, 1.0, level) * smoothstep(0.5, 0.8, voxel.a);
-  vittf_normal = vittf_intensity_gradient(g_dataPos);
-  float edge = min(length(vittf_normal) * 8.0 / max(window.y - window.x, 0.05), 1.0);
+  vec3 gradient = vittf_intensity_gradient(g_dataPos);
+  float edge = min(length(gradient) * 8.0 / max(window.y - window.x, 0.05), 1.0);
   density *= mix(1.0, edge, window.w);
   vec3 color = vittf_toned(look.rgb, style.z, level);
   // What is even has no side that faces the light.
-  color = edge > 0.0 ? mix(color, vittf_lit(color), edge * vittf_row(structure, 3).x) : color;
-  vittf_compose(color, 1.0 - exp(-density * in_sampleDistance));
+  color = edge > 0.0 ? mix(color, vittf_lit(color, vittf_normal(gradient)), edge * vittf_row(structure, 3).x) : color;
+  vittf_compose(color, 1.0 - exp(-density * vittf_length));
 }
 
 vec4 vittf_context_of(float intensity)
@@ -234,10 +257,10 @@ void vittf_outside(vec4 voxel)
   vec4 look = vittf_context_between(vittf_last, vittf_now);
   // Around structures, voxels are half of them. Those of hidden ones are seen as they are.
   float density = look.a * (voxel.a < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.a) : 1.0);
-  vittf_normal = vittf_intensity_gradient(g_dataPos);
-  float edge = clamp(length(vittf_normal) * 40.0, 0.0, 1.0);
-  vec3 color = edge > 0.0 ? mix(look.rgb, vittf_lit(look.rgb), edge) : look.rgb;
-  float opacity = 1.0 - exp(-density * in_sampleDistance);
+  vec3 gradient = vittf_intensity_gradient(g_dataPos);
+  float edge = clamp(length(gradient) * 40.0, 0.0, 1.0);
+  vec3 color = edge > 0.0 ? mix(look.rgb, vittf_lit(look.rgb, vittf_normal(gradient)), edge) : look.rgb;
+  float opacity = 1.0 - exp(-density * vittf_length);
   vec4 sum = vittf_hit ? g_fragColor : vittf_veil;
   sum += (1.0 - sum.a) * vec4(color * opacity, opacity);
   if (vittf_hit)
@@ -288,6 +311,21 @@ vec4 vittf_advanced()
   return vittf_taken();
 }
 
+// Leaps as far as there are no structures, where nothing else is to be seen. Voxels far from all of them say how far they are.
+void vittf_leap(vec4 voxel)
+{
+  if (voxel.a <= 0.0 && vittf_scene.x <= 0.0)
+  {
+    vec3 voxels = abs(g_dirStep) * vec3(vittf_size());
+    float steps = floor((voxel.r * 255.0 - 1.0) / max(max(voxels.x, voxels.y), voxels.z));
+    if (steps > 0.0)
+    {
+      g_dataPos += steps * g_dirStep;
+      g_currentT += steps;
+    }
+  }
+}
+
 // Goes on to where the ray passes a surface. With loops of their own for what comes before: many renderers do for all rays of
 // a group what one of them needs.
 void vittf_march()
@@ -296,6 +334,7 @@ void vittf_march()
   bool over = vittf_over();
   while (!over && vittf_settled(voxel) && !vittf_emits())
   {
+    vittf_leap(voxel);
     voxel = vittf_advanced();
     over = vittf_over();
   }
@@ -365,6 +404,10 @@ _SAMPLE = """
     }
     else
     {
+      if (vittf_length <= 0.0)
+      {
+        vittf_begin();
+      }
       vittf_march();
     }
 """
@@ -396,7 +439,6 @@ uniform vec4 {SCENE};
 """
     return {
         "//VTK::CustomUniforms::Dec": uniforms,
-        "//VTK::ComputeGradient::Dec": _GRADIENT,
         # The last of VTK's functions: all others can be called.
         "//VTK::ComputeRayDirection::Dec": "//VTK::ComputeRayDirection::Dec\n" + _FUNCTIONS,
         "//VTK::Shading::Impl": _SAMPLE,

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.geometry import Geometry
-from ..core.intensity_window import looks_like_hounsfield_units
-from ..core.volume import Volume
 from .appearance import Appearance, appearance_rows, window_levels
 from .composition import own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES
@@ -60,7 +58,7 @@ class StructureVolume:
 
 
 def structure_volume(
-    voxels: np.ndarray, structures: int, levels: np.ndarray, geometry: Geometry, scan: Volume
+    voxels: np.ndarray, structures: int, levels: np.ndarray, geometry: Geometry, scan: Geometry, *, hounsfield: bool
 ) -> StructureVolume:
     """A volume of structures, seen as part of a scan.
 
@@ -69,9 +67,9 @@ def structure_volume(
         structures: how many there are.
         levels: the intensity that each grey level stands for (`intensity_levels`).
         geometry: where the voxels lie.
-        scan: all of it.
+        scan: where all of the scan lies.
+        hounsfield: whether its intensities are Hounsfield units.
     """
-    unit_mm = float(scan.geometry.extent_mm.max()) / UNITS
+    unit_mm = float(scan.extent_mm.max()) / UNITS
     unit_voxels = unit_mm / float(np.cbrt(np.prod(geometry.spacing_mm)))
-    hounsfield = looks_like_hounsfield_units(scan)
     return StructureVolume(voxels, own_levels(voxels, structures), levels, hounsfield, unit_voxels, geometry)

@@ -1,0 +1,108 @@
+"""One of Slicer's 3D views, without a screen, whose pictures are timed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import slicer
+from trame_slicer.core import SlicerApp
+from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
+from trame_slicer.views.render_scheduler import NoScheduleRendering
+from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
+
+from ViTTransferFunction.Logic.core.geometry import Geometry
+
+STILL_RATE = 0.0001
+"""Pictures a second that VTK is asked for where nothing moves: as few as it likes."""
+
+
+class Stage:
+    """A 3D view that looks at a volume, and is turned a little before each picture.
+
+    Args:
+        app: with the scene.
+        geometry: of the volume, which fits the view.
+        pixels: along each edge of the view.
+        frames: pictures to time of each kind.
+    """
+
+    def __init__(self, app: SlicerApp, geometry: Geometry, pixels: int, frames: int) -> None:
+        app.view_manager.register_factory(DirectViewFactory(do_render_offscreen=True))
+        self._frames = frames
+        self._view = app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
+        self._view.set_scheduled_render(NoScheduleRendering())
+        self._view.render_window().SetSize(pixels, pixels)
+        self.set_adaptive(adaptive=True)
+        camera = self._view.get_camera_node()
+        middle = geometry.ijk_to_ras_points((np.array(geometry.shape[::-1])[None] - 1) / 2)[0]
+        camera.SetFocalPoint(*middle)
+        camera.SetPosition(*(middle + np.array([0.0, 2.2 * float(geometry.extent_mm.max()), 0.0])))
+        camera.SetViewUp(0.0, 0.0, 1.0)
+        self.renderer = self._view.renderer()
+
+    @property
+    def opengl(self) -> str:
+        """What draws: the name of a graphics card, or of OpenGL in software."""
+        self._view.render_window().Render()
+        capabilities = self._view.render_window().ReportCapabilities().splitlines()
+        return next(line.split(":", 1)[1].strip() for line in capabilities if line.startswith("OpenGL renderer"))
+
+    def set_adaptive(self, *, adaptive: bool) -> None:
+        """Let fewer samples be taken while the view is turned (Slicer's quality *Adaptive*), or not (*Normal*)."""
+        qualities = slicer.vtkMRMLViewNode
+        self._view.get_view_node().SetVolumeRenderingQuality(qualities.Adaptive if adaptive else qualities.Normal)
+
+    def set_turning(self, *, turning: bool) -> None:
+        """Let pictures be drawn as Slicer draws them while the user turns the view, or as when nothing moves."""
+        rate = self._view.interactor().GetDesiredUpdateRate() if turning else STILL_RATE
+        self._view.render_window().SetDesiredUpdateRate(rate)
+
+    def measured(self) -> dict[str, float]:
+        """Milliseconds for the first picture, and medians for others: of what stands still, and while it is turned."""
+        self.set_turning(turning=False)
+        first_ms, _ = timed(self.picture)
+        still_ms = self.median_ms()
+        self.set_adaptive(adaptive=False)
+        self.picture()
+        normal_ms = self.median_ms()
+        self.set_adaptive(adaptive=True)
+        self.set_turning(turning=True)
+        # The renderer needs some pictures to find out how many samples it can afford.
+        self.median_ms()
+        turning_ms = self.median_ms()
+        self.set_turning(turning=False)
+        return {"first_ms": first_ms, "normal_ms": normal_ms, "still_ms": still_ms, "turning_ms": turning_ms}
+
+    def median_ms(self, prepare: Callable[[], Any] = lambda: None) -> float:
+        """Of pictures from one side after the other; `prepare` is done before each of them, and counts."""
+
+        def prepared() -> None:
+            prepare()
+            self.turned_picture()
+
+        return float(np.median([timed(prepared)[0] for _ in range(self._frames)]))
+
+    def turned_picture(self) -> None:
+        """Draw from another side than before."""
+        self.renderer.GetActiveCamera().Azimuth(3.0)
+        self.picture()
+
+    def picture(self) -> None:
+        """Draw, and wait until it is done: software hands back at once."""
+        self.renderer.ResetCameraClippingRange()
+        self._view.render()
+        grabber = vtkWindowToImageFilter()
+        grabber.SetInput(self._view.render_window())
+        grabber.ReadFrontBufferOff()
+        grabber.ShouldRerenderOff()
+        grabber.Update()
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """How many milliseconds work took, and what came of it."""
+    began = time.perf_counter()
+    result = work()
+    return 1e3 * (time.perf_counter() - began), result

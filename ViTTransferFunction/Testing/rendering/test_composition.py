@@ -1,0 +1,57 @@
+"""Volumes of structures: where rays may leap."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import distance_transform_cdt
+
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, Composition
+
+SHAPE = (37, 30, 41)
+
+
+def composed(boxes: list[tuple[slice, slice, slice]]) -> np.ndarray:
+    """A volume of structures that fill these boxes."""
+    composition = Composition(SHAPE, len(boxes))
+    for index, box in enumerate(boxes):
+        composition.add(box, index, np.full([extent.stop - extent.start for extent in box], 200, dtype=np.uint8))
+    return composition.voxels()
+
+
+@pytest.mark.parametrize(
+    "boxes",
+    [
+        [(slice(5, 9), slice(3, 4), slice(30, 41))],
+        [(slice(0, 1), slice(0, 1), slice(0, 1)), (slice(33, 37), slice(10, 21), slice(2, 3))],
+        [(slice(17, 22), slice(13, 18), slice(19, 24))],
+    ],
+)
+def test_no_voxel_is_nearer_to_a_structure_than_it_says(boxes: list[tuple[slice, slice, slice]]) -> None:
+    voxels = composed(boxes)
+    empty = voxels[..., DEPTH] == 0
+    away = distance_transform_cdt(empty, "chessboard")
+    said = voxels[..., NUMBER].astype(int)
+    assert (said[empty] <= away[empty]).all()
+    # Blocks of voxels have one distance.
+    assert (said[empty] >= away[empty] - 8).all()
+
+
+def test_voxels_of_structures_keep_their_numbers() -> None:
+    boxes = [(slice(4, 9), slice(3, 7), slice(3, 40)), (slice(20, 30), slice(3, 7), slice(8, 12))]
+    voxels = composed(boxes)
+    for number, box in enumerate(boxes, start=1):
+        assert (voxels[box][..., NUMBER] == number).all()
+
+
+def test_where_there_is_no_structure_rays_leap_out_of_the_volume() -> None:
+    assert (composed([])[..., NUMBER] == 255).all()
+
+
+def test_what_is_added_again_elsewhere_is_nowhere_empty() -> None:
+    composition = Composition((16, 16, 16), 1)
+    for start in (0, 11):
+        composition.add((slice(start, start + 5),) * 3, 0, np.full((5, 5, 5), 255, dtype=np.uint8))
+    voxels = composition.voxels()
+    assert (voxels[11:, 11:, 11:, NUMBER] == 1).all()
+    assert (voxels[:5, :5, :5, NUMBER] == 1).all()
