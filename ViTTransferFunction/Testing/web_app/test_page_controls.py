@@ -198,11 +198,9 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
 
 def test_a_setting_of_another_version_becomes_its_default(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
     async def journey(app: WebApp) -> None:
-        from ViTTransferFunction.WebApp.scene_files import write_session
-
         app.session.parameters.set("model", "of tomorrow")
         path = tmp_path / "session.mrb"
-        write_session(app.scene, path)
+        assert app.scene.WriteToMRB(path.as_posix())
         app.session.parameters.set("model", "")
         await app.open_files([path])
         assert app.server.state.message == ""
