@@ -10,6 +10,7 @@ from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.choices import choices, is_possible
 from ..Logic.scene.classes import ClassState
+from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.wording import style_words
 from .panel_state import PARAMETERS, color_of_hex
 from .volumes import set_window
@@ -61,6 +62,7 @@ class Actions:
             "look": self._set_look,
             "networkWindow": self._set_network_window,
             "exportRendering": lambda: app.session.export_rendering(),
+            "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
             "advanced": self._open_advanced,
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
@@ -193,6 +195,12 @@ class Actions:
         parameters = self._app.session.parameters
         shown = parameters.window
         parameters.set_window(_or(low, shown[0]), _or(high, shown[1]), bool(automatic))
+
+    def _remove_exported(self, id_: str) -> None:
+        """Take a rendering that was exported out of the scene."""
+        for volume in exported_renderings(self._app.scene):
+            if volume.GetID() == id_:
+                remove_exported(self._app.scene, volume)
 
     def _continue_segment(self, segment_id: str) -> None:
         """Add a class that begins with points in a segment of the session."""

@@ -10,6 +10,7 @@ from ..Logic.rendering.appearance import effective
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
+from ..Logic.scene.exported_renderings import exported_renderings
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
 from ..Logic.scene.segment_tags import CLASS_TAG
 from ..Logic.scene.session import SceneSession
@@ -65,6 +66,7 @@ def session_state(session: SceneSession, with_cache: bool) -> dict[str, Any]:
         "can_write": ready and annotated,
         "written": _has_our_segments(session),
         "segments": _other_segments(session),
+        "exported": _exported(session),
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
         "network_window": _network_window(session),
         "cache": _cache(session) if with_cache else None,
@@ -151,6 +153,12 @@ def _segments(session: SceneSession) -> list[tuple[str, Any]]:
     node = session.parameters.segmentation
     segmentation = node.GetSegmentation() if node else None
     return [(id_, segmentation.GetSegment(id_)) for id_ in segmentation.GetSegmentIDs()] if segmentation else []
+
+
+def _exported(session: SceneSession) -> list[dict[str, str]]:
+    """Renderings that were left to the scene."""
+    volumes = exported_renderings(session.parameters.node.GetScene())
+    return [{"id": volume.GetID(), "name": volume.GetName()} for volume in volumes]
 
 
 def _network_window(session: SceneSession) -> dict[str, Any]:

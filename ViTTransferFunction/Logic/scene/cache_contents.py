@@ -14,7 +14,7 @@ from .wording import size
 
 
 class CacheContents:
-    """The cache as it is now: each look reads its folders.
+    """The cache as it was when this was made, which reads its folders.
 
     Args:
         parameters: whose model's weights are meant, wherever the user's own file may be; None: those of the default.
@@ -22,33 +22,34 @@ class CacheContents:
 
     def __init__(self, parameters: SceneParameters | None) -> None:
         self._model = _model(parameters)
+        self._weights = file_in(weights_folder(), self._model)
+        self._features = FeatureCache().entries()
 
     @property
     def text(self) -> str:
         """Where the cache is, and how much it holds."""
-        weights = file_in(weights_folder(), self._model)
         return _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
             folder=cache_folder(),
-            features=size(FeatureCache().size_bytes()),
+            features=self._features_size,
             model=self._model.name,
-            weights=size(weights.stat().st_size) if weights else _("not downloaded"),
+            weights=size(self._weights.stat().st_size) if self._weights else _("not downloaded"),
         )
 
     @property
     def has_features(self) -> bool:
         """Whether there is something for `clear_features`."""
-        return bool(FeatureCache().entries())
+        return bool(self._features)
 
     @property
     def has_model(self) -> bool:
         """Whether there is something for `remove_model`."""
-        return file_in(weights_folder(), self._model) is not None
+        return self._weights is not None
 
     @property
     def features_question(self) -> str:
         """What the user is asked before `clear_features`."""
         question = _("Delete the features of all volumes from the cache ({size})? They can be computed again.")
-        return question.format(size=size(FeatureCache().size_bytes()))
+        return question.format(size=self._features_size)
 
     @property
     def model_question(self) -> str:
@@ -57,6 +58,10 @@ class CacheContents:
         if self._model.url is None:
             question = _("Delete the weights of {model} from the cache ({size})? This program cannot download them again.")
         return question.format(model=self._model.name, size=size(self._model.size_mb * 1e6))
+
+    @property
+    def _features_size(self) -> str:
+        return size(sum(entry.size_bytes for entry in self._features))
 
     def clear_features(self) -> None:
         """Delete all features. Raises InputError where they cannot be."""

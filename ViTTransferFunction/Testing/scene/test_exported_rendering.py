@@ -17,6 +17,8 @@ from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
+from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
@@ -116,3 +118,15 @@ def test_what_is_not_shown_is_not_exported(views: Views, rendering: ClassRenderi
     before = views.scene.GetNumberOfNodes()
     assert rendering.export("CT structures") is None
     assert views.scene.GetNumberOfNodes() == before
+
+
+def test_an_exported_rendering_is_listed_and_removed_with_all_that_displays_it(views: Views, rendering: ClassRendering) -> None:
+    scene = views.scene
+    assert exported_renderings(scene) == []
+    exported = rendering.export("CT structures")
+    assert exported_renderings(scene) == [exported]
+    own = [node.GetID() for node in nodes_of_class(scene, "vtkMRMLNode") if node.GetName().startswith("CT structures")]
+    assert len(own) >= 4
+    remove_exported(scene, exported)
+    assert exported_renderings(scene) == []
+    assert [id_ for id_ in own if scene.GetNodeByID(id_) is not None] == []

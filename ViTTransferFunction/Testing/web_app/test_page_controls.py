@@ -178,33 +178,33 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
     kept.write_bytes(b"x" * 3_000_000)
 
     async def journey(app: WebApp) -> None:
-        state: Any = app.server.state
-        assert state.cache is None
+        state = app.server.state
+
+        def cache() -> Any:
+            return state.cache
+
+        assert cache() is None
         app.actions("advanced", True)
-        assert str(a_cache_of_its_own) in state.cache["text"]
-        assert "Features: 3 MB" in state.cache["text"]
-        assert "of all volumes from the cache (3 MB)" in state.cache["features_question"]
-        assert not state.cache["has_model"]
+        assert str(a_cache_of_its_own) in cache()["text"]
+        assert "Features: 3 MB" in cache()["text"]
+        assert "of all volumes from the cache (3 MB)" in cache()["features_question"]
+        assert not cache()["has_model"]
         app.actions("removeModel")
         assert "Nothing to remove" in state.message
         app.actions("clearFeatures")
         assert not kept.exists()
-        assert not state.cache["has_features"]
+        assert not cache()["has_features"]
         app.actions("advanced", False)
-        assert state.cache is None
+        assert cache() is None
 
     opened(journey)
 
 
 def test_a_setting_of_another_version_becomes_its_default(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
     async def journey(app: WebApp) -> None:
-        from ViTTransferFunction.WebApp import packing
-        from ViTTransferFunction.WebApp.scene_files import stage_session
-
         app.session.parameters.set("model", "of tomorrow")
         path = tmp_path / "session.mrb"
-        stage_session(app.scene, tmp_path / "session")
-        packing.zip_folder(tmp_path / "session", path)
+        assert app.scene.WriteToMRB(path.as_posix())
         app.session.parameters.set("model", "")
         await app.open_files([path])
         assert app.server.state.message == ""

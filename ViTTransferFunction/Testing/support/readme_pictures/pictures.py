@@ -129,12 +129,21 @@ def mr_tutorial(data: Path, out: Path) -> Dice:
     return _finish(desk, BRAIN, data)
 
 
+def app(data: Path, out: Path) -> Dice:
+    """The page with six organs."""
+    from ViTTransferFunction.Testing.support.readme_pictures.app_picture import draw_app
+
+    draw_app(data, out, ANNOTATIONS / "amos_0336.json")
+    return {}
+
+
 DRAWINGS: dict[str, Callable[[Path, Path], Dice]] = {
     "opening": opening,
     "clicks": three_clicks,
     "estimate": estimate,
     "ct": ct_tutorial,
     "mr": mr_tutorial,
+    "app": app,
 }
 
 

@@ -1,4 +1,4 @@
-"""Draws the README's pictures: the module's panel, and Slicer's own views of public scans, without a screen.
+"""Draws the README's pictures: the module's panel, Slicer's own views of public scans, and the app, without a screen.
 
     python dev.py screenshots --data DIR
 
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ViTTransferFunction.Logic.core.atomic_file import replacing
 
-SUBJECTS = ("opening", "clicks", "estimate", "ct", "mr")
+SUBJECTS = ("opening", "clicks", "estimate", "ct", "mr", "app")
 
 
 def main() -> int:
