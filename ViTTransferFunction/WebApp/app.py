@@ -39,6 +39,8 @@ POLL_S = 0.010
 """How often the session is asked for news while something runs."""
 CLICK_POLL_S = 0.005
 """And while the answer to a click is under way."""
+PICTURE_S = 0.05
+"""How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
 BRUSH_MM = 6.0
@@ -77,7 +79,7 @@ class WebApp:
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
         self.server.state.saving = None
-        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.busy)
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, lambda: self.session.busy)
         self.tool = AnnotationTool(
             self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
         )
@@ -223,10 +225,13 @@ class WebApp:
         self.session.start_computing()
         was_busy = False
         while True:
+            awaited_maps = self.session.awaits_maps
             self.session.poll()
             if self._stale or self.session.busy != was_busy:
                 self.refresh()
             was_busy = self.session.busy
+            if awaited_maps and not self.session.awaits_maps:
+                await asyncio.sleep(PICTURE_S)
             pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._news.wait(), pace_s)

@@ -1,4 +1,4 @@
-"""The 3D view's pace: casting rays takes long where the processor does it, and the answer to a click comes first."""
+"""The views' pace: all are drawn in one thread, by a processor often, and the view that the user looks at comes first."""
 
 from __future__ import annotations
 
@@ -7,36 +7,42 @@ from collections.abc import Callable
 from typing import Any
 
 import slicer
-from trame_slicer.rca_view import RemoteThreeDViewFactory
+from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactory
 from trame_slicer.views import ScheduledRenderStrategy
 
 PICTURES_PER_S = 30.0
 """At most, in the view that the mouse is in."""
 PICTURES_PER_S_ELSEWHERE = 15.0
+EVENTS_EACH_S = 0.001
+"""How long the browser waits between what the mouse does; moves that come before the server has answered become one anyway."""
 
-STILL_QUALITY = 90
-"""Of the JPEG pictures, in per cent. It is the scheduler's own for what stands still: where both are equal, it draws once."""
+QUALITY = 90
+"""Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once."""
 SOFTWARE_PIXELS = 40_000
-"""Drawn by a processor, at most; the browser enlarges the picture."""
+"""Of the 3D view, drawn by a processor, at most; the browser enlarges the picture."""
 SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swiftshader", "software rasterizer")
-STEP_S, LONGEST_WAIT_S = 0.02, 5.0
-"""How often it is asked whether nothing more urgent is under way, and after how long it does not matter any more."""
+STEP_S = 0.02
+"""How often a view asks whether nothing more urgent is under way; longer than a picture takes to be compressed and sent."""
+LONGEST_WAIT_S, LONGEST_WAIT_3D_S = 0.3, 5.0
+"""After how long it does not matter any more."""
 
 
-class AfterClicks(ScheduledRenderStrategy):
-    """Draws a view at once while the mouse is in it, and else when `settle` says so and nothing more urgent is under way.
+class EnteredFirst(ScheduledRenderStrategy):
+    """Draws a view at once while the mouse is in it, and else when nothing more urgent is under way.
 
-    Slicer has the 3D view drawn with every move of the mouse in a slice view, of a point that is about to be placed, say.
+    A point that is placed in one slice view is to be seen in the others as well, but they would delay the answer to the click.
 
     Args:
         scheduler: of the view's pictures, at `PICTURES_PER_S` while the mouse is in the view.
         is_urgent: whether the user waits for something else.
+        longest_wait_s: after how long that does not matter any more.
     """
 
-    def __init__(self, scheduler: Any, is_urgent: Callable[[], bool]) -> None:
+    def __init__(self, scheduler: Any, is_urgent: Callable[[], bool], longest_wait_s: float = LONGEST_WAIT_S) -> None:
         super().__init__()
         self._scheduler = scheduler
         self._is_urgent = is_urgent
+        self._longest_wait_s = longest_wait_s
         self._stale = False
         self._waiting: asyncio.Task[None] | None = None
 
@@ -44,29 +50,70 @@ class AfterClicks(ScheduledRenderStrategy):
         """The view has changed."""
         super().schedule_render()
         self._stale = True
-        if self._is_entered():
+        if self._scheduler.target_fps >= PICTURES_PER_S:
             self._draw()
+        else:
+            self._on_changed_elsewhere()
 
     def settle(self) -> None:
         """Have the view drawn soon, if it has changed."""
         if self._stale and self._waiting is None:
             self._waiting = asyncio.create_task(self._wait())
 
+    def _on_changed_elsewhere(self) -> None:
+        self.settle()
+
     async def _wait(self) -> None:
-        for _ in range(round(LONGEST_WAIT_S / STEP_S)):
-            # At least once, so that the slice views go first.
+        # Also where nothing is urgent, so that the view with the mouse goes first; and once more after something was, since
+        # its picture has to be sent.
+        was_urgent, waited_s = True, 0.0
+        while was_urgent and waited_s < self._longest_wait_s:
+            was_urgent = self._is_urgent()
             await asyncio.sleep(STEP_S)
-            if not self._is_urgent():
-                break
+            waited_s += STEP_S
         self._waiting = None
-        self._draw()
+        if self._stale:
+            self._draw()
 
     def _draw(self) -> None:
         self._stale = False
         self._scheduler.schedule_render()
 
-    def _is_entered(self) -> bool:
-        return bool(self._scheduler.target_fps >= PICTURES_PER_S)
+
+class AfterClicks(EnteredFirst):
+    """For the 3D view: draws elsewhere than at the mouse only when `settle` says so.
+
+    Slicer has the 3D view drawn with every move of the mouse in a slice view, of a point that is about to be placed, say.
+
+    Args:
+        scheduler: see `EnteredFirst`.
+        is_urgent: see there.
+    """
+
+    def __init__(self, scheduler: Any, is_urgent: Callable[[], bool]) -> None:
+        super().__init__(scheduler, is_urgent, LONGEST_WAIT_3D_S)
+
+    def _on_changed_elsewhere(self) -> None:
+        pass
+
+
+class PatientSliceViewFactory(RemoteSliceViewFactory):
+    """Makes slice views that wait for what is more urgent, unless the mouse is in them.
+
+    Args:
+        server: trame's.
+        is_urgent: whether something is.
+        options: see `RemoteViewFactory`.
+    """
+
+    def __init__(self, server: Any, is_urgent: Callable[[], bool], **options: Any) -> None:
+        super().__init__(server, interactive_quality=QUALITY, rca_event_throttle_s=EVENTS_EACH_S, **options)
+        self._is_urgent = is_urgent
+
+    def _create_view(self, view: Any, scene: Any, app_logic: Any) -> Any:
+        created = super()._create_view(view, scene, app_logic)
+        created.slicer_view.set_scheduled_render(EnteredFirst(created.view_adapter, self._is_urgent))
+        return created
 
 
 class PatientThreeDViewFactory(RemoteThreeDViewFactory):
@@ -82,7 +129,7 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
     """
 
     def __init__(self, server: Any, is_urgent: Callable[[], bool], **options: Any) -> None:
-        super().__init__(server, interactive_quality=STILL_QUALITY, **options)
+        super().__init__(server, interactive_quality=QUALITY, rca_event_throttle_s=EVENTS_EACH_S, **options)
         self._is_urgent = is_urgent
         self.strategies: list[AfterClicks] = []
 

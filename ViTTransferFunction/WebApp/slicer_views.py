@@ -9,21 +9,18 @@ import numpy as np
 from trame.widgets import html
 from trame_slicer.app.logic import connect_slice_view_slider_to_state
 from trame_slicer.core import SlicerApp
-from trame_slicer.rca_view import RemoteSliceViewFactory
 from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
 from trame_slicer.views.threed_view import ViewDirection
 
 from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
-from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientThreeDViewFactory
+from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
-QUALITY = 75
-"""Of the JPEG pictures while something changes, in per cent; what stands still is sent again at 90."""
 _SIDES = ("LR", "PA", "IS")
 """The patient's sides at the lower and upper end of each axis of RAS."""
 
@@ -34,19 +31,18 @@ class SlicerViews:
     Args:
         server: trame's; its page shows the views by `ServerTemplate`s of their names.
         app: Slicer's scene and logics.
-        is_urgent: whether the user waits for something that comes before the 3D view.
+        awaits_answer: whether the answer to a click is under way, which comes before the slice views that were not clicked in.
+        is_busy: whether anything is, which comes before the 3D view.
     """
 
-    def __init__(self, server: Any, app: SlicerApp, is_urgent: Callable[[], bool]) -> None:
+    def __init__(self, server: Any, app: SlicerApp, awaits_answer: Callable[[], bool], is_busy: Callable[[], bool]) -> None:
         self._app = app
         self._server = server
         self._volume: Any = None
         fps = {"target_fps": PICTURES_PER_S, "blur_fps": PICTURES_PER_S_ELSEWHERE}
-        slice_factory = RemoteSliceViewFactory(
-            server, populate_view_ui_f=self._add_slice_controls, interactive_quality=QUALITY, **fps
-        )
+        slice_factory = PatientSliceViewFactory(server, awaits_answer, populate_view_ui_f=self._add_slice_controls, **fps)
         app.view_manager.register_factory(slice_factory)
-        self._factory_3d = PatientThreeDViewFactory(server, is_urgent, populate_view_ui_f=self._add_3d_controls, **fps)
+        self._factory_3d = PatientThreeDViewFactory(server, is_busy, populate_view_ui_f=self._add_3d_controls, **fps)
         app.view_manager.register_factory(self._factory_3d)
         slices = (ViewLayoutDefinition.axial_view(), ViewLayoutDefinition.coronal_view(), ViewLayoutDefinition.sagittal_view())
         self.slices: tuple[SliceView, ...] = tuple(app.view_manager.create_view(definition) for definition in slices)
