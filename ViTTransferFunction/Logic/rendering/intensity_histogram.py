@@ -47,10 +47,10 @@ class IntensityHistogram:
 
 def intensity_histogram(structures: StructureVolume, index: int) -> IntensityHistogram:
     """The histogram of the structure of an index, from 0, and of what lies around it."""
-    inside, outside = _level_counts(structures, index + 1)
-    shares = [counts / max(counts.sum(), 1) for counts in (inside, outside)]
-    edges = _edges(*shares, structures.levels)
-    return IntensityHistogram(edges, *(_in_bins(share, structures.levels, edges) for share in shares))
+    levels = structures.levels
+    inside, outside = (counts / max(counts.sum(), 1) for counts in _level_counts(structures, index + 1))
+    edges = _edges(inside, outside, levels)
+    return IntensityHistogram(edges, _in_bins(inside, levels, edges), _in_bins(outside, levels, edges))
 
 
 def _level_counts(structures: StructureVolume, number: int) -> tuple[np.ndarray, np.ndarray]:
