@@ -82,8 +82,9 @@ class AppearanceSection(Section):
             return
         first, last = float(histogram.edges[0]), float(histogram.edges[-1])
         with signals_blocked(ui.lookWindowSlider, ui.lookLowSpinBox, ui.lookHighSpinBox):
-            ui.lookWindowSlider.setRange(first, last)
-            ui.lookWindowSlider.singleStep = max((last - first) / HANDLE_STEPS, 1e-9)
+            if (ui.lookWindowSlider.minimum, ui.lookWindowSlider.maximum) != (first, last):
+                ui.lookWindowSlider.setRange(first, last)
+                ui.lookWindowSlider.singleStep = max((last - first) / HANDLE_STEPS, 1e-9)
             ui.lookWindowSlider.setValues(*window)
             for spin_box in (ui.lookLowSpinBox, ui.lookHighSpinBox):
                 spin_box.decimals = _decimals(last - first)

@@ -19,8 +19,15 @@ NEIGHBOURHOOD_MM = 10.0
 SAMPLED_VOXELS = 200_000
 """As many voxels give the same picture as all of them, in some milliseconds."""
 
-RARE = 0.005
-"""Share of the voxels at either end of the intensities, within and around, that the histogram need not show."""
+RARE = 0.01
+"""Share of voxels at either end of the intensities that the histogram need not show."""
+
+ROOM = 1.5
+"""How far the histogram reaches beyond a structure's own intensities to either side, of their span: if it showed all of the air
+and bone around an organ, there would be no room for its window."""
+
+NARROWEST = 0.05
+"""Span of a structure's intensities, of all that there are, which is enough to be seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +36,7 @@ class IntensityHistogram:
 
     Attributes:
         edges: (BINS + 1,) intensities, evenly increasing.
-        inside: (BINS,), of the structure's voxels those between an edge and the next; in sum at most 1, 0 if it has none.
+        inside: (BINS,), of the structure's voxels those between an edge and the next. Others lie beyond.
         outside: (BINS,), of the voxels around it.
     """
 
@@ -40,10 +47,10 @@ class IntensityHistogram:
 
 def intensity_histogram(structures: StructureVolume, index: int) -> IntensityHistogram:
     """The histogram of the structure of an index, from 0, and of what lies around it."""
-    inside, outside = _level_counts(structures, index + 1)
-    shares = [counts / max(counts.sum(), 1) for counts in (inside, outside)]
-    edges = _edges(shares[0] + shares[1], structures.levels)
-    return IntensityHistogram(edges, *(_in_bins(share, structures.levels, edges) for share in shares))
+    levels = structures.levels
+    inside, outside = (counts / max(counts.sum(), 1) for counts in _level_counts(structures, index + 1))
+    edges = _edges(inside, outside, levels)
+    return IntensityHistogram(edges, _in_bins(inside, levels, edges), _in_bins(outside, levels, edges))
 
 
 def _level_counts(structures: StructureVolume, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -103,15 +110,22 @@ def _grown(mask: np.ndarray, reach: list[int]) -> np.ndarray:
     return grown
 
 
-def _edges(shares: np.ndarray, levels: np.ndarray) -> np.ndarray:
+def _edges(inside: np.ndarray, outside: np.ndarray, levels: np.ndarray) -> np.ndarray:
     """Between which intensities the histogram is drawn, in even parts."""
-    if not shares.sum():
+    if not inside.sum():
         return _even(levels[0], levels[-1])
+    own, all_of_them = _common(inside, levels), _common(inside + outside, levels)
+    span = max(own[1] - own[0], NARROWEST * (levels[-1] - levels[0]))
+    low, high = max(own[0] - ROOM * span, all_of_them[0]), min(own[1] + ROOM * span, all_of_them[1])
+    margin = 0.05 * max(high - low, span)
+    return _even(low - margin, high + margin)
+
+
+def _common(shares: np.ndarray, levels: np.ndarray) -> tuple[float, float]:
+    """Between which intensities all but the rare voxels lie."""
     cumulative = np.cumsum(shares) / shares.sum()
     first, last = np.searchsorted(cumulative, [RARE, 1.0 - RARE])
-    low, high = levels[max(first - 1, 0)], levels[min(last + 1, 255)]
-    margin = 0.05 * (high - low)
-    return _even(low - margin, high + margin)
+    return float(levels[max(first - 1, 0)]), float(levels[min(last + 1, 255)])
 
 
 def _even(first: float, last: float) -> np.ndarray:

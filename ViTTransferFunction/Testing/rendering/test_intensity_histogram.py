@@ -55,17 +55,31 @@ def test_a_structure_has_its_own_intensities_and_those_around_it_are_told_apart(
 
 
 def test_only_what_is_near_counts_as_around_in_millimetres() -> None:
-    near, far = (intensity_histogram(volume((60, 60, 60), spacing_mm), 1) for spacing_mm in (1.0, 4.0))
-    assert 0.3 < share(near, "outside", AIR) < 0.9
-    # The fat ends as far from the ball, and a smaller part of what is around reaches beyond it.
-    assert share(far, "outside", FAT) == pytest.approx(0.5, abs=0.35)
-    assert near.edges[0] < LEVELS[AIR] < near.edges[-1]
+    fat_alone, with_air = (
+        share(intensity_histogram(volume((60, 60, 60), 1.0, reach_mm), 1), "outside", FAT)
+        for reach_mm in (NEIGHBOURHOOD_MM + 1.0, 0.5 * NEIGHBOURHOOD_MM)
+    )
+    assert fat_alone == pytest.approx(1.0, abs=0.01)
+    assert 0.2 < with_air < 0.8
+    # As many voxels of fat are four times as many millimetres.
+    coarse = intensity_histogram(volume((60, 60, 60), 4.0, 4.0 * 0.5 * NEIGHBOURHOOD_MM), 1)
+    assert share(coarse, "outside", FAT) == pytest.approx(1.0, abs=0.01)
 
 
-def test_what_is_seen_begins_and_ends_where_intensities_do() -> None:
+def test_what_is_drawn_begins_and_ends_where_intensities_do() -> None:
     histogram = intensity_histogram(volume((40, 40, 40), 1.0, reach_mm=50.0), 1)
     assert LEVELS[FAT] - 100.0 < histogram.edges[0] < LEVELS[FAT]
     assert LEVELS[VESSEL] < histogram.edges[-1] < LEVELS[VESSEL] + 100.0
+
+
+def test_air_around_a_structure_leaves_room_for_its_own_intensities() -> None:
+    shown = volume((40, 40, 40), 1.0, reach_mm=2.0)
+    shown.voxels[shown.voxels[..., INTENSITY] == VESSEL, INTENSITY] = LIVER + 4
+    histogram = intensity_histogram(shown, 1)
+    own = LEVELS[LIVER + 4] - LEVELS[LIVER]
+    assert histogram.edges[0] < LEVELS[LIVER] < LEVELS[LIVER + 4] < histogram.edges[-1]
+    assert histogram.edges[-1] - histogram.edges[0] < 8.0 * own
+    assert share(histogram, "outside", AIR) == 0.0
 
 
 def test_a_structure_that_is_finer_than_the_sample_is_found() -> None:
@@ -73,9 +87,9 @@ def test_a_structure_that_is_finer_than_the_sample_is_found() -> None:
     assert shown.voxels[..., 0].size > 8 * SAMPLED_VOXELS
     shown.voxels[..., NUMBER] = 1
     shown.voxels[101, 101:103, 101, NUMBER] = 2
-    shown.voxels[101, 101:103, 101, INTENSITY] = VESSEL
+    shown.voxels[101, 101:103, 101, INTENSITY] = LIVER + 10
     histogram = intensity_histogram(shown, 1)
-    assert share(histogram, "inside", VESSEL) == pytest.approx(1.0, abs=0.01)
+    assert share(histogram, "inside", LIVER + 10) == pytest.approx(1.0, abs=0.01)
     assert share(histogram, "outside", LIVER) > 0.5
 
 
