@@ -43,6 +43,9 @@ PICTURE_S = 0.05
 """How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
+HEART_BEAT_S = 180
+"""How often the browser is asked whether it is there. It is given up after half of that without an answer: a browser that gets
+no time from the processors is not gone."""
 BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
@@ -69,6 +72,7 @@ class WebApp:
 
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
+        self.server.options["ws_heart_beat"] = HEART_BEAT_S
         self._slicer = SlicerApp()
         self.scene = self._slicer.scene
         self._settings = dict(settings or {})
