@@ -106,8 +106,7 @@ class AppearanceSection(Section):
             box.addItem(words.get(name, name))
 
     def _on_style(self) -> None:
-        # Another style brings its own of all that it is made of.
-        self._set(style=list(STYLES)[self.ui.styleComboBox.currentIndex], tone=None, ramp=None, edges=None)
+        self._set(style=list(STYLES)[self.ui.styleComboBox.currentIndex])
 
     def _on_window(self) -> None:
         self._set(low=self.ui.lookLowSpinBox.value, high=self.ui.lookHighSpinBox.value)

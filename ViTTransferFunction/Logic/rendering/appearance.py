@@ -79,6 +79,9 @@ class Appearance:
     tone: float | None = None
 
 
+OF_STYLE = ("ramp", "edges", "tone")
+"""The fields of an `Appearance` that its style decides unless somebody does."""
+
 UNSEEN = Appearance((0.0, 0.0, 0.0), opacity=0.0)
 """Of a structure that is not shown."""
 
@@ -93,7 +96,7 @@ def detailed(look: Appearance) -> Appearance:
 
 def effective(look: Appearance) -> Style:
     """A look's style, with what was chosen otherwise."""
-    chosen = {"tone": look.tone, "low": look.ramp, "edges": look.edges}
+    chosen = {"low": look.ramp, "edges": look.edges, "tone": look.tone}
     return STYLES[look.style]._replace(**{name: value for name, value in chosen.items() if value is not None})
 
 

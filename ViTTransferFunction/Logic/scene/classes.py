@@ -19,7 +19,7 @@ import vtk
 
 from ..core.colors import Color, default_color
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-from ..rendering.appearance import STYLES, Appearance
+from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .derived_nodes import nodes_of_class
 from .folder import put_into_folder
 
@@ -79,8 +79,10 @@ _RANGES = {"size": (SMALLEST_SIZE, LARGEST_SIZE), "low": _ANY, "high": _ANY}
 
 
 def changed(state: ClassState, **changes: Any) -> ClassState:
-    """A class with other values of fields: its own, or those of its look."""
+    """A class with other values of fields: its own, or those of its look. Another style brings its own of what it decides."""
     look = {name: changes.pop(name) for name in ("color", *LOOK) if name in changes}
+    if "style" in look:
+        look = dict.fromkeys(OF_STYLE) | look
     return replace(state, look=replace(state.look, **look), **changes)
 
 

@@ -13,6 +13,7 @@ import vtk
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes import (
     ClassState,
+    changed,
     class_nodes,
     create_class,
     negative_node,
@@ -74,6 +75,12 @@ def test_writing_what_is_there_already_touches_nothing(scene: Any, parameter_nod
     before = [n.GetMTime() for n in nodes]
     write_class(scene, node, LIVER)
     assert [n.GetMTime() for n in nodes] == before
+
+
+def test_another_style_brings_its_own_shades_fading_and_edges() -> None:
+    other = changed(LIVER, style="vessels", proximity=0.5)
+    assert other == replace(LIVER, look=replace(LIVER.look, style="vessels", ramp=None, edges=None), proximity=0.5)
+    assert changed(LIVER, style="vessels", ramp=0.75).look.ramp == 0.75
 
 
 @pytest.mark.parametrize("garbage", ["", "nan", "7", "-0.1", "much"])
