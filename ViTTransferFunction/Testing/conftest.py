@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -88,9 +88,13 @@ def _missing(reason: str) -> None:
 
 
 @pytest.fixture
-def slicer_app() -> Any:
+def slicer_app() -> Iterator[Any]:
     """Slicer's scene and module logics as its application has them, without its windows."""
-    return pytest.importorskip("trame_slicer.core").SlicerApp()
+    app = pytest.importorskip("trame_slicer.core").SlicerApp()
+    yield app
+    # Neither scene nor views ever go: trame-slicer's segment editor and Slicer's logics hold each other. What OpenGL has does.
+    for view in app.view_manager.get_views():
+        view.finalize()
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 from uuid import uuid4
@@ -193,9 +194,8 @@ class WebApp:
         self.tool.session = self.session
         self.tool.follow_selection()
         self.extraction.go_on()
-        error, session = self.session.take_error(), self.session
-        if error:
-            self._messages.put(error, lambda: self.session is not session or error not in session.errors)
+        while error := self.session.take_error():
+            self._messages.put(error, partial(self._is_solved, self.session, error))
         with self.server.state as state:
             corrected = self.session.take_corrected()
             if corrected:
@@ -209,6 +209,9 @@ class WebApp:
                 "unsaved": self.session.classes not in ((), self._saved),
             })  # fmt: skip
         self.views.settle()
+
+    def _is_solved(self, session: SceneSession, error: str) -> bool:
+        return self.session is not session or error not in session.errors
 
     def mark_saved(self, classes: tuple[ClassState, ...]) -> None:
         """These structures were saved: as long as they are what there is, the page may be closed without a question."""

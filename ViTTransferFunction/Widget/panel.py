@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -127,13 +128,15 @@ class Panel:
     def refresh(self) -> None:
         """Show everything as it is now."""
         session = self.session
-        error = session.take_error() if session else None
-        if session and error:
-            self._messages.show(error, lambda: self.session is not session or error not in session.errors)
+        while session and (error := session.take_error()):
+            self._messages.show(error, partial(self._is_solved, session, error))
         self._messages.refresh()
         for section in self._sections:
             section.refresh()
         self._set_pace()
+
+    def _is_solved(self, session: SceneSession, error: str) -> bool:
+        return self.session is not session or error not in session.errors
 
     def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
         """Show why something that the user asked for was not done; by default until the structures are changed next."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
+import re
 import secrets
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,13 +27,22 @@ _LONGEST_ENDING = 16
 TEMPORARY = ".writing-"
 """How names of temporary files begin."""
 
+_TEMPORARY_NAME = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{8}}(\..*)?")
+
+ABANDONED_S = 24 * 3600.0
+"""A file that was not changed for so long is written to by nobody, on this computer or on another that shares the folder."""
+
+_tidied: set[Path] = set()
+"""Folders in which this process has looked for leftovers."""
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; on success it takes `path`'s place, on failure it is removed.
 
     The temporary file has the same ending as `path`, in lower case, since many writers choose their format by it. It takes its
-    place only after the disk has it: what is reported as written is there after a power failure as well.
+    place only after the disk has it: what is reported as written is there after a power failure as well. What killed processes
+    left in the folder goes, `ABANDONED_S` after they were.
 
     Raises:
         InputError: the folder cannot be written to, the disk is full, or `path` is a folder, a pipe or a device.
@@ -46,6 +58,7 @@ def replacing(path: Path) -> Iterator[Path]:
         _flush(temporary)
         temporary.chmod(0o666 & ~_umask())
         temporary.replace(path)
+        _tidy(path.parent)
     except OSError as error:
         raise _cannot_write(path, error) from error
     finally:
@@ -65,10 +78,33 @@ def check_writable(path: Path) -> None:
         raise _cannot_write(path, error) from error
 
 
-def remove_leftovers(folder: Path) -> None:
-    """Remove temporary files of processes that were killed while they wrote to `folder`; nobody may be writing there now."""
-    for path in folder.glob(f"{TEMPORARY}*"):
-        path.unlink(missing_ok=True)
+def remove_leftovers(folder: Path, changed_before_s: float = math.inf) -> None:
+    """Remove this user's temporary files from a folder: what killed processes left, as long as nobody is writing them now.
+
+    Args:
+        folder: where to look; nothing happens where that cannot be done.
+        changed_before_s: the time before which they were changed last, in seconds since the epoch.
+    """
+    with suppress(OSError):
+        for path in folder.iterdir():
+            # Many files may lie here: only those of our names are looked at.
+            if _TEMPORARY_NAME.fullmatch(path.name):
+                _remove_leftover(path, changed_before_s)
+
+
+def _remove_leftover(path: Path, changed_before_s: float) -> None:
+    with suppress(OSError):
+        status = path.lstat()
+        ours = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        if ours and stat.S_ISREG(status.st_mode) and status.st_mtime < changed_before_s:
+            path.unlink()
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what was left here long ago; once a folder, as listing one that many results are written to takes time."""
+    if folder not in _tidied:
+        _tidied.add(folder)
+        remove_leftovers(folder, time.time() - ABANDONED_S)
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

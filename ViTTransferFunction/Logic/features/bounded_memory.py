@@ -1,4 +1,4 @@
-"""A network that makes do with the memory there is: fewer slices at once, then the processor instead of the GPU."""
+"""A network that makes do with the memory there is: fewer slices at once."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ class BoundedMemory:
 
         Raises:
             InputError: a single slice does not fit into the processor's memory.
+            RuntimeError: nor into another device's (`is_out_of_memory`): whoever chose it can choose the processor.
         """
         import torch
 
@@ -54,21 +55,18 @@ class BoundedMemory:
                 if not is_out_of_memory(error):
                     raise
                 self._give_up_something(at_once, error)
-        return torch.cat([part.to(self._network.device) for part in keys])
+        return torch.cat(keys)
 
     def _give_up_something(self, at_once: int, error: Exception) -> None:
-        device = self._network.device
         self._buffers = BufferPool()
         if at_once > 1:
             self._at_once = at_once // 2
             self.trouble = f" (little memory: {self._at_once} slices at once)"
-        elif device.type != "cpu":
-            self._network = self._network.converted("cpu", self._network.dtype)
-            self._at_once = None
-            self.trouble = " (too little memory on the graphics card; the processor goes on)"
+            logger.warning("Out of memory on %s%s", self._network.device, self.trouble)
+        elif self._network.device.type != "cpu":
+            raise error
         else:
             raise InputError(
                 f"There is too little memory to compute features, even slice by slice ({error}). "
                 "Close other programs, choose a faster preset or a smaller grid, or crop the volume to what you need."
             ) from error
-        logger.warning("Out of memory on %s%s", device, self.trouble)

@@ -59,15 +59,18 @@ class NormalisedFeatures:
 
     Attributes:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
-        geometry: the grid of the cells, which may be finer than that of the features as extracted.
         transform: what was applied before normalising.
         source: the features as extracted.
     """
 
     array: np.ndarray
-    geometry: Geometry
     transform: FeatureTransform
     source: FeatureVolume
+
+    @property
+    def geometry(self) -> Geometry:
+        """The grid of the cells, which may be finer than that of the features as extracted."""
+        return self.source.cells
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """Unit vectors (N, C') at world points (N, 3), RAS millimetres: features are interpolated, then transformed."""
@@ -92,7 +95,7 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     mapped = (transform.apply(layer) for layer in features.array)
     for place, layer in zip(array, interpolated_layers(mapped, features.geometry.shape, features.cells.shape), strict=True):
         place[...] = unit_vectors(layer)
-    return NormalisedFeatures(array, features.cells, transform, features)
+    return NormalisedFeatures(array, transform, features)
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:
@@ -143,6 +146,6 @@ def _as_single(vectors: np.ndarray) -> np.ndarray:
         return np.asarray(vectors, dtype=np.float32)
     import torch
 
-    # The same values, several times faster than numpy finds them.
-    single: np.ndarray = torch.from_numpy(np.ascontiguousarray(vectors)).float().numpy()
+    # The same values, several times faster than numpy finds them. PyTorch knows no arrays that cannot be written to.
+    single: np.ndarray = torch.from_numpy(np.require(vectors, requirements=("C", "W"))).float().numpy()
     return single

@@ -48,7 +48,7 @@ def read_volume(path: Path) -> Volume:
     image = _read_series(path) if is_folder(path) else _read_file(path)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
-    return Volume(sitk.GetArrayFromImage(image), geometry, name=_name(path))
+    return Volume(_voxels(image), geometry, name=_name(path))
 
 
 def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
@@ -62,7 +62,7 @@ def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
     """
     image = _read_file(path)
     tags = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
-    return sitk.GetArrayFromImage(image), _geometry(image, path), tags
+    return _voxels(image), _geometry(image, path), tags
 
 
 def read_geometry(path: Path) -> Geometry:
@@ -113,6 +113,21 @@ def _check_millimetres(geometry: Geometry, path: Path) -> None:
         f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
         f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."
     )
+
+
+def _voxels(image: sitk.Image) -> np.ndarray:
+    """The voxels (K, J, I) of an image that nobody else has: its own memory, of which a copy would take as much again."""
+    return np.asarray(_Memory(image))
+
+
+class _Memory:
+    """An image's memory, as numpy takes it. The array holds on to it, and so to the image, which SimpleITK's views do not."""
+
+    def __init__(self, image: sitk.Image) -> None:
+        self._image = image
+        interface = sitk.GetArrayViewFromImage(image).__array_interface__
+        address, _ = interface["data"]
+        self.__array_interface__ = {**interface, "data": (address, False)}
 
 
 def _read_file(path: Path) -> sitk.Image:

@@ -15,7 +15,7 @@ from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from . import large_arrays
 from .bilateral_cells import Target, splat
-from .bilateral_energy import solve_cells
+from .bilateral_energy import MAX_SMOOTHNESS, solve_cells
 from .bilateral_grid import GridLayout, VoxelCells
 from .bilateral_slice import slice_multilinear
 from .upsampling import Upsampling, upsampled
@@ -155,9 +155,14 @@ def solve_bilateral(
     settings = settings or BilateralSolverSettings()
     layout = _layout(luma, spacing_mm, settings)
     active = None if threshold is None else _active_cells(target, threshold, layout)
+    # The same energy but for a factor: single precision has no squares of tiny confidences, and no sums of huge ones.
+    unit = (0.0 if confidence is None else float(confidence.max())) or 1.0
+    confidence = None if confidence is None else confidence / unit
+    settings = replace(settings, smoothness=min(settings.smoothness / unit, MAX_SMOOTHNESS))
     with Workers(luma.device) as workers:
         known_target, confidence = _without_unknown_voxels(target, confidence)
-        return _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
+        solution = _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
+    return replace(solution, smoothness=solution.smoothness * unit)
 
 
 def _check_volume(name: str, volume: Tensor) -> None:

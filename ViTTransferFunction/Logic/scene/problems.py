@@ -14,22 +14,24 @@ class Problems:
 
     def __init__(self) -> None:
         self._standing: dict[Cause, str] = {}
-        self._untold: Cause | None = None
+        self._untold: list[Cause] = []
 
     def put(self, cause: Cause, message: str) -> None:
         """There is a problem; `message` is for the user. One that stands already is not told again."""
         if self._standing.get(cause) != message:
+            self.solve(cause)
             self._standing[cause] = message
-            self._untold = cause
+            self._untold.append(cause)
 
     def solve(self, cause: Cause) -> None:
         """The cause is gone."""
         self._standing.pop(cause, None)
+        if cause in self._untold:
+            self._untold.remove(cause)
 
     def take(self) -> str | None:
-        """The problem that came last, if it was not taken yet and still stands."""
-        untold, self._untold = self._untold, None
-        return self._standing.get(untold) if untold else None
+        """The next problem that still stands and was not taken yet, in the order in which they came; None after the last."""
+        return self._standing[self._untold.pop(0)] if self._untold else None
 
     @property
     def standing(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.geometry import Geometry
+from ..core.out_of_memory import is_out_of_memory
 from ..core.progress import Progress, no_progress
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
@@ -27,6 +29,8 @@ from .memory_need import check_memory_for_features
 
 if TYPE_CHECKING:
     import torch
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,7 @@ class FeatureSource:
         self._cache = cache
         self._networks = networks
         self._trust = trust
+        self._note = ""
         self.provenance: FeatureProvenance | None = None
 
     @property
@@ -98,6 +103,13 @@ class FeatureSource:
         Raises:
             InputError: the weights are not those of the model, or this computer has no such device.
         """
+        try:
+            return self._estimate()
+        except (RuntimeError, MemoryError) as error:
+            self._leave_full_device(error)
+        return self._estimate()
+
+    def _estimate(self) -> FeatureEstimate:
         weights = self._known_weights
         cached = weights is not None and self._key(weights) in self._cache
         if weights is not None and weights.path.exists() and not cached:
@@ -115,13 +127,26 @@ class FeatureSource:
             coarse_first: whether coarser features are wanted meanwhile (`progressive_features`).
 
         Yields:
-            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends.
+            Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends. Where the
+            memory of a graphics card is not enough, the processor begins anew.
 
         Raises:
             InputError: weights or device are not to be had, the weights do not fit, memory is not enough, or the cache's
                 disk is full.
             Cancelled: by the progress callback.
         """
+
+        def noted(done: int, total: int, what: str) -> None:
+            progress(done, total, what + self._note)
+
+        try:
+            yield from self._features(noted, coarse_first)
+            return
+        except (RuntimeError, MemoryError) as error:
+            self._leave_full_device(error)
+        yield from self._features(noted, coarse_first)
+
+    def _features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         weights = self._known_weights
         if weights is None or not (weights.path.exists() or self._key(weights) in self._cache):
             weights = find_weights(self._model.name, self._weights_path, trust=self._trust, progress=progress)
@@ -149,6 +174,19 @@ class FeatureSource:
         if features is None or features.cells.shape != self.cells.shape:
             return None
         return normalised_features(features, self._statistics)
+
+    def _leave_full_device(self, error: Exception) -> None:
+        """Take the processor, where a graphics card ran out of memory; anything else is raised again.
+
+        All is computed in the processor's own precision then, and kept under its key.
+        """
+        import torch
+
+        if self._device.type == "cpu" or not is_out_of_memory(error):
+            raise error
+        logger.warning("Out of memory on %s: the processor computes the features. (%s)", self._device, error)
+        self._device = torch.device("cpu")
+        self._note = " (too little memory on the graphics card; the processor computes)"
 
     @cached_property
     def _device(self) -> torch.device:

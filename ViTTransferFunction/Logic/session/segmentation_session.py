@@ -97,8 +97,7 @@ class SegmentationSession:
         self.watch = Stopwatch()
         self._source = source
         self._loaded: _Loaded | None = None
-        self._intensities: CellIntensities | None = None
-        self._looking = Lock()
+        self._intensities = _Intensities(volume)
         self._computing_maps = Lock()
         self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
 
@@ -131,7 +130,7 @@ class SegmentationSession:
 
     def _use(self, normalised: NormalisedFeatures) -> None:
         self._loaded = _Loaded(
-            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities_on)
+            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities.on)
         )
 
     def prepare_clicks(self) -> None:
@@ -142,14 +141,7 @@ class SegmentationSession:
         if self._loaded is not None:
             _ = self._loaded.rule
         elif self.preset.similarity in NEEDS_INTENSITIES:
-            self._intensities_on(self._the_source.cells)
-
-    def _intensities_on(self, cells: Geometry) -> CellIntensities:
-        """Looked at once for the same cells, however often their features become finer."""
-        with self._looking:
-            if self._intensities is None or not self._intensities.are_of(cells):
-                self._intensities = CellIntensities(self.volume, cells)
-            return self._intensities
+            self._intensities.on(self._the_source.cells)
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -336,6 +328,25 @@ class _Loaded:
             if self._rule is None:
                 self._rule = self._make_rule()
             return self._rule
+
+
+class _Intensities:
+    """A volume's intensities, looked at once for the same cells, however often their features become finer.
+
+    Not the session's own method: what a session has would then lead back to it, and volume and features stay in memory after
+    it until Python looks for such circles, which it does for many small objects and not for a few large arrays.
+    """
+
+    def __init__(self, volume: Volume) -> None:
+        self._volume = volume
+        self._of_cells: CellIntensities | None = None
+        self._looking = Lock()
+
+    def on(self, cells: Geometry) -> CellIntensities:
+        with self._looking:
+            if self._of_cells is None or not self._of_cells.are_of(cells):
+                self._of_cells = CellIntensities(self._volume, cells)
+            return self._of_cells
 
 
 def _class_map(

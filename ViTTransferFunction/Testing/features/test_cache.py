@@ -7,6 +7,7 @@ import hashlib
 import logging
 import os
 import shutil
+import time
 import zipfile
 from collections import namedtuple
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.core.atomic_file import ABANDONED_S
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
@@ -256,6 +258,15 @@ def test_an_interrupted_write_leaves_nothing_behind(cache: FeatureCache, monkeyp
     with pytest.raises(KeyboardInterrupt):
         cache.put(features_named("a"))
     assert not list(cache.folder.iterdir())
+
+
+def test_what_a_killed_process_left_half_written_goes_with_the_next_features_a_day_later(cache: FeatureCache) -> None:
+    cache.folder.mkdir(parents=True)
+    for name, age_s in ((".writing-00000001.npz", 2 * ABANDONED_S), (".writing-00000002.npz", 0.5 * ABANDONED_S)):
+        (cache.folder / name).write_bytes(b"half")
+        os.utime(cache.folder / name, (time.time() - age_s,) * 2)
+    cache.put(features_named("a"))
+    assert {path.name for path in cache.folder.iterdir()} == {".writing-00000002.npz", f"{key('a')}.npz"}
 
 
 def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureCache) -> None:

@@ -51,6 +51,14 @@ def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> N
     np.testing.assert_allclose(np.cov(whitened.T), np.eye(8), atol=0.01)
 
 
+@pytest.mark.filterwarnings("error")
+def test_features_that_cannot_be_written_to_are_whitened_as_others_are() -> None:
+    patches = feature_volume(np.random.default_rng(0).normal(size=(4, 6, 5, 3)).astype(np.float16))
+    expected = normalised_features(patches, "whitened").array
+    patches.array.setflags(write=False)
+    np.testing.assert_array_equal(normalised_features(patches, "whitened").array, expected)
+
+
 def test_cells_between_patches_have_the_vectors_that_a_point_there_has() -> None:
     patches = feature_volume(np.random.default_rng(0).normal(size=(4, 6, 5, 3)).astype(np.float16))
     finer = patches.geometry.resized((9, 11, 13))

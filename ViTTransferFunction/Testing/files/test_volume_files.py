@@ -23,6 +23,7 @@ from ViTTransferFunction.Logic.core.intensity_window import (
 from ViTTransferFunction.Logic.core.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
 OBLIQUE_LEFT_HANDED = np.array([[-1.6, 0.9, 0.0, 30.0], [1.2, 1.2, 0.0, -20.0], [0.0, 0.0, 5.0, 7.0], [0.0, 0.0, 0.0, 1.0]])
@@ -52,6 +53,21 @@ def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending:
     physical_lps = source.TransformIndexToPhysicalPoint([5, 4, 3])
     np.testing.assert_allclose(volume.geometry.ijk_to_ras_points(voxel)[0], np.array(physical_lps) * [-1, -1, 1], atol=1e-4)
     assert volume.name == "scan"
+
+
+def test_a_volume_is_never_held_twice_while_it_is_read(tmp_path: Path) -> None:
+    sitk.WriteImage(image(ramp((128, 160, 160))), str(tmp_path / "scan.nrrd"))
+    # What numpy allocates, that is; the reader needs the volume once.
+    assert peak_bytes(lambda: read_volume(tmp_path / "scan.nrrd")) < 0.25 * ramp((128, 160, 160)).nbytes
+
+
+def test_voxels_stay_when_nothing_but_a_part_of_them_is_kept(tmp_path: Path) -> None:
+    sitk.WriteImage(image(ramp((40, 50, 60))), str(tmp_path / "scan.mha"))
+    kept = read_volume(tmp_path / "scan.mha").array[10:, ::2].T
+    for _ in range(5):
+        # Memory that was given back would be used again.
+        read_volume(tmp_path / "scan.mha").array[:] = -1
+    np.testing.assert_array_equal(kept, ramp((40, 50, 60))[10:, ::2].T)
 
 
 def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, real_volume: Callable[[str], Path]) -> None:

@@ -261,15 +261,26 @@ def test_unconverged_map_stays_within_the_range_of_its_target(iterations):
 
 
 @pytest.mark.parametrize("seed", range(24))
-def test_tiny_confidence_gives_the_same_map(seed):
-    # In some of these, the curvature is rounded to 0 while there is still a residual: iteration ends there.
-    confidence = 1e-35
+def test_a_residual_whose_square_is_rounded_to_nothing_ends_the_iteration(seed):
+    # In some of these, the curvature is rounded to 0 while there is still a residual.
+    magnitude = 3e-18
     target, luma = a_noisy_step(seed=seed)
-    plain = solve_by_cell(target, luma, torch.ones_like(target), UNIT_SPACING, some_settings())
-    settings = some_settings(smoothness=some_settings().smoothness * confidence)
-    tiny = solve_by_cell(target, luma, torch.full_like(target, confidence), UNIT_SPACING, settings)
-    assert tiny.iterations < settings.max_iterations
-    np.testing.assert_allclose(tiny.map, plain.map, atol=1e-4)
+    plain = solve_by_cell(target, luma, None, UNIT_SPACING, some_settings())
+    tiny = solve_by_cell(target * magnitude, luma, None, UNIT_SPACING, some_settings())
+    assert tiny.iterations < some_settings().max_iterations
+    np.testing.assert_allclose(tiny.map / magnitude, plain.map, atol=1e-4)
+
+
+@pytest.mark.parametrize("magnitude", [1e-44, 1e-40, 1e-36, 1e-20, 1e20, 1e37])
+def test_the_least_and_the_greatest_confidences_give_the_same_map(magnitude):
+    target, luma = a_noisy_step()
+    confidence = 0.5 + 0.5 * (torch.rand(target.shape, generator=torch.Generator().manual_seed(3)) > 0.5)
+    plain = solve_bilateral(target, luma, confidence, UNIT_SPACING, some_settings())
+    settings = some_settings(smoothness=some_settings().smoothness * magnitude)
+    scaled = solve_bilateral(target, luma, confidence.double() * magnitude, UNIT_SPACING, settings)
+    assert scaled.converged
+    assert scaled.smoothness == pytest.approx(settings.smoothness)
+    np.testing.assert_allclose(scaled.map, plain.map, atol=1e-5)
 
 
 @pytest.mark.parametrize("max_iterations", [1, 2, 4])

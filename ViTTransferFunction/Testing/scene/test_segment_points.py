@@ -13,10 +13,8 @@ from ViTTransferFunction.Logic.scene.outside_points import outside_points
 from ViTTransferFunction.Logic.scene.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segment_tags import CORRECTED_TAG, set_tag
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, put_under
 from ViTTransferFunction.Testing.support.segments import SHAPE, block, output, positions_of, rounded, write_segments
-
-MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
-from ViTTransferFunction.Testing.support.scenes import put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, put_under
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,
     RED,
@@ -28,7 +28,6 @@ from ViTTransferFunction.Testing.support.segments import (
 
 slicer = pytest.importorskip("slicer")
 
-MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
 GREEN = (0.1, 0.9, 0.1)
 
 

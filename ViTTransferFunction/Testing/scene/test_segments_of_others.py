@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.volume import matrix_to_world, set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_segment, put_under
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,
     SHAPE,
@@ -24,8 +24,6 @@ from ViTTransferFunction.Testing.support.segments import (
 )
 
 slicer = pytest.importorskip("slicer")
-
-MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 @pytest.mark.parametrize("respect_others", [False, True])

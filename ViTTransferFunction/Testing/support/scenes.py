@@ -25,6 +25,8 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 OBLIQUE = np.array([[0.6, -0.96, 0.0, 11.0], [0.48, 0.36, -2.4, -7.0], [0.64, 0.48, 1.8, 40.0], [0.0, 0.0, 0.0, 1.0]])
 """IJK to RAS with spacing 1.0×1.2×3.0 mm, rotated about two axes."""
+MOVED = np.array([[0.0, -1.0, 0.0, 30.0], [1.0, 0.0, 0.0, 5.0], [0.0, 0.0, 1.0, -20.0], [0.0, 0.0, 0.0, 1.0]])
+"""A transform to the parent: a quarter of a turn, and a shift."""
 
 
 def add_volume(scene: Any, volume: Volume) -> Any:

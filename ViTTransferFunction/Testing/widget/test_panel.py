@@ -87,6 +87,13 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert not widget.ui.messageFrame.isVisible()
 
 
+def test_problems_that_come_together_are_all_shown(widget: Any) -> None:
+    for cause, message in (("computing", "The process ended."), ("views", "Nothing can be shown.")):
+        widget.panel.session._problems.put(cause, message)
+    widget.panel.refresh()
+    assert widget.ui.messageLabel.text() == "⚠ The process ended.\n\n⚠ Nothing can be shown."
+
+
 def test_names_in_messages_are_shown_letter_by_letter(widget: Any) -> None:
     """A label that finds markup in its text would swallow it."""
     for label in (widget.ui.messageLabel, widget.ui.pointsOutsideLabel):

@@ -107,6 +107,7 @@ class Host:
         if self.representation.isEntered:
             self.representation.exit()
         slicer.app.moduleManager().unload(NAME)
+        slicer.app.layoutManager().close()
         shiboken6.delete(self.window)
         for name in (*self._attributes, "selfTests"):
             delattr(slicer, name)

@@ -37,6 +37,11 @@ class LayoutManager(QObject):
             widget.hide()
         self._three_d.setParent(window)
 
+    def close(self) -> None:
+        """Let go of what views are drawn with: PySide keeps the widgets of a window that is no more."""
+        for widget in self._widgets.values():
+            widget.interactor().SetRenderWindow(None)
+
     def add_detached_view(self, name: str, main_window: QMainWindow) -> QWidget:
         """Change to a layout with another view, in a window of its own as on a second monitor; returns that window."""
         window = QWidget(main_window, Qt.WindowType.Window)
