@@ -51,7 +51,7 @@ class EnteredFirst(ScheduledRenderStrategy):
         super().schedule_render()
         self._stale = True
         if self._scheduler.target_fps >= PICTURES_PER_S:
-            self._draw()
+            self.draw()
         else:
             self._on_changed_elsewhere()
 
@@ -73,9 +73,10 @@ class EnteredFirst(ScheduledRenderStrategy):
             waited_s += STEP_S
         self._waiting = None
         if self._stale:
-            self._draw()
+            self.draw()
 
-    def _draw(self) -> None:
+    def draw(self) -> None:
+        """Have the view drawn at once."""
         self._stale = False
         self._scheduler.schedule_render()
 

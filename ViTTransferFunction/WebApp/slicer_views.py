@@ -58,6 +58,9 @@ class SlicerViews:
         for view in self.slices:
             view.reset_view()
         self._fit_3d()
+        # Whatever is under way: the structures of another patient go at once.
+        for strategy in self._factory_3d.strategies:
+            strategy.draw()
 
     def settle(self) -> None:
         """What the session shows has changed: the 3D view follows when it has time."""
