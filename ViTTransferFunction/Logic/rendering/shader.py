@@ -351,8 +351,8 @@ vec3 vittf_crossing(int structure, bool entering)
   return g_dataPos - (1.0 - mix(outer.x, inner.x, share)) * g_dirStep;
 }
 
-// Goes on to where the ray passes a surface. With loops of their own for what comes before, and called as rarely as can be: many
-// renderers do for all rays of a group what one of them needs.
+// Goes on to where the ray passes a surface. With loops of their own for what comes before, and called as rarely as can be:
+// many renderers do for all rays of a group what one of them needs.
 void vittf_march()
 {
   vec4 voxel = vittf_taken();
