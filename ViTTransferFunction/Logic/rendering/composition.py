@@ -25,7 +25,8 @@ intensity; how deep it lies in the structure, last, since VTK finds by the last 
 SURFACE = 127
 """Depth up to which a voxel lies outside: a surface is between this and the next."""
 
-MOST_STRUCTURES = 255
+MOST_STRUCTURES = 207
+"""How they look is in uniform variables, of which common graphics cards have room for 4096 numbers, and 16 are of each."""
 
 VOXEL_BUDGET = 17_000_000
 """Voxels that the volume has at most: those of 256³, which any graphics card takes."""
