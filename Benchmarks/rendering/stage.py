@@ -34,7 +34,7 @@ class Stage:
         self._frames = frames
         self._view = app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
         self._view.set_scheduled_render(NoScheduleRendering())
-        self._view.render_window().SetSize(pixels, pixels)
+        self.set_pixels(pixels)
         self.set_adaptive(adaptive=True)
         camera = self._view.get_camera_node()
         middle = geometry.ijk_to_ras_points((np.array(geometry.shape[::-1])[None] - 1) / 2)[0]
@@ -49,6 +49,10 @@ class Stage:
         self._view.render_window().Render()
         capabilities = self._view.render_window().ReportCapabilities().splitlines()
         return next(line.split(":", 1)[1].strip() for line in capabilities if line.startswith("OpenGL renderer"))
+
+    def set_pixels(self, pixels: int) -> None:
+        """Let the view be so many pixels wide and high."""
+        self._view.render_window().SetSize(pixels, pixels)
 
     def set_adaptive(self, *, adaptive: bool) -> None:
         """Let fewer samples be taken while the view is turned (Slicer's quality *Adaptive*), or not (*Normal*)."""
@@ -84,6 +88,16 @@ class Stage:
             self.turned_picture()
 
         return float(np.median([timed(prepared)[0] for _ in range(self._frames)]))
+
+    def compared(self, prepare: Callable[[], Any]) -> dict[str, float]:
+        """Medians of pictures that something is done before, and of how much longer each takes than the one before it."""
+        pictures_ms, differences_ms = [], []
+        for _ in range(self._frames):
+            without_ms, _ = timed(self.turned_picture)
+            with_ms = timed(prepare)[0] + timed(self.turned_picture)[0]
+            pictures_ms.append(with_ms)
+            differences_ms.append(with_ms - without_ms)
+        return {"picture_ms": float(np.median(pictures_ms)), "itself_ms": float(np.median(differences_ms))}
 
     def turned_picture(self) -> None:
         """Draw from another side than before."""

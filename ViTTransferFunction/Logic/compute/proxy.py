@@ -46,7 +46,7 @@ Event = Literal["state", "maps", "refined", "rendering", "labels"]
 Casting = Mapping[str, bool]
 """By class id, whether it casts shadows in 3D; classes that are missing do not."""
 
-RENDER_AFTER_S = 0.15
+RENDER_AFTER_S = 0.05
 REFINE_AFTER_S = 0.4
 """How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
 then slows the answer to the next click."""

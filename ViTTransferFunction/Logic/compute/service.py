@@ -167,8 +167,13 @@ class SegmentationService:
         else:
             composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
         levels, hounsfield = self._known_intensities()
-        voxels = composition.voxels(gray_levels(intensities, levels, composition.shape), request.casting)
         geometry = scan.part(box).resized(composition.shape)
+        gray = gray_levels(intensities, levels, composition.shape)
+        if not request.surroundings:
+            # Renderers take time for each pixel of the volume's box.
+            part = composition.crop()
+            geometry, gray = geometry.part(part), gray[part]
+        voxels = composition.voxels(gray, request.casting)
         return structure_volume(voxels, len(maps), levels, geometry, scan, hounsfield=hounsfield)
 
     def _known_intensities(self) -> tuple[np.ndarray, bool]:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
+from ..core.bounding_box import bounding_box, whole_box
 from ..core.errors import InputError
 from ..core.geometry import Box
 from ..core.resampling import interpolated
@@ -24,7 +25,8 @@ intensity; how deep it lies in the structure, last, since VTK finds by the last 
 SURFACE = 127
 """Depth up to which a voxel lies outside: a surface is between this and the next."""
 
-MOST_STRUCTURES = 255
+MOST_STRUCTURES = 207
+"""How they look is in uniform variables, of which common graphics cards have room for 4096 numbers, and 16 are of each."""
 
 VOXEL_BUDGET = 17_000_000
 """Voxels that the volume has at most: those of 256³, which any graphics card takes."""
@@ -35,7 +37,7 @@ COMPOSING = "Preparing the 3D view"
 SHADOW_REACHES = (0.02, 0.05)
 """How far surfaces shade each other, of the volume's longest side."""
 
-SHADOW_STEPS = 85
+SHADOW_STEPS = 64
 """Shadows are soft: a grid of this many voxels along the longest side shows them."""
 
 TYPICAL_DEPTH = 200
@@ -77,14 +79,17 @@ class Composition:
         if depths.size:
             self._fill_blocks(box, depths)
 
-    def _fill_blocks(self, box: Box, depths: np.ndarray) -> None:
-        blocks = depths
-        for axis, extent in enumerate(box):
-            first = -(-extent.start // BLOCK_VOXELS) * BLOCK_VOXELS - extent.start
-            starts = np.unique([0, *range(first, extent.stop - extent.start, BLOCK_VOXELS)])
-            blocks = np.maximum.reduceat(blocks, starts, axis=axis)
-        k, j, i = (slice(extent.start // BLOCK_VOXELS, -(-extent.stop // BLOCK_VOXELS)) for extent in box)
-        self._filled_blocks[k, j, i] |= blocks > 0
+    def crop(self) -> Box:
+        """Leave out what is around the structures; the box of voxels that stay, in multiples of blocks and with a margin."""
+        blocks = bounding_box(self._filled_blocks, margin=1) or whole_box(self._filled_blocks.shape)
+        k, j, i = (
+            slice(BLOCK_VOXELS * extent.start, min(BLOCK_VOXELS * extent.stop, size))
+            for extent, size in zip(blocks, self.shape, strict=True)
+        )
+        self._filled_blocks = self._filled_blocks[blocks]
+        self._voxels = np.ascontiguousarray(self._voxels[k, j, i])
+        self.shape = k.stop - k.start, j.stop - j.start, i.stop - i.start
+        return k, j, i
 
     def voxels(self, gray: np.ndarray | None = None, casting: Sequence[bool] | None = None) -> np.ndarray:
         """The volume, (K, J, I, 4) uint8.
@@ -98,6 +103,15 @@ class Composition:
         self._voxels[..., LIGHT] = _ambient_light(self._voxels, casting)
         self._write_distances()
         return self._voxels
+
+    def _fill_blocks(self, box: Box, depths: np.ndarray) -> None:
+        blocks = depths
+        for axis, extent in enumerate(box):
+            first = -(-extent.start // BLOCK_VOXELS) * BLOCK_VOXELS - extent.start
+            starts = np.unique([0, *range(first, extent.stop - extent.start, BLOCK_VOXELS)])
+            blocks = np.maximum.reduceat(blocks, starts, axis=axis)
+        k, j, i = (slice(extent.start // BLOCK_VOXELS, -(-extent.stop // BLOCK_VOXELS)) for extent in box)
+        self._filled_blocks[k, j, i] |= blocks > 0
 
     def _write_distances(self) -> None:
         """Let voxels of empty blocks have instead of a number how many voxels away, along each axis, all structures are."""
@@ -157,5 +171,16 @@ def _ambient_light(voxels: np.ndarray, casting: Sequence[bool] | None) -> np.nda
     sigmas = [reach * max(matter.shape) for reach in SHADOW_REACHES]
     # Half of what is around a flat surface is matter.
     occlusion = sum(gaussian_filter(matter, sigma, mode="constant", truncate=2.5) for sigma in sigmas) / len(sigmas)
-    light = 255.0 * np.clip(1.45 - 0.95 * occlusion, 0.4, 1.0)
-    return interpolated(light, [np.arange(count) / step for count in shape]).astype(np.uint8)
+    return _refined(255.0 * np.clip(1.45 - 0.95 * occlusion, 0.4, 1.0), step, shape)
+
+
+def _refined(values: np.ndarray, step: int, shape: Shape) -> np.ndarray:
+    """Values of every `step`-th voxel along each axis, at all voxels of a volume of `shape`, uint8."""
+    planes = interpolated(values, [np.arange(len(values)), *(np.arange(count) / step for count in shape[1:])])
+    refined = np.empty(shape, dtype=np.uint8)
+    # Plane by plane: all of them as floating-point numbers would take longer to write than to compute.
+    for k, plane in enumerate(refined):
+        low, share = divmod(k, step)
+        below, above = planes[low], planes[min(low + 1, len(planes) - 1)]
+        np.copyto(plane, below + np.float32(share / step) * (above - below), casting="unsafe")
+    return refined

@@ -158,18 +158,18 @@ vec3 vittf_lit(vec3 color, vec3 normal)
 #ifdef TOTAL_NUMBER_LIGHTS
   for (int n = 0; n < TOTAL_NUMBER_LIGHTS; ++n)
   {
-    vec3 direction = in_lightDirection[n];
+    vec3 direction = in_lightDirection[n], bright = in_lightDiffuseColor[n], shine = in_lightSpecularColor[n];
     ambient += in_lightAmbientColor[n];
 #else
-  for (int n = 0; n < 1; ++n)
+  // A headlight, or none: then VTK declares no colours of lights.
   {
-    vec3 direction = vittf_along;
-    ambient += color;
+    vec3 direction = vittf_along, bright = vec3(1.0), shine = vec3(1.0);
+    ambient = color;
 #endif
     float light = max(-dot(normal, direction), 0.0);
-    diffuse += light * in_lightDiffuseColor[n];
     float mirrored = max(-dot(reflect(direction, normal), vittf_along), 0.0);
-    specular += light > 0.0 ? pow(mirrored, in_shininess[0]) * in_lightSpecularColor[n] : vec3(0.0);
+    diffuse += light * bright;
+    specular += light > 0.0 ? pow(mirrored, in_shininess[0]) * shine : vec3(0.0);
   }
   return in_ambient[0] * ambient + in_diffuse[0] * diffuse * color + in_specular[0] * specular;
 }
@@ -351,8 +351,8 @@ vec3 vittf_crossing(int structure, bool entering)
   return g_dataPos - (1.0 - mix(outer.x, inner.x, share)) * g_dirStep;
 }
 
-// Goes on to where the ray passes a surface. With loops of their own for what comes before, and called as rarely as can be: many
-// renderers do for all rays of a group what one of them needs.
+// Goes on to where the ray passes a surface. With loops of their own for what comes before, and called as rarely as can be:
+// many renderers do for all rays of a group what one of them needs.
 void vittf_march()
 {
   vec4 voxel = vittf_taken();

@@ -13,7 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkVolumeProperty
 from ..rendering.composition import SURFACE
 from ..rendering.shader import shader_pieces
 
-AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER = 0.35, 0.65, 0.2, 20.0
+AMBIENT, DIFFUSE, SPECULAR, SPECULAR_POWER = 0.35, 0.65, 0.12, 20.0
 """How surfaces answer light."""
 
 

@@ -48,10 +48,28 @@ def test_where_there_is_no_structure_rays_leap_out_of_the_volume() -> None:
     assert (composed([])[..., NUMBER] == 255).all()
 
 
-def test_what_is_added_again_elsewhere_is_nowhere_empty() -> None:
+def test_a_structure_in_two_places_has_its_number_in_both() -> None:
     composition = Composition((16, 16, 16), 1)
     for start in (0, 11):
         composition.add((slice(start, start + 5),) * 3, 0, np.full((5, 5, 5), 255, dtype=np.uint8))
     voxels = composition.voxels()
     assert (voxels[11:, 11:, 11:, NUMBER] == 1).all()
     assert (voxels[:5, :5, :5, NUMBER] == 1).all()
+
+
+def test_what_is_around_structures_can_be_left_out() -> None:
+    box = (slice(5, 9), slice(0, 4), slice(30, 41))
+    whole = composed([box])
+    composition = Composition(SHAPE, 1)
+    composition.add(box, 0, np.full((4, 4, 11), 200, dtype=np.uint8))
+    part = composition.crop()
+    voxels = composition.voxels()
+    assert voxels.shape[:3] == composition.shape == (16, 8, 17)
+    assert np.array_equal(voxels[..., DEPTH], whole[part][..., DEPTH])
+    assert (voxels[..., DEPTH] > 0).sum() == 4 * 4 * 11
+
+
+def test_where_there_is_no_structure_nothing_is_left_out() -> None:
+    composition = Composition(SHAPE, 1)
+    composition.crop()
+    assert composition.voxels().shape[:3] == SHAPE

@@ -79,6 +79,16 @@ def rendering(views: Views) -> ClassRendering:
     return shown
 
 
+def _box(views: Views) -> Any:
+    """Of the left half, without handles in the views."""
+    box = views.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode")
+    box.CreateDefaultDisplayNodes()
+    box.GetDisplayNode().SetVisibility(False)
+    box.SetXYZ(MIDDLE[0] + 40.0, MIDDLE[1], MIDDLE[2])
+    box.SetRadiusXYZ(42.0, 12.0, 100.0)
+    return box
+
+
 def _geometry() -> Any:
     from ViTTransferFunction.Logic.core.geometry import Geometry
 
@@ -98,12 +108,18 @@ def test_an_exported_rendering_looks_as_the_live_one_and_stays_when_that_goes(vi
     assert structural_similarity(live, stayed, channel_axis=2) >= 0.95
 
 
+@pytest.mark.parametrize("cut", [False, True])
 def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_not(
-    views: Views, rendering: ClassRendering, tmp_path: Path
+    views: Views, rendering: ClassRendering, tmp_path: Path, cut: bool
 ) -> None:
     view = views.view_3d()
     look_from(view, np.array(MIDDLE), DISTANCE_MM)
     live = pixels(view)
+    if cut:
+        whole = live
+        rendering.cut(_box(views))
+        live = pixels(view)
+        assert structural_similarity(live, whole, channel_axis=2) < 0.9
     rendering.export("CT structures")
     rendering.remove()
     assert views.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
