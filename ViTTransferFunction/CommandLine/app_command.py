@@ -97,13 +97,15 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
     def warn(warning: str) -> None:
         print(f"note: {warning}", file=sys.stderr, flush=True)
 
-    app = WebApp(settings)
     loop = asyncio.get_running_loop()
     handled = [signal.SIGINT, signal.SIGTERM] if sys.platform != "win32" else []
     for number in handled:
-        # In the loop's turn, not in the midst of Slicer's code.
-        loop.add_signal_handler(number, app.stop)
+        # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while the scene is made.
+        loop.add_signal_handler(number, lambda: None)
     try:
+        app = WebApp(settings)
+        for number in handled:
+            loop.add_signal_handler(number, app.stop)
         await app.start(args.host, args.port, volume, announce, warn)
     finally:
         for number in handled:

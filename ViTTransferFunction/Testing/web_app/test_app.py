@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import os
+import signal
+import sys
+from argparse import Namespace
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -13,7 +18,9 @@ pytest.importorskip("trame_slicer")
 
 import SimpleITK as sitk  # noqa: N813
 
+from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.Logic.core.colors import hex_color
+from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 from ViTTransferFunction.WebApp.slicer_views import sides
@@ -114,6 +121,29 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
         assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
 
     opened(journey)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
+def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends_the_app(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class InterruptedApp:
+        def __init__(self, settings: dict[str, Any]) -> None:
+            self._stopped = asyncio.Event()
+            os.kill(os.getpid(), signal.SIGINT)
+
+        def stop(self) -> None:
+            self._stopped.set()
+
+        async def start(self, *_: Any) -> None:
+            await asyncio.wait_for(self._stopped.wait(), 60.0)
+
+    monkeypatch.setattr(app_module, "WebApp", InterruptedApp)
+    args = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
+    try:
+        asyncio.run(app_command._serve(args, {}))
+    except KeyboardInterrupt:
+        pytest.fail("it came in the midst of making the scene")
 
 
 def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
