@@ -72,6 +72,11 @@ class Server:
         process = psutil.Process(self.process.pid)
         return [process, *process.children(recursive=True)]
 
+    def processor_s(self) -> float:
+        """How long they have used a processor so far."""
+        times = [process.cpu_times() for process in self.processes()]
+        return sum(each.user + each.system for each in times)
+
     def interrupt(self) -> int:
         """Press Ctrl-C in its terminal; returns the exit code."""
         self.process.send_signal(signal.SIGINT)

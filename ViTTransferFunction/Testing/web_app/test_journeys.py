@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
 from ViTTransferFunction.Testing.support.web_app import (
+    LONGEST_WAIT_S,
     AppPage,
     Server,
     change_near,
@@ -25,6 +27,8 @@ from ViTTransferFunction.Testing.support.web_app import (
 
 pytestmark = pytest.mark.slow
 MODEL = "dinov2_vits14_focus"
+REST_S = 2.0
+"""For how long an app is watched that nobody uses."""
 NewPage = Callable[[], AppPage]
 
 
@@ -217,6 +221,20 @@ def test_a_second_browser_is_told_and_the_first_goes_on(at_app: AppPage, new_pag
     assert "open in another browser" in other.page.inner_text("body")
     at_app.page.reload()
     at_app["app"].wait_for()
+
+
+def test_an_app_that_nobody_uses_leaves_the_processor_alone(at_app: AppPage, server: Server, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    add_structure(page, 0)
+    end = time.monotonic() + LONGEST_WAIT_S
+    used_s = 1.0
+    # The last pictures may still be drawn.
+    while used_s > 0.03 * REST_S:
+        assert time.monotonic() < end, f"{used_s} s of the processor's time in {REST_S} s"
+        before_s = server.processor_s()
+        page.page.wait_for_timeout(1000 * REST_S)
+        used_s = server.processor_s() - before_s
 
 
 def test_an_extraction_is_cancelled_and_an_interruption_of_another_leaves_no_process(
