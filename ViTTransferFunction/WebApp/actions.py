@@ -18,8 +18,10 @@ from .volumes import set_window
 if TYPE_CHECKING:
     from .app import WebApp
 
-_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float}
+_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float, "edges": float}
 """Fields of the selected class that the page's sliders and boxes set."""
+_FOLDED = ("appearance", "advanced")
+"""Parts of the page that are made when they are opened."""
 
 
 class Actions:
@@ -60,11 +62,11 @@ class Actions:
             "parameter": self._set_parameter,
             "style": self._set_style,
             "look": self._set_look,
+            "fade": lambda share: self._set_fields(ramp=1.0 - min(max(float(share), 0.0), 1.0)),
             "networkWindow": self._set_network_window,
             "exportRendering": lambda: app.session.export_rendering(),
             "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
-            "advanced": self._open_advanced,
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
             "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
@@ -73,6 +75,8 @@ class Actions:
         }
         for tool in TOOLS:
             self._by_name[tool] = self._toggle(tool)
+        for part in _FOLDED:
+            self._by_name[part] = self._unfold(part)
 
     def __call__(self, name: str, *arguments: Any) -> None:
         """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown."""
@@ -87,6 +91,14 @@ class Actions:
 
     def _toggle(self, tool: Any) -> Callable[[], None]:
         return lambda: self._app.tool.toggle(tool)
+
+    def _unfold(self, part: str) -> Callable[[bool], None]:
+        """The page shows a part, or does not any more."""
+
+        def unfold(opened: bool) -> None:
+            self._app.server.state[f"{part}_open"] = bool(opened)
+
+        return unfold
 
     def _cancel(self) -> None:
         self._app.extraction.give_up()
@@ -177,9 +189,9 @@ class Actions:
                 parameters.set(name, value)
 
     def _set_style(self, style: str) -> None:
-        """Choose how the selected class looks in 3D; another style brings its own tone."""
+        """Choose how the selected class looks in 3D; another style brings its own of all that it is made of."""
         if style in style_words():
-            self._set_fields(style=style, tone=None)
+            self._set_fields(style=style, tone=None, ramp=None, edges=None)
 
     def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set between which intensities the selected class gets brighter in 3D; None: as it is."""
@@ -207,10 +219,6 @@ class Actions:
         node = self._app.session.parameters.segmentation
         if node is not None and node.GetSegmentation().GetSegment(str(segment_id)) is not None:
             self._app.session.continue_segment(str(segment_id))
-
-    def _open_advanced(self, opened: bool) -> None:
-        """The page shows the advanced settings, or does not any more."""
-        self._app.server.state.advanced_open = bool(opened)
 
     def _set_window(self, low: float | None, high: float | None) -> None:
         """Set both ends of the window, or one; None: as it is."""

@@ -196,7 +196,8 @@ class WebApp:
             corrected = self.session.take_corrected()
             if corrected:
                 state.corrected = list(corrected)
-            state.update(session_state(self.session, bool(state.advanced_open)))
+            shown = {"with_cache": bool(state.advanced_open), "with_look": bool(state.appearance_open)}
+            state.update(session_state(self.session, **shown))
             state.update({
                 "tool": self.tool.tool or "",
                 "message": "\n\n".join(self._messages.standing()),

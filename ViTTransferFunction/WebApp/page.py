@@ -53,6 +53,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "typing": {},
         "trame__client_only": [*server.state.trame__client_only, "typing"],
         "advanced_open": False,
+        "appearance_open": False,
         "deleting": "",
         "asking_open": False,
         "asking_help": False,
