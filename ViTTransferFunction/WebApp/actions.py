@@ -13,6 +13,7 @@ from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.wording import style_words
 from .panel_state import PARAMETERS, color_of_hex
+from .view_camera import load_camera
 from .volumes import set_window
 
 if TYPE_CHECKING:
@@ -64,6 +65,9 @@ class Actions:
             "look": self._set_look,
             "fade": lambda share: self._set_fields(ramp=1.0 - min(max(float(share), 0.0), 1.0)),
             "networkWindow": self._set_network_window,
+            "film": app.films.start,
+            "cancelFilm": app.films.give_up,
+            "loadCamera": self._load_camera,
             "exportRendering": lambda: app.session.export_rendering(),
             "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
@@ -201,6 +205,13 @@ class Actions:
             self._set_fields(low=None, high=None)
         elif shown is not None:
             self._set_fields(low=_or(low, shown[0]), high=_or(high, shown[1]))
+
+    def _load_camera(self, text: str) -> None:
+        """See the 3D view from where a file says, which has this text."""
+        view, state = self._app.views.view_3d, self._app.server.state
+        state.picture_width, state.picture_height = load_camera(self._app.session, view.render_window(), str(text))
+        view.schedule_render()
+        self._app.views.settle()
 
     def _set_network_window(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set which intensities the network sees; None: as it is."""
