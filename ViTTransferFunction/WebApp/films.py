@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from ..Logic.core.errors import InputError, shown
@@ -18,7 +20,9 @@ if TYPE_CHECKING:
     from .app import WebApp
 
 PAUSE_S = 0.02
-"""Between frames: long enough that a click is heard of, whose answer comes before the next frame."""
+"""Between frames, at least."""
+PAUSE_SHARE = 0.25
+"""And of what a frame took: so that clicks are heard of, whose answers come before the next frame, however slow frames are."""
 
 
 class Films:
@@ -60,22 +64,24 @@ class Films:
 
     def give_up(self) -> None:
         """Let go of the film, finished or not; nothing is left of it."""
-        filming, self._filming, self.path = self._filming, None, None
-        if filming is not None:
-            filming.cancel()
-        if self._folder is not None:
-            self._folder.cleanup()
-            self._folder = None
+        filming, folder = self._filming, self._folder
+        self._filming = self._folder = self.path = None
+        if filming is not None and folder is not None:
+            # What is being written ends when it next looks, which may be seconds later.
+            Thread(target=_let_go, args=(filming, folder), daemon=True).start()
+        elif folder is not None:
+            folder.cleanup()
         self._show()
 
     async def _shoot(self, filming: Filming, path: Path) -> None:
         finished = False
         try:
             while self._filming is filming and not finished:
+                begun = time.monotonic()
                 if not self._app.session.awaits_maps:
                     finished = filming.advance()
                     self._show()
-                await asyncio.sleep(PAUSE_S)
+                await asyncio.sleep(max(PAUSE_S, PAUSE_SHARE * (time.monotonic() - begun)))
         except InputError as error:
             self._app.report(str(error))
             self._app.refresh()
@@ -93,6 +99,11 @@ class Films:
         with self._app.server.state as state:
             state.film = progress and {"text": progress_text(progress), "share": progress.done / progress.total}
             state.film_ready = self.path is not None
+
+
+def _let_go(filming: Filming, folder: tempfile.TemporaryDirectory[str]) -> None:
+    filming.cancel()
+    folder.cleanup()
 
 
 def film_endings() -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import threading
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from PIL import Image
 
 from ViTTransferFunction.Logic.scene.filming import Filming
 from ViTTransferFunction.Testing.files.test_film import frames_of
-from ViTTransferFunction.Testing.web_app.test_saving import browser_of, status_and_body, until
+from ViTTransferFunction.Testing.web_app.test_saving import LONGEST_WAIT_S, browser_of, status_and_body, until
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -156,9 +157,34 @@ def test_a_film_that_is_given_up_leaves_nothing(with_ball: Callable[[Journey], N
             app.actions(end)
         else:
             await app.open_files([tmp_path / "spheres.nrrd"])
-        assert not folder.exists()
+        await until(lambda: not folder.exists())
         assert (app.server.state.film, app.server.state.film_ready) == (None, False)
         assert app.server.state.message == ""
+
+    with_ball(journey)
+
+
+def test_the_server_does_not_wait_for_what_a_cancelled_film_still_writes(
+    with_ball: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_go = threading.Event()
+    cancel = Filming.cancel
+
+    def wait(self: Filming) -> None:
+        assert let_go.wait(LONGEST_WAIT_S), "the server stood still meanwhile"
+        cancel(self)
+
+    monkeypatch.setattr(Filming, "cancel", wait)
+
+    async def journey(app: WebApp) -> None:
+        app.actions("film", 64, 48, 8, ".gif")
+        await until(lambda: app.server.state.film["share"] > 0.0)
+        folder = Path(app.films._folder.name) if app.films._folder else Path()
+        app.actions("cancelFilm")
+        assert app.server.state.film is None
+        assert folder.exists()
+        let_go.set()
+        await until(lambda: not folder.exists())
 
     with_ball(journey)
 
