@@ -91,7 +91,7 @@ class Routes:
         def stage(staged: Path) -> None:
             save_camera(self._app.session, window, asked_size(asked.get("width"), asked.get("height")), staged)
 
-        return await self._send(request, f"{self._volume_name()}.json", stage, lambda staged, path, _: staged.replace(path))
+        return await self._send(request, f"{self._volume_name()}.json", stage, _as_it_is)
 
     async def _download_film(self, request: web.Request) -> web.StreamResponse:
         path = self._app.films.path
@@ -139,6 +139,11 @@ class Routes:
             ) from error
         finally:
             self._app.show_saving(path.name, None)
+
+
+def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
+    """Send what was staged."""
+    staged.replace(path)
 
 
 async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:
