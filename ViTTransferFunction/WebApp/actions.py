@@ -13,13 +13,16 @@ from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.wording import style_words
 from .panel_state import PARAMETERS, color_of_hex
+from .view_camera import load_camera
 from .volumes import set_window
 
 if TYPE_CHECKING:
     from .app import WebApp
 
-_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float}
+_SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bool, "iso": float, "tone": float, "edges": float}
 """Fields of the selected class that the page's sliders and boxes set."""
+_FOLDED = ("appearance", "advanced")
+"""Parts of the page that are made when they are opened."""
 
 
 class Actions:
@@ -60,11 +63,14 @@ class Actions:
             "parameter": self._set_parameter,
             "style": self._set_style,
             "look": self._set_look,
+            "fade": lambda share: self._set_fields(ramp=1.0 - min(max(float(share), 0.0), 1.0)),
             "networkWindow": self._set_network_window,
+            "film": app.films.start,
+            "cancelFilm": app.films.give_up,
+            "loadCamera": self._load_camera,
             "exportRendering": lambda: app.session.export_rendering(),
             "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
-            "advanced": self._open_advanced,
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
             "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
@@ -73,6 +79,8 @@ class Actions:
         }
         for tool in TOOLS:
             self._by_name[tool] = self._toggle(tool)
+        for part in _FOLDED:
+            self._by_name[part] = self._unfold(part)
 
     def __call__(self, name: str, *arguments: Any) -> None:
         """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown."""
@@ -87,6 +95,14 @@ class Actions:
 
     def _toggle(self, tool: Any) -> Callable[[], None]:
         return lambda: self._app.tool.toggle(tool)
+
+    def _unfold(self, part: str) -> Callable[[bool], None]:
+        """The page shows a part, or does not any more."""
+
+        def unfold(opened: bool) -> None:
+            self._app.server.state[f"{part}_open"] = bool(opened)
+
+        return unfold
 
     def _cancel(self) -> None:
         self._app.extraction.give_up()
@@ -177,9 +193,9 @@ class Actions:
                 parameters.set(name, value)
 
     def _set_style(self, style: str) -> None:
-        """Choose how the selected class looks in 3D; another style brings its own tone."""
+        """Choose how the selected class looks in 3D; another style brings its own of all that it is made of."""
         if style in style_words():
-            self._set_fields(style=style, tone=None)
+            self._set_fields(style=style, tone=None, ramp=None, edges=None)
 
     def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set between which intensities the selected class gets brighter in 3D; None: as it is."""
@@ -189,6 +205,13 @@ class Actions:
             self._set_fields(low=None, high=None)
         elif shown is not None:
             self._set_fields(low=_or(low, shown[0]), high=_or(high, shown[1]))
+
+    def _load_camera(self, text: str) -> None:
+        """See the 3D view from where a file says, which has this text."""
+        view, state = self._app.views.view_3d, self._app.server.state
+        state.picture_width, state.picture_height = load_camera(self._app.session, view.render_window(), str(text))
+        view.schedule_render()
+        self._app.views.settle()
 
     def _set_network_window(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set which intensities the network sees; None: as it is."""
@@ -207,10 +230,6 @@ class Actions:
         node = self._app.session.parameters.segmentation
         if node is not None and node.GetSegmentation().GetSegment(str(segment_id)) is not None:
             self._app.session.continue_segment(str(segment_id))
-
-    def _open_advanced(self, opened: bool) -> None:
-        """The page shows the advanced settings, or does not any more."""
-        self._app.server.state.advanced_open = bool(opened)
 
     def _set_window(self, low: float | None, high: float | None) -> None:
         """Set both ends of the window, or one; None: as it is."""

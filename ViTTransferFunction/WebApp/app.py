@@ -29,6 +29,7 @@ from ..Logic.scene.size_wheel import SizeWheel
 from .access import Access
 from .actions import Actions
 from .extraction import ExtractionButton
+from .films import Films
 from .page import build_page
 from .panel_state import session_state
 from .routes import Routes
@@ -68,6 +69,7 @@ class WebApp:
         session: what the page shows; another one after another volume or session was opened.
         tool: what the mouse does in the views.
         extraction: the button that computes features.
+        films: the film that the page has made of the 3D view.
         actions: what the page can ask for.
     """
 
@@ -83,7 +85,7 @@ class WebApp:
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
-        self.server.state.saving = None
+        self.server.state.update({"saving": None, "film": None, "film_ready": False})
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, lambda: self.session.busy)
         self.tool = AnnotationTool(
             self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
@@ -93,6 +95,7 @@ class WebApp:
         self.session = self._new_session()
         self._saved = self.session.classes
         self.extraction = ExtractionButton(lambda: self.session)
+        self.films = Films(self)
         self.actions = Actions(self)
         self.server.trigger("act")(self.actions)
         self.server.trigger("open_path")(self._open_typed)
@@ -144,7 +147,7 @@ class WebApp:
         following = asyncio.create_task(self._follow())
         serving_task = asyncio.create_task(serving)
         if volume is not None:
-            self._begin(self._open([volume]))
+            self.begin(self._open([volume]))
         stopped = asyncio.create_task(self._stopped.wait())
         try:
             await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
@@ -157,6 +160,7 @@ class WebApp:
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
+            self.films.give_up()
             self.session.close()
             if not serving_task.done():
                 with suppress(Exception):
@@ -200,7 +204,8 @@ class WebApp:
             corrected = self.session.take_corrected()
             if corrected:
                 state.corrected = list(corrected)
-            state.update(session_state(self.session, bool(state.advanced_open)))
+            shown = {"with_cache": bool(state.advanced_open), "with_look": bool(state.appearance_open)}
+            state.update(session_state(self.session, **shown))
             state.update({
                 "tool": self.tool.tool or "",
                 "message": "\n\n".join(self._messages.standing()),
@@ -263,15 +268,16 @@ class WebApp:
     def _open_typed(self, path: str) -> None:
         """Open a path that the user typed."""
         if str(path).strip():
-            self._begin(self._open([Path(str(path).strip()).expanduser()]))
+            self.begin(self._open([Path(str(path).strip()).expanduser()]))
 
     def _open_sample(self) -> None:
         try:
-            self._begin(self._open([sample_path()]))
+            self.begin(self._open([sample_path()]))
         except InputError as error:
             self.report(str(error))
 
-    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have work done beside everything else, until it or the app ends."""
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -313,6 +319,7 @@ class WebApp:
     def _close_scene(self) -> None:
         self.tool.put_down()
         self.extraction.give_up()
+        self.films.give_up()
         self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
         self._messages.clear()

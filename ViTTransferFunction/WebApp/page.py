@@ -15,6 +15,7 @@ from ..Logic.scene.choices import choices
 from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
 from ..Logic.scene.wording import context_words, style_words
 from ..Logic.session.preset_meanings import PRESET_MEANINGS
+from .films import film_endings
 from .panel_form import panel_form
 from .slicer_views import VIEWS
 
@@ -31,7 +32,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "scripts": ["__vittf/page.js"],
         "styles": ["__vittf/page.css"],
     })  # fmt: skip
-    words = meanings()
+    words, form, endings = meanings(), panel_form(), film_endings()
     keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
     server.state.update({
         "trame__title": TITLE,
@@ -41,7 +42,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
         "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
-        "form": panel_form(),
+        "form": form,
         "choices": choices(),
         "preset_meanings": PRESET_MEANINGS,
         "styles": [{"name": name, "text": text} for name, text in style_words().items()],
@@ -53,6 +54,13 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "typing": {},
         "trame__client_only": [*server.state.trame__client_only, "typing"],
         "advanced_open": False,
+        "appearance_open": False,
+        "picture_width": int(form["pictureWidthSpinBox"]["value"]),
+        "picture_height": int(form["pictureHeightSpinBox"]["value"]),
+        "picture_transparent": False,
+        "film_seconds": form["filmSecondsSpinBox"]["value"],
+        "film_endings": endings,
+        "film_ending": endings[0],
         "deleting": "",
         "asking_open": False,
         "asking_help": False,

@@ -14,8 +14,8 @@ def panel_form() -> dict[str, dict[str, Any]]:
 
     Returns:
         Of each widget that explains itself: "label", which stands beside it, else what is written on it; "text", what is
-        written on it; "special", what it shows for its lowest number; and attributes of HTML: "about" says what it is, "range"
-        which numbers it takes.
+        written on it; "special", what it shows for its lowest number; "value", the number that it begins with; and attributes
+        of HTML: "about" says what it is, "range" which numbers it takes.
     """
     found = {widget.get("name", ""): _properties(widget) for widget in ElementTree.parse(FORM).iter("widget")}
     return {name: _words(name, found) for name, properties in found.items() if "toolTip" in properties}
@@ -35,5 +35,6 @@ def _words(name: str, found: dict[str, dict[str, str]]) -> dict[str, Any]:
         "text": text,
         "special": properties.get("specialValueText", ""),
         "about": {"title": properties["toolTip"], "aria-label": label},
+        "value": float(properties.get("value", 0.0)),
         "range": {end: float(properties[named]) for end, named in ends.items() if named in properties},
     }

@@ -6,7 +6,6 @@ from typing import Any
 
 from ..Logic.core.colors import hex_color
 from ..Logic.core.progress import WorkProgress
-from ..Logic.rendering.appearance import effective
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
@@ -15,6 +14,7 @@ from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, sta
 from ..Logic.scene.segment_tags import CLASS_TAG
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.wording import progress_text, size_in_steps, threshold_text, volume_text
+from .look_state import NO_LOOK, look_state
 
 PARAMETERS = (
     "preset",
@@ -39,12 +39,13 @@ PARAMETERS = (
 """Those of `SceneParameters` that the page shows and sets."""
 
 
-def session_state(session: SceneSession, with_cache: bool) -> dict[str, Any]:
+def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -> dict[str, Any]:
     """Everything about the session that the page shows, by the names that the page's templates use.
 
     Args:
         session: which.
         with_cache: whether to look up what lies in the cache.
+        with_look: whether to look at the selected structure's intensities.
     """
     selected = session.selected_class
     volume = session.parameters.volume
@@ -71,6 +72,7 @@ def session_state(session: SceneSession, with_cache: bool) -> dict[str, Any]:
         "network_window": _network_window(session),
         "cache": _cache(session) if with_cache else None,
         "window": _window(volume),
+        **(look_state(session) if with_look else NO_LOOK),
     }
 
 
@@ -118,8 +120,6 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     return {
         "opacity": selected.look.opacity,
         "style": selected.look.style,
-        "look": _look(session, selected),
-        "tone": effective(selected.look).tone,
         "threshold": round(0.5 if threshold is None else threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,
@@ -129,15 +129,6 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
         "can_grow": stepped(selected, 1) != selected,
         "can_reset": selected.size != 0.0 or selected.iso is not None,
     }
-
-
-def _look(session: SceneSession, selected: ClassState) -> dict[str, Any] | None:
-    """The intensities between which a class gets brighter in 3D; None where it is not in 3D yet."""
-    window = session.rendered_window(selected.id)
-    if window is None:
-        return None
-    low, high = (round(end, 1) for end in window)
-    return {"low": low, "high": high, "automatic": selected.look.low is None and selected.look.high is None}
 
 
 def _has_our_segments(session: SceneSession) -> bool:

@@ -16,6 +16,8 @@ from ..Logic.core.progress import Progress
 from .packing import gzip_nrrd, zip_folder
 from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
+from .view_camera import save_camera
+from .view_pictures import asked_size, pack_picture, stage_picture
 
 if TYPE_CHECKING:
     from .app import WebApp
@@ -44,6 +46,9 @@ class Routes:
         router.add_post(self._path("upload"), self._upload)
         router.add_get(self._path("download/segmentation"), self._download_segmentation)
         router.add_get(self._path("download/session"), self._download_session)
+        router.add_get(self._path("download/picture"), self._download_picture)
+        router.add_get(self._path("download/camera"), self._download_camera)
+        router.add_get(self._path("download/film"), self._download_film)
 
     async def _upload(self, request: web.Request) -> web.StreamResponse:
         with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
@@ -71,6 +76,29 @@ class Routes:
             self._app.mark_saved(classes)
         return response
 
+    async def _download_picture(self, request: web.Request) -> web.StreamResponse:
+        asked, window = request.query, self._app.views.view_3d.render_window()
+
+        def stage(staged: Path) -> None:
+            size = asked_size(asked.get("width"), asked.get("height"))
+            stage_picture(window, size, asked.get("transparent") == "true", staged)
+
+        return await self._send(request, f"{self._volume_name()}.png", stage, pack_picture)
+
+    async def _download_camera(self, request: web.Request) -> web.StreamResponse:
+        asked, window = request.query, self._app.views.view_3d.render_window()
+
+        def stage(staged: Path) -> None:
+            save_camera(self._app.session, window, asked_size(asked.get("width"), asked.get("height")), staged)
+
+        return await self._send(request, f"{self._volume_name()}.json", stage, _as_it_is)
+
+    async def _download_film(self, request: web.Request) -> web.StreamResponse:
+        path = self._app.films.path
+        if path is None:
+            return web.Response(status=404, text="Make a film first.")
+        return await _sent(request, path, f"{self._volume_name()}{path.suffix}")
+
     def _volume_name(self) -> str:
         """The volume's name, as far as it may be part of a file's."""
         volume = self._app.session.parameters.volume
@@ -90,16 +118,8 @@ class Routes:
                 return web.Response(status=500, text=str(error))
             except Cancelled:
                 return web.Response(status=503, text="The app was ended.")
-            headers = {"Content-Disposition": f'attachment; filename="{name}"', "Content-Type": "application/octet-stream"}
-            response = web.StreamResponse(headers=headers)
-            response.content_length = path.stat().st_size
-            await response.prepare(request)
             # Whole, before the folder goes.
-            with path.open("rb") as file:
-                while chunk := file.read(_CHUNK):
-                    await response.write(chunk)
-            await response.write_eof()
-            return response
+            return await _sent(request, path, name)
 
     async def _pack(self, staged: Path, path: Path, pack: Pack) -> None:
         """Have a thread compress, and the page show how far it is."""
@@ -119,3 +139,21 @@ class Routes:
             ) from error
         finally:
             self._app.show_saving(path.name, None)
+
+
+def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
+    """Send what was staged."""
+    staged.replace(path)
+
+
+async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:
+    """Send a file, which the browser keeps under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Content-Type": "application/octet-stream"}
+    response = web.StreamResponse(headers=headers)
+    with path.open("rb") as file:
+        response.content_length = path.stat().st_size
+        await response.prepare(request)
+        while chunk := file.read(_CHUNK):
+            await response.write(chunk)
+    await response.write_eof()
+    return response

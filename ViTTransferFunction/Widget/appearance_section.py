@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import qt
@@ -10,9 +9,6 @@ import qt
 from ViTTransferFunction.Logic.rendering.appearance import STYLES, effective
 from ViTTransferFunction.Logic.scene.wording import context_words, style_words
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
-
-HANDLE_STEPS = 1000
-"""Of the handles below the histogram, from one end to the other."""
 
 
 class AppearanceSection(Section):
@@ -80,14 +76,14 @@ class AppearanceSection(Section):
         histogram = session.histogram(selected.id)
         if histogram is None:
             return
-        first, last = float(histogram.edges[0]), float(histogram.edges[-1])
+        first, last = histogram.ends
         with signals_blocked(ui.lookWindowSlider, ui.lookLowSpinBox, ui.lookHighSpinBox):
             if (ui.lookWindowSlider.minimum, ui.lookWindowSlider.maximum) != (first, last):
                 ui.lookWindowSlider.setRange(first, last)
-                ui.lookWindowSlider.singleStep = max((last - first) / HANDLE_STEPS, 1e-9)
+                ui.lookWindowSlider.singleStep = histogram.step
             ui.lookWindowSlider.setValues(*window)
             for spin_box in (ui.lookLowSpinBox, ui.lookHighSpinBox):
-                spin_box.decimals = _decimals(last - first)
+                spin_box.decimals = histogram.decimals
                 spin_box.singleStep = max((last - first) / 100.0, 1e-9)
         picture = session.histogram_svg(selected.id)
         if picture is not None and picture != self._drawn:
@@ -144,8 +140,3 @@ class AppearanceSection(Section):
     def _on_export(self) -> None:
         if self.session is not None:
             self.session.export_rendering()
-
-
-def _decimals(span: float) -> int:
-    """Digits after the point that tell intensities apart which are a thousandth of their span apart."""
-    return min(max(3 - math.floor(math.log10(max(span, 1e-9))), 0), 6)

@@ -14,13 +14,11 @@ from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
-from ViTTransferFunction.Logic.scene.filming import Filming
+from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
 from ViTTransferFunction.Logic.scene.png_file import save_png
 from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
-
-FRAMES_PER_SECOND = 12
 
 
 class PicturesSection(Section):

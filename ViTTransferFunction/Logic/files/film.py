@@ -6,6 +6,7 @@ palette indices.
 
 from __future__ import annotations
 
+import math
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
@@ -35,6 +36,9 @@ FASTEST = {".mp4": 120.0, ".gif": 50.0}
 
 _PALETTE_FRAMES = 6
 """Frames of a turn whose colours are the palette of a GIF."""
+
+_PALETTE_PIXELS = 200_000
+"""Pixels of those frames that are looked at: all of a large film's would take minutes, and choose much the same colours."""
 
 _CONSTANT_RATE_FACTOR = 18
 """H.264's quality: no difference is seen from 18 on downwards."""
@@ -189,7 +193,12 @@ def _palette(plan: FilmPlan, frame: Callable[[int], np.ndarray]) -> Image.Image:
     from PIL import Image
 
     count = min(_PALETTE_FRAMES, plan.frames)
-    some = np.concatenate([frame(number * plan.frames // count) for number in range(count)])
+
+    def sample(picture: np.ndarray) -> np.ndarray:
+        step = max(1, math.ceil(math.sqrt(count * picture.shape[0] * picture.shape[1] / _PALETTE_PIXELS)))
+        return picture[::step, ::step]
+
+    some = np.concatenate([sample(frame(number * plan.frames // count)) for number in range(count)])
     return Image.fromarray(some).quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
 
 

@@ -29,7 +29,7 @@ def histogram_svg(histogram: IntensityHistogram, window: tuple[float, float], lo
         window: intensities at which its window begins and ends.
         look: of the structure.
     """
-    first, last = float(histogram.edges[0]), float(histogram.edges[-1])
+    first, last = histogram.ends
     low, high = (WIDTH * (value - first) / max(last - first, 1e-9) for value in window)
     style = effective(look)
     dark = tuple(channel * (1.0 - style.tone) for channel in look.color)

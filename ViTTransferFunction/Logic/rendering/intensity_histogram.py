@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,9 @@ and bone around an organ, there would be no room for its window."""
 NARROWEST = 0.05
 """Span of a structure's intensities, of all that there are, which is enough to be seen."""
 
+HANDLE_STEPS = 1000
+"""From one end of a histogram to the other, of what ends of a window are moved by."""
+
 
 @dataclass(frozen=True, eq=False)
 class IntensityHistogram:
@@ -43,6 +47,23 @@ class IntensityHistogram:
     edges: np.ndarray
     inside: np.ndarray
     outside: np.ndarray
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lowest and the highest intensity that it shows."""
+        return float(self.edges[0]), float(self.edges[-1])
+
+    @property
+    def step(self) -> float:
+        """How far a step takes the end of a window."""
+        first, last = self.ends
+        return max((last - first) / HANDLE_STEPS, 1e-9)
+
+    @property
+    def decimals(self) -> int:
+        """Digits after the point that tell intensities apart which are a step apart."""
+        first, last = self.ends
+        return min(max(3 - math.floor(math.log10(max(last - first, 1e-9))), 0), 6)
 
 
 def intensity_histogram(structures: StructureVolume, index: int) -> IntensityHistogram:

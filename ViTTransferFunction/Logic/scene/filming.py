@@ -12,6 +12,9 @@ from ..core.progress import WorkProgress
 from ..core.stepped_work import Steps
 from .view_picture import camera_of, view_picture
 
+FRAMES_PER_SECOND = 12
+"""Of films made in front ends."""
+
 
 class Filming:
     """A film that is being shot.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 from threading import get_ident
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +57,25 @@ def test_an_odd_size_loses_at_most_a_pixel(path: Path) -> None:
     write_film(FilmPlan(path, frames=3, seconds=1.0), lambda number: plain(number, 65, 47))
     height, width, _ = frames_of(path)[0][0].shape
     assert (width, height) in ((65, 47), (64, 46))
+
+
+def test_the_colours_of_a_large_film_are_chosen_by_some_of_its_pixels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image = pytest.importorskip("PIL.Image")
+    looked_at: list[int] = []
+    quantize = image.Image.quantize
+
+    def count(self: Any, *arguments: Any, **options: Any) -> Any:
+        if "palette" not in options:
+            looked_at.append(self.width * self.height)
+        return quantize(self, *arguments, **options)
+
+    monkeypatch.setattr(image.Image, "quantize", count)
+    picture = np.zeros((600, 700, 3), np.uint8)
+    picture[:, 350:] = 200, 100, 50
+    write_film(FilmPlan(tmp_path / "f.gif", 2, 1.0), lambda number: picture)
+    assert 50_000 < looked_at[0] <= 200_000
+    frames, _ = frames_of(tmp_path / "f.gif")
+    assert np.abs(frames[0].astype(int) - picture).max() <= 2
 
 
 def test_a_film_that_is_given_up_leaves_nothing(path: Path) -> None:

@@ -7,15 +7,12 @@ from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer")
 
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.WebApp.app import WebApp
 
@@ -121,31 +118,6 @@ def test_the_network_s_window_is_that_of_the_views_until_it_is_set(opened: Calla
         assert "lower first" in state.message
         app.actions("networkWindow", None, None, True)
         assert state.network_window["automatic"]
-
-    opened(journey)
-
-
-def test_intensities_in_3d_are_the_structures_own_until_they_are_set(
-    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def journey(app: WebApp) -> None:
-        app.actions("addClass")
-        assert app.server.state.settings["look"] is None
-        (structure,) = app.session.classes
-        levels, own = np.linspace(-100.0, 410.0, 256), np.array([[50.0, 150.0]])
-        rendering = StructureVolume(np.zeros((2, 2, 2, 4), np.uint8), own, levels, True, 1.0, Geometry((2, 2, 2), np.eye(4)))
-        monkeypatch.setattr(app.session._proxy, "rendering", rendering)
-        monkeypatch.setattr(app.session._proxy, "rendered", (structure.id,))
-        app.refresh()
-        assert app.server.state.settings["look"] == {"low": 0.0, "high": 200.0, "automatic": True}
-        app.actions("look", 60.0, None, False)
-        assert [(state.look.low, state.look.high) for state in app.session.classes] == [(60.0, 200.0)]
-        app.actions("set", "tone", 0.4)
-        assert app.server.state.settings["tone"] == 0.4
-        app.actions("style", "glass")
-        assert app.session.classes[0].look.tone is None
-        app.actions("look", None, None, True)
-        assert [(state.look.low, state.look.high) for state in app.session.classes] == [(None, None)]
 
     opened(journey)
 

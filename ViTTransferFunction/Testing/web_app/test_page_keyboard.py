@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 
 STRUCTURES = 8
 CONTROLS = "button, input, select, summary, a[href], [tabindex='0']"
-FOLDED = ("appearance", "segmentation", "advanced")
+FOLDED = ("appearance", "pictures", "segmentation", "advanced")
 
 NUMBER_ALL = f"""() => {{
     const seen = [...document.querySelectorAll("{CONTROLS}")].filter((one) => !one.disabled && one.checkVisibility());

@@ -1,0 +1,54 @@
+"""From where the 3D view is seen, as a file: to see other cases alike."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..Logic.core.camera import Size
+from ..Logic.core.errors import InputError
+from ..Logic.files.camera_files import read_camera, write_camera
+from ..Logic.scene.session import SceneSession
+from ..Logic.scene.view_picture import camera_of, place
+
+
+def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> None:
+    """Write from where a vtkRenderWindow is seen, for pictures of a size.
+
+    Raises:
+        InputError: nothing is in 3D that this could be relative to, or the file cannot be written.
+    """
+    write_camera(camera_of(window, size, _middle(session)), path)
+
+
+def load_camera(session: SceneSession, window: Any, text: str) -> Size:
+    """See a vtkRenderWindow from where a file says, which has this text; returns the size of its pictures. Nothing is drawn.
+
+    Raises:
+        InputError: nothing is in 3D that this could be relative to, or it is no camera.
+    """
+    middle = _middle(session)
+    with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
+        path = Path(folder, "camera.json")
+        path.write_text(text, encoding="utf-8", errors="replace")
+        try:
+            camera = read_camera(path)
+        except InputError as error:
+            # The user has it in another folder, of which we do not know.
+            raise InputError(str(error).replace(str(path), "The file")) from error
+    renderer = window.GetRenderers().GetFirstRenderer()
+    place(renderer.GetActiveCamera(), camera, middle)
+    renderer.ResetCameraClippingRange()
+    return camera.size
+
+
+def _middle(session: SceneSession) -> np.ndarray:
+    middle = session.middle_ras()
+    if middle is None:
+        raise InputError(
+            "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first."
+        )
+    return middle
