@@ -24,7 +24,7 @@ from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.web_app import AppPage, serving
 from ViTTransferFunction.WebApp.scene_files import parameter_node
 
-SIZE = {"width": 1280, "height": 800}
+WIDTH, HEIGHT = 1280, 800
 SELECTED = "right kidney"
 SLICES_MM = {"Red": 1058.0, "Green": -270.0, "Yellow": -78.0}
 """Where the slices lie, in the kidneys; the sagittal one in the right one."""
@@ -51,7 +51,7 @@ def draw_app(data: Path, out: Path, annotations: Path) -> None:
             executable_path=shutil.which("chromium") or shutil.which("google-chrome"), args=["--disable-dev-shm-usage"]
         )
         with serving(session, "--model", MODEL, "--device", "cpu", cache=Path(folder)) as server:
-            page = AppPage(browser.new_context(viewport=SIZE).new_page(), Path(folder))
+            page = AppPage(browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page(), Path(folder))
             page.page.goto(server.address)
             save_small(_picture(page), out / "app.png")
         browser.close()
@@ -82,7 +82,7 @@ def _picture(page: AppPage) -> np.ndarray:
     for view, slice_mm in SLICES_MM.items():
         page[f"slice-{view}"].fill(str(slice_mm))
     page["open"].scroll_into_view_if_needed()
-    page.page.mouse.move(SIZE["width"] / 2, SIZE["height"] / 2)
+    page.page.mouse.move(WIDTH / 2, HEIGHT / 2)
     last, since = _pixels(page), time.monotonic()
     while time.monotonic() < since + STILL_S:
         page.wait_for_drawing()
