@@ -43,6 +43,7 @@ class EnteredFirst(ScheduledRenderStrategy):
         self._scheduler = scheduler
         self._is_urgent = is_urgent
         self._longest_wait_s = longest_wait_s
+        self._loop = asyncio.get_running_loop()
         self._stale = False
         self._waiting: asyncio.Task[None] | None = None
 
@@ -57,8 +58,9 @@ class EnteredFirst(ScheduledRenderStrategy):
 
     def settle(self) -> None:
         """Have the view drawn soon, if it has changed."""
-        if self._stale and self._waiting is None:
-            self._waiting = asyncio.create_task(self._wait())
+        # Views outlive the app, since libraries hold on to them.
+        if self._stale and self._waiting is None and not self._loop.is_closed():
+            self._waiting = self._loop.create_task(self._wait())
 
     def _on_changed_elsewhere(self) -> None:
         self.settle()
