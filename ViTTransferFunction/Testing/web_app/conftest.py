@@ -97,16 +97,22 @@ def in_app() -> Iterator[Callable[[Journey], None]]:
 
 
 @pytest.fixture
-def opened(in_app: Callable[[Journey], None], spheres: Any, tmp_path: Path) -> Callable[[Journey], None]:
-    """Runs a journey on an app that has the volume of spheres open."""
+def file(spheres: Any, tmp_path: Path) -> Path:
+    """The volume of spheres."""
     import SimpleITK as sitk  # noqa: N813
 
     path = tmp_path / "spheres.nrrd"
     sitk.WriteImage(sitk.GetImageFromArray(spheres[0].array), str(path))
+    return path
+
+
+@pytest.fixture
+def opened(in_app: Callable[[Journey], None], file: Path) -> Callable[[Journey], None]:
+    """Runs a journey on an app that has the volume of spheres open."""
 
     def run(journey: Journey) -> None:
         async def go(app: Any) -> None:
-            await app.open_files([path])
+            await app.open_files([file])
             await journey(app)
 
         in_app(go)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -11,50 +10,10 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
-import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
-
-
-@pytest.fixture(scope="module")
-def in_app() -> Iterator[Callable[[Journey], None]]:
-    """Runs journeys on one app, which takes seconds to make."""
-    loop = asyncio.new_event_loop()
-
-    async def make() -> WebApp:
-        return WebApp()
-
-    app = loop.run_until_complete(make())
-    yield lambda journey: loop.run_until_complete(journey(app))
-    app.session.close()
-    for task in asyncio.all_tasks(loop):
-        task.cancel()
-    loop.run_until_complete(asyncio.sleep(0))
-    loop.close()
-
-
-@pytest.fixture
-def file(spheres: Spheres, tmp_path: Path) -> Path:
-    path = tmp_path / "spheres.nrrd"
-    sitk.WriteImage(sitk.GetImageFromArray(spheres[0].array), str(path))
-    return path
-
-
-@pytest.fixture
-def opened(in_app: Callable[[Journey], None], file: Path) -> Callable[[Journey], None]:
-    """Runs a journey on an app that has the volume of spheres open."""
-
-    def run(journey: Journey) -> None:
-        async def go(app: WebApp) -> None:
-            await app.open_files([file])
-            await journey(app)
-
-        in_app(go)
-
-    return run
 
 
 def test_the_panels_settings_reach_the_session_and_come_back(opened: Callable[[Journey], None]) -> None:
