@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..core.regular_file import check_regular_file
 from .stored_voxels import StoredVoxels
 
@@ -186,7 +186,7 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
     name = last_line[1].decode("utf-8", "surrogateescape").strip()
     # MetaIO hangs with fewer, and its tables have room for ten.
     if not re.fullmatch(r"[1-9]|10", fields.get("NDims", "3")):
-        raise InputError(f"{path} says that it has {fields['NDims']} dimensions; expected 3.")
+        raise InputError(f"{path} says that it has {shown(fields['NDims'])} dimensions; expected 3.")
     if fields.get("BinaryData", "True")[:1] not in ("T", "t", "1"):
         raise InputError(f"{path} holds its voxels as text; save it with binary ones.")
     compressed = fields.get("CompressedData", "False")[:1] in ("T", "t", "1")
@@ -227,7 +227,11 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
         if end is None:
             raise InputError(f"{path} is cut off: its header does not end. Copy or save it again.")
         voxels, first = path, end.end()
-    plain_or_gzip = {"raw": False, "gzip": True, "gz": True}.get(fields.get("encoding", "").lower())
+    encoding = fields.get("encoding", "").lower()
+    # Teem crashes on what is no text after all.
+    if encoding in ("ascii", "text", "txt", "hex"):
+        raise InputError(f"{path} holds its voxels as text; save it with binary ones.")
+    plain_or_gzip = {"raw": False, "gzip": True, "gz": True}.get(encoding)
     # Teem itself notices what other encodings lack, and what has been put before the voxels is its to skip.
     if plain_or_gzip is None or {fields.get("lineskip", "0"), fields.get("byteskip", "0")} != {"0"}:
         return None

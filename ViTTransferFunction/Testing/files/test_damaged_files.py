@@ -99,7 +99,8 @@ def test_an_ending_is_known_in_any_case(tmp_path: Path, name: str) -> None:
         ("ElementDataFile = missing.raw\n", "There is no file"),
         ("ElementDataFile = .\n", "is a folder"),
         ("HeaderSize = 10\nElementDataFile = LOCAL\n", "HeaderSize"),
-        ("NDims = -1\nElementDataFile = LOCAL\n", "-1 dimensions"),
+        ("NDims = -1\nElementDataFile = LOCAL\n", "'-1' dimensions"),
+        (f"NDims = {'a' * 3000}\nElementDataFile = LOCAL\n", r"'a+\.\.\.a+' dimensions"),
         ("BinaryData = False\nElementDataFile = LOCAL\n", "as text"),
         ("", "no line 'ElementDataFile"),
     ],
@@ -116,6 +117,14 @@ def test_a_metaimage_of_two_files_is_read(tmp_path: Path, header_size: str, befo
     lines = f"HeaderSize = {header_size}\r\nElementDataFile = my voxels.raw\r\n"
     (tmp_path / "scan.mhd").write_bytes((META_HEADER + lines).encode())
     np.testing.assert_array_equal(read_volume(tmp_path / "scan.mhd").array, VOXELS)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "text", "txt", "hex", "ASCII"])
+def test_an_nrrd_that_says_its_voxels_are_text_is_refused(tmp_path: Path, encoding: str) -> None:
+    header = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 11 10 9\nencoding: {encoding}\nendian: little\n\n"
+    (tmp_path / "scan.nrrd").write_bytes(header.encode() + VOXELS.tobytes())
+    with pytest.raises(InputError, match="voxels as text"):
+        read_volume(tmp_path / "scan.nrrd")
 
 
 @pytest.mark.parametrize("name", ["-", "scan%d.raw 1 9 1", "LIST"])
