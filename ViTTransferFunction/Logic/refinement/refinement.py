@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from ..core.voxel_map import VoxelMap
 from .intensity_likelihood import weigh_by_intensity
 from .refinement_methods import REFINEMENT_METHODS as REFINEMENT_METHODS
 from .refinement_methods import RefinementMethod as RefinementMethod
-
-if TYPE_CHECKING:
-    from .upsampling import Upsampling
 
 SIGMA_SHARE_OF_CELL = 0.6
 """Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
@@ -78,15 +74,15 @@ def refine(
     held_box = _held_part(box, volume.shape)
     if held_box is None:
         return unrefined
-    held = _interpolated(upsampling, held_box, between)
+    held = _interpolated_part(interpolated, held_box, between)
     if box is not None:
         target = held if held_box == box else held[box]
         _refine_part(target, volume, box, class_window(volume, display, positive_ras), iso, method, near, similarity, between)
     return VoxelMap(volume.shape, similarity, interpolated, held_box, held)
 
 
-def _interpolated(upsampling: Upsampling, box: Box, between: Callable[[], None]) -> np.ndarray:
-    """S_L in a box of the volume's voxels, (K, J, I) float32."""
+def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Box, between: Callable[[], None]) -> np.ndarray:
+    """S_L in a box of the volume's voxels, (K, J, I) float32, from what interpolates a slice (`VoxelMap`)."""
     import torch
 
     from .workers import Workers
@@ -97,7 +93,7 @@ def _interpolated(upsampling: Upsampling, box: Box, between: Callable[[], None])
     def read(slices: Sequence[int]) -> None:
         for index in slices:
             workers.between()
-            part[index - k.start] = upsampling.read((slice(index, index + 1), j))[0, :, i].numpy()
+            part[index - k.start] = interpolated(index, j)[:, i]
 
     with Workers(torch.device("cpu"), between) as workers:
         workers.share_out(range(k.start, k.stop), read)
