@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.cache_contents import CacheContents
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
@@ -107,19 +105,12 @@ class AdvancedSection(Section):
     def _on_clear_features(self) -> None:
         cache = self._cache
         if slicer.util.confirmOkCancelDisplay(cache.features_question):
-            self._attempt(cache.clear_features)
+            self.attempt(cache.clear_features)
 
     def _on_remove_model(self) -> None:
         cache = self._cache
         if slicer.util.confirmOkCancelDisplay(cache.model_question):
-            self._attempt(cache.remove_model)
-
-    def _attempt(self, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except InputError as error:
-            self.report(str(error))
-        self.refresh()
+            self.attempt(cache.remove_model)
 
 
 def ask_folder(title: str, path: str, parent: Any) -> str:

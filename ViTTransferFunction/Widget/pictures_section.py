@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +31,10 @@ class PicturesSection(Section):
         # Whenever the application has nothing else to do.
         self._timer.interval = 0
         self._timer.timeout.connect(self._on_timer)
-        ui.pictureButton.clicked.connect(lambda: self._attempt(self._take_picture))
-        ui.filmButton.clicked.connect(lambda: self._attempt(self._start_film))
-        ui.saveCameraButton.clicked.connect(lambda: self._attempt(self._save_camera))
-        ui.loadCameraButton.clicked.connect(lambda: self._attempt(self._load_camera))
+        ui.pictureButton.clicked.connect(lambda: self.attempt(self._take_picture))
+        ui.filmButton.clicked.connect(lambda: self.attempt(self._start_film))
+        ui.saveCameraButton.clicked.connect(lambda: self.attempt(self._save_camera))
+        ui.loadCameraButton.clicked.connect(lambda: self.attempt(self._load_camera))
         self._progress.cancel_button.clicked.connect(self._end_film)
 
     def refresh(self) -> None:
@@ -61,11 +60,10 @@ class PicturesSection(Section):
         check_film_writer(path)
         self._filming = Filming(view_window(), self._size(), plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
         self._timer.start()
-        self.refresh()
 
     def _on_timer(self) -> None:
         if self._filming is not None:
-            self._attempt(self._shoot)
+            self.attempt(self._shoot)
 
     def _shoot(self) -> None:
         assert self._filming is not None
@@ -76,7 +74,6 @@ class PicturesSection(Section):
             raise
         if over:
             self._end_film()
-        self.refresh()
 
     def _end_film(self) -> None:
         """Let go of the film; of one that is not finished, nothing is left."""
@@ -125,13 +122,6 @@ class PicturesSection(Section):
             return None
         path = Path(chosen)
         return path if path.suffix else path.with_name(path.name + ending)
-
-    def _attempt(self, action: Callable[[], None]) -> None:
-        try:
-            action()
-        except InputError as error:
-            self.report(str(error))
-            self.refresh()
 
 
 def view_window() -> Any:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
@@ -43,6 +44,14 @@ class Section:
     def refresh(self) -> None:
         """Bring the widgets to what the session is now."""
         raise NotImplementedError
+
+    def attempt(self, action: Callable[[], None]) -> None:
+        """Do what the user asked for, or tell why it cannot be done; then show what has become of it."""
+        try:
+            action()
+        except InputError as error:
+            self.report(str(error))
+        self.refresh()
 
 
 @contextmanager
