@@ -92,7 +92,7 @@ class KernelRidge:
         for start in range(0, len(centres), CELLS_AT_ONCE):
             some = slice(start, start + CELLS_AT_ONCE)
             kernel = self._kernel(self._background, self._cells.subset(some))
-            self._rows.put_background(some, kernel)
+            self._rows.put_background(start, kernel)
             within = (background >= some.start) & (background < some.stop)
             self._background_kernel[:, within] = kernel[:, background[within] - start]
 
