@@ -29,19 +29,23 @@ from .requests import (
     GivenUp,
     Labels,
     Maps,
+    MeasureMaps,
     Prepare,
     Progressed,
+    RefinedMaps,
     RefineMaps,
     Refinement,
     Render,
     RenderingMode,
     SegmentClasses,
     TakeVolume,
+    Volumes,
 )
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
-Event = Literal["state", "maps", "refined", "rendering", "labels"]
-"""What a poll can bring: phase, progress, estimate or an error; S_L; S_H; a volume of structures; a label map."""
+Event = Literal["state", "maps", "volumes", "refined", "rendering", "labels"]
+"""What a poll can bring: phase, progress, estimate or an error; S_L; how large segments are by them; S_H; a volume of
+structures; a label map."""
 
 Casting = Mapping[str, bool]
 """By class id, whether it casts shadows in 3D; classes that are missing do not."""
@@ -71,7 +75,7 @@ class SegmentationProxy:
         progress: of the running work; None where nothing runs that takes long.
         maps: by class id; S_H where `refined`, else S_L.
         low_maps: by class id, S_L, also where `maps` are refined.
-        volumes_ml: by class id, of the segment that the class gets by these maps, millilitres.
+        volumes_ml: by class id, of the segment that the class gets by these maps, millilitres; a moment later than the maps.
         rendering: for the 3D views; None until there is one.
         rendered: ids of the classes in it, in the order of their numbers.
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
@@ -86,7 +90,7 @@ class SegmentationProxy:
         self._classes: tuple[ClassRequest, ...] = ()
         self._refinement: Refinement | None = None
         self._look: tuple[RenderingMode, Casting, bool] | None = None
-        self._maps_due = False
+        self._maps_due = self._volumes_due = False
         self._rendering_due_s: float | None = None
         self._refine_due_s: float | None = None
         self._overtaken_from_s = 0.0
@@ -97,7 +101,8 @@ class SegmentationProxy:
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Done): self._on_features,
             (ComputeMaps, Maps): self._on_maps,
-            (RefineMaps, Maps): self._on_refined_maps,
+            (MeasureMaps, Volumes): self._on_volumes,
+            (RefineMaps, RefinedMaps): self._on_refined_maps,
             (Render, StructureVolume): self._on_rendering,
             (SegmentClasses, Labels): self._on_labels,
         }
@@ -120,7 +125,7 @@ class SegmentationProxy:
         self._rendered: tuple[str, ...] = ()
         self.labels: tuple[Labels, list[str]] | None = None
         self._pending.clear()
-        self._maps_due, self._refine_due_s = True, None
+        self._maps_due, self._volumes_due, self._refine_due_s = True, False, None
         self._refused = False
 
     def start(self) -> None:
@@ -187,7 +192,8 @@ class SegmentationProxy:
         """Whether anything is under way or due."""
         if self.phase != "ready":
             return bool(self._pending)
-        return bool(self._pending) or self._maps_due or self._refine_due_s is not None or self._rendering_wanted
+        due = self._maps_due or self._volumes_due or self._refine_due_s is not None or self._rendering_wanted
+        return bool(self._pending) or due
 
     @property
     def up_to_date(self) -> bool:
@@ -262,10 +268,13 @@ class SegmentationProxy:
             if time.monotonic() >= self._overtaken_from_s:
                 self._give_up(ComputeMaps)
             if not self._is_pending(ComputeMaps):
-                self._give_up(RefineMaps, Render)
+                self._give_up(MeasureMaps, RefineMaps, Render)
                 self._send_maps()
         elif self._pending:
             return
+        elif self._volumes_due:
+            self._volumes_due = False
+            self._ask(MeasureMaps(self._low, self._refinement is None or self._refinement.only_annotated_components))
         elif self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
             self._send_rendering()
         elif self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
@@ -275,10 +284,11 @@ class SegmentationProxy:
     def _send_maps(self) -> None:
         self._maps_due = False
         if not self._classes:
+            self._volumes_due = False
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
             self._low = self._answered = ()
             return
-        self._ask(ComputeMaps(self._classes, self._refinement is None or self._refinement.only_annotated_components))
+        self._ask(ComputeMaps(self._classes))
         self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
@@ -353,23 +363,27 @@ class SegmentationProxy:
         return {"state"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        self._take_maps(request.classes, reply)
+        self._take_maps(request.classes, reply.maps)
         self._low, self.low_maps = request.classes, self.maps
-        self.refined, self._rendering_due_s = False, time.monotonic() + RENDER_AFTER_S
+        self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True
         # It may be the answer to what the user has scrolled past.
         self._resize()
         return {"maps"}
 
-    def _on_refined_maps(self, request: RefineMaps, reply: Maps) -> set[Event]:
-        self._take_maps(request.classes, reply)
+    def _on_volumes(self, request: MeasureMaps | RefineMaps, reply: Volumes | RefinedMaps) -> set[Event]:
+        ids = [annotated.id for annotated in request.classes]
+        self.volumes_ml = dict(zip(ids, reply.volumes_ml, strict=True))
+        return {"volumes"}
+
+    def _on_refined_maps(self, request: RefineMaps, reply: RefinedMaps) -> set[Event]:
+        self._take_maps(request.classes, reply.maps)
+        self._on_volumes(request, reply)
         self.refined, self._rendering_due_s = True, time.monotonic()
         return {"refined"}
 
-    def _take_maps(self, classes: Sequence[ClassRequest], reply: Maps) -> None:
+    def _take_maps(self, classes: Sequence[ClassRequest], maps: Sequence[ClassMap]) -> None:
         self._answered = tuple(classes)
-        ids = [annotated.id for annotated in classes]
-        self.maps = dict(zip(ids, reply.maps, strict=True))
-        self.volumes_ml = dict(zip(ids, reply.volumes_ml, strict=True))
+        self.maps = dict(zip([annotated.id for annotated in classes], maps, strict=True))
 
     def _resize(self) -> None:
         """Let `maps` be of the sizes that are asked for now, where nothing else has changed since they were asked for."""

@@ -59,11 +59,18 @@ class Extract:
 
 @dataclass(frozen=True)
 class ComputeMaps:
-    """S_L of all classes. Replied to by `Maps`, while other requests are still being served.
+    """S_L of all classes. Replied to by `Maps`, while other requests are still being served."""
+
+    classes: tuple[ClassRequest, ...]
+
+
+@dataclass(frozen=True)
+class MeasureMaps:
+    """How large the segments are by the S_L that were replied last, which did not wait for it. Replied to by `Volumes`.
 
     Attributes:
         classes: of which classes.
-        only_annotated_components: whether volumes count the parts alone that hold a positive point, see `Refinement`.
+        only_annotated_components: whether the parts alone count that hold a positive point, see `Refinement`.
     """
 
     classes: tuple[ClassRequest, ...]
@@ -72,7 +79,7 @@ class ComputeMaps:
 
 @dataclass(frozen=True)
 class RefineMaps:
-    """S_H of all classes, each on the box that matters, uint8. Replied to by `Maps`."""
+    """S_H of all classes, each on the box that matters, uint8. Replied to by `RefinedMaps`."""
 
     classes: tuple[ClassRequest, ...]
     refinement: Refinement
@@ -124,11 +131,25 @@ class Done:
 
 @dataclass(frozen=True)
 class Maps:
-    """A map for each class, in the order of the request.
+    """S_L of each class, in the order of the request."""
+
+    maps: tuple[ClassMap, ...]
+
+
+@dataclass(frozen=True)
+class Volumes:
+    """Of the segment of each class, in the order of the request, millilitres, to the size of a cell."""
+
+    volumes_ml: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class RefinedMaps:
+    """S_H of each class, in the order of the request.
 
     Attributes:
-        maps: S_L or S_H.
-        volumes_ml: of the segment that each class gets by these maps, millilitres: to the size of a cell by S_L, exact by S_H.
+        maps: S_H.
+        volumes_ml: of the segment that each class gets by these maps, millilitres.
     """
 
     maps: tuple[ClassMap, ...]

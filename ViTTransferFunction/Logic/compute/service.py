@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -34,12 +34,15 @@ from .requests import (
     Extract,
     Labels,
     Maps,
+    MeasureMaps,
     Prepare,
+    RefinedMaps,
     RefineMaps,
     Refinement,
     Render,
     SegmentClasses,
     TakeVolume,
+    Volumes,
 )
 
 
@@ -86,6 +89,7 @@ class SegmentationService:
             Prepare: self._prepare,
             Extract: self._extract,
             ComputeMaps: self._compute_maps,
+            MeasureMaps: self._measure_maps,
             RefineMaps: self._refine_maps,
             SegmentClasses: self._segment_classes,
             Render: self._render,
@@ -134,16 +138,20 @@ class SegmentationService:
         self._on_coarse()
 
     def _compute_maps(self, request: ComputeMaps) -> Maps:
-        session = self._the_session
-        maps = session.low_resolution_maps(request.classes, self._between_points)
-        self._maps = maps
-        return Maps(tuple(maps), session.low_resolution_volumes_ml(request.classes, maps, request.only_annotated_components))
+        self._maps = self._the_session.low_resolution_maps(request.classes, self._between_points)
+        return Maps(tuple(self._maps))
 
-    def _refine_maps(self, request: RefineMaps) -> Maps:
+    def _measure_maps(self, request: MeasureMaps) -> Volumes:
+        maps = self._maps
+        _check_are_of(maps, request.classes)
+        classes, only_annotated = request.classes, request.only_annotated_components
+        return Volumes(self._the_session.low_resolution_volumes_ml(classes, maps, only_annotated))
+
+    def _refine_maps(self, request: RefineMaps) -> RefinedMaps:
         geometry = self._the_volume.geometry
         segmented = self._segment(request.classes, request.refinement)
         maps = tuple(ClassMap(crop.array, geometry.part(crop.box), crop.iso) for crop in segmented.crops)
-        return Maps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
+        return RefinedMaps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
 
     def _segment_classes(self, request: SegmentClasses) -> Labels:
         return cropped_labels(self._segment(request.classes, request.refinement).segmentation.labels, len(request.classes))
@@ -152,9 +160,7 @@ class SegmentationService:
         session = self._the_session
         scan = session.volume.geometry
         maps, isos, box = self._last_maps(request.refined)
-        if len(maps) != len(request.casting):
-            # They are others by now: the answer to a click that has given this request up.
-            raise Cancelled
+        _check_are_of(maps, request.casting)
         shape = None
         if request.surroundings:
             shape = shape_within_budget(scan.shape)
@@ -219,6 +225,12 @@ class SegmentationService:
         if self._session is None:
             raise InputError("The volume or its settings cannot be used; correct them first.")
         return self._session
+
+
+def _check_are_of(maps: Sequence[Any], classes: Sequence[Any]) -> None:
+    """Raises Cancelled where the maps that were replied last are others by now: those of a click, which has given this up."""
+    if len(maps) != len(classes):
+        raise Cancelled
 
 
 def cropped_labels(labels: np.ndarray, classes: int) -> Labels:

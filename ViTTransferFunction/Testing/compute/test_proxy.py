@@ -20,13 +20,16 @@ from ViTTransferFunction.Logic.compute.requests import (
     GivenUp,
     Labels,
     Maps,
+    MeasureMaps,
     Prepare,
     Progressed,
+    RefinedMaps,
     RefineMaps,
     Refinement,
     Render,
     SegmentClasses,
     TakeVolume,
+    Volumes,
 )
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
@@ -146,7 +149,7 @@ def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationPr
     ready.update([LIVER, SPLEEN], None)
     ready.update([SPLEEN], None)
     assert len(client.asked) == sent
-    client.answer(ComputeMaps, Maps((MAP,), (1.0,)))
+    client.answer(ComputeMaps, Maps((MAP,)))
     ready.poll()
     assert client.asked[sent:] == [ComputeMaps((SPLEEN,))]
 
@@ -164,7 +167,9 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     ready.look("similarity", {"liver": True})
     ready.update([LIVER], Refinement())
     ready.poll()
-    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    client.answer(MeasureMaps, Volumes((1.5,)))
     ready.poll()
     assert client.asked[-1] == Render("similarity", False, (True,))
     rendering = len(client.asked)
@@ -190,23 +195,28 @@ def test_an_answer_is_waited_for_unless_it_takes_long(
     ready.poll()
     assert client.cancelled == [answering]
     assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
-    client.answer(ComputeMaps, Maps((MAP, MAP), (1.5, 1.5)))
+    client.answer(ComputeMaps, Maps((MAP, MAP)))
     ready.poll()
     assert ready.up_to_date
 
 
-def test_maps_come_first_then_the_rendering_then_the_refined_maps(ready: SegmentationProxy, client: Client) -> None:
+def test_maps_come_first_then_the_volumes_then_the_rendering_then_the_refined_maps(
+    ready: SegmentationProxy, client: Client
+) -> None:
     ready.look("transfer function", {})
     ready.update([LIVER], Refinement("guided"))
     ready.poll()
-    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
+    client.answer(ComputeMaps, Maps((MAP,)))
     assert ready.poll() == {"maps"}
     assert ready.maps == {"liver": MAP}
+    assert client.asked[-1] == MeasureMaps((LIVER,))
+    client.answer(MeasureMaps, Volumes((1.5,)))
+    assert ready.poll() == {"volumes"}
     client.answer(Render, RENDERING)
     assert ready.poll() == {"rendering"}
     assert ready.rendered == ("liver",)
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
-    client.answer(RefineMaps, Maps((MAP,), (1.5,)))
+    client.answer(RefineMaps, RefinedMaps((MAP,), (1.5,)))
     assert ready.poll() == {"refined"}
     assert ready.refined
     assert isinstance(client.asked[-1], Render)
@@ -222,9 +232,11 @@ LARGER_LIVER = replace(LIVER, size=1.0)
 def refined(ready: SegmentationProxy, client: Client) -> SegmentationProxy:
     """With the liver's map, refined."""
     ready.update([LIVER], Refinement())
-    client.answer(ComputeMaps, Maps((PROPOSED,), (1.5,)))
+    client.answer(ComputeMaps, Maps((PROPOSED,)))
     ready.poll()
-    client.answer(RefineMaps, Maps((MAP,), (1.5,)))
+    client.answer(MeasureMaps, Volumes((1.5,)))
+    ready.poll()
+    client.answer(RefineMaps, RefinedMaps((MAP,), (1.5,)))
     ready.poll()
     assert ready.refined
     return ready
@@ -244,7 +256,7 @@ def test_another_size_or_iso_value_alone_is_shown_before_the_answer_comes(
 def test_the_answer_to_a_size_that_was_scrolled_past_does_not_bring_it_back(refined: SegmentationProxy, client: Client) -> None:
     refined.update([LARGER_LIVER], Refinement())
     refined.update([replace(LIVER, size=-1.0)], Refinement())
-    client.answer(ComputeMaps, Maps((replace(PROPOSED, iso=0.1),), (9.0,)))
+    client.answer(ComputeMaps, Maps((replace(PROPOSED, iso=0.1),)))
     refined.poll()
     assert refined.maps["liver"].iso == pytest.approx(0.8)
     assert client.asked[-1] == ComputeMaps((replace(LIVER, size=-1.0),))
@@ -263,19 +275,40 @@ def test_maps_of_cells_are_kept_beside_the_refined_ones_and_go_with_the_classes(
     assert refined.low_maps == {}
 
 
-def test_volumes_come_with_the_maps_and_go_with_the_classes(ready: SegmentationProxy, client: Client) -> None:
+def test_volumes_come_after_the_maps_and_go_with_the_classes(ready: SegmentationProxy, client: Client) -> None:
     ready.update([LIVER], Refinement(only_annotated_components=False))
     ready.poll()
-    assert client.asked[-1] == ComputeMaps((LIVER,), only_annotated_components=False)
-    client.answer(ComputeMaps, Maps((MAP,), (1.5,)))
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    assert ready.up_to_date
+    assert client.asked[-1] == MeasureMaps((LIVER,), only_annotated_components=False)
+    client.answer(MeasureMaps, Volumes((1.5,)))
     ready.poll()
     assert ready.volumes_ml == {"liver": 1.5}
-    client.answer(RefineMaps, Maps((MAP,), (1.25,)))
+    client.answer(RefineMaps, RefinedMaps((MAP,), (1.25,)))
     ready.poll()
     assert ready.volumes_ml == {"liver": 1.25}
     ready.update([], Refinement())
     ready.poll()
     assert ready.volumes_ml == {}
+
+
+def test_a_click_does_not_wait_for_volumes_and_those_of_the_click_before_stay_meanwhile(
+    ready: SegmentationProxy, client: Client
+) -> None:
+    ready.update([LIVER], None)
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    client.answer(MeasureMaps, Volumes((1.5,)))
+    ready.poll()
+    ready.update([LIVER, SPLEEN], None)
+    client.answer(ComputeMaps, Maps((MAP, MAP)))
+    ready.poll()
+    assert ready.volumes_ml == {"liver": 1.5}
+    measuring = len(client.asked)
+    ready.update([LIVER], None)
+    assert client.cancelled == [measuring]
+    assert client.asked[-1] == ComputeMaps((LIVER,))
 
 
 def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, client: Client) -> None:

@@ -18,12 +18,15 @@ from ViTTransferFunction.Logic.compute.requests import (
     GivenUp,
     Labels,
     Maps,
+    MeasureMaps,
     Prepare,
     Progressed,
+    RefinedMaps,
     RefineMaps,
     Refinement,
     SegmentClasses,
     TakeVolume,
+    Volumes,
 )
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
@@ -72,7 +75,9 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
     assert [low.array.shape for low in maps.maps] == [(16, 13, 16)] * 3
     refined = reply_to(client, client.request(RefineMaps(requests, Refinement())))
     labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
-    assert isinstance(refined, Maps)
+    volumes = reply_to(client, client.request(MeasureMaps(requests)))
+    assert isinstance(volumes, Volumes)
+    assert isinstance(refined, RefinedMaps)
     assert isinstance(labels, Labels)
     assert labels.array.dtype == np.uint8
     assert labels.array.size < 0.7 * spheres[1].size
@@ -81,7 +86,7 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
         volume_ml = (labels.array == label).sum() * spheres[0].geometry.voxel_volume_mm3 / 1000.0
         assert refined.volumes_ml[label - 1] == pytest.approx(volume_ml)
         # Off by as much as a shell of half a cell.
-        assert maps.volumes_ml[label - 1] == pytest.approx(volume_ml, rel=0.5)
+        assert volumes.volumes_ml[label - 1] == pytest.approx(volume_ml, rel=0.5)
         assert dice(labels.array == label, spheres[1][box] == label) > 0.9
         crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.
