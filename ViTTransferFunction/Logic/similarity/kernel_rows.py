@@ -18,7 +18,7 @@ CELLS_OF_BLOCK = 256
 and copy first, take half as long again in bfloat16, and four times as long in float32."""
 ROWS_OF_POINT = 2
 """A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
-POINTS_OF_CHUNK = 16
+POINTS_OF_CHUNK = 32
 """Room is made for so many points at once: for every new number of rows the processor's matrix kernels would be compiled anew,
 and to move rows to a larger place would keep a click waiting."""
 
