@@ -109,9 +109,12 @@ def similarity_levels(class_map: ClassMap, threshold: float) -> tuple[np.ndarray
         return np.zeros((1, 1, 1), dtype=np.uint8), Geometry((1, 1, 1), class_map.geometry.ijk_to_ras)
     values, geometry = array[box], class_map.geometry.part(box)
     per_cell = min(int(np.cbrt(FINE_VOXELS / values.size)), MOST_VOXELS_PER_CELL)
+    if per_cell <= 1 and values.dtype == np.uint8:
+        return values, geometry
+    # Before there are more of them: a click waits for this.
+    levels = np.float32(255.0 / in_units_of(array, 1.0)) * values
     if per_cell > 1:
-        values = interpolated(values, [cell_positions(count, per_cell * count) for count in values.shape])
-        geometry = geometry.resized(values.shape)
-    if values.dtype != np.uint8:
-        values = np.clip(255.0 / in_units_of(array, 1.0) * values + 0.5, 0.0, 255.0).astype(np.uint8)
-    return values, geometry
+        levels = interpolated(levels, [cell_positions(count, per_cell * count) for count in levels.shape])
+        geometry = geometry.resized(levels.shape)
+    levels += np.float32(0.5)
+    return np.clip(levels, 0.0, 255.0, out=levels).astype(np.uint8), geometry
