@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..core.class_request import ClassRequest
-from ..core.geometry import Geometry
+from ..core.geometry import Geometry, transform_points
 from .classes import ClassState, Point
-from .volume import world_to_local
+from .volume import matrix_to_world
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,15 @@ def class_requests(
         InputError: the volume is under a non-linear transform.
     """
     found = ClassRequests()
+    # Found once: a click waits for it.
+    to_local = np.linalg.inv(matrix_to_world(volume_node))
     for state in states:
-        positive, negative = (_local(volume_node, points) for points in (state.positive, state.negative))
+        positive, negative = (_local(to_local, points) for points in (state.positive, state.negative))
         inside, beside = (points[geometry.contains(points)] for points in (positive, negative))
         beyond = len(positive) + len(negative) - len(inside) - len(beside)
         if beyond:
             found.points_beyond[state.id] = beyond
-        more = _local(volume_node, more_negative.get(state.id, ()))
+        more = _local(to_local, more_negative.get(state.id, ()))
         if len(inside):
             found.requests.append(
                 ClassRequest(
@@ -71,5 +73,5 @@ def _printable(name: str) -> str:
     return "".join(character if character.isprintable() else " " for character in name).strip()
 
 
-def _local(volume_node: Any, points: Sequence[Point] | np.ndarray) -> np.ndarray:
-    return world_to_local(volume_node, np.array(points, dtype=np.float64).reshape(-1, 3))
+def _local(to_local: np.ndarray, points: Sequence[Point] | np.ndarray) -> np.ndarray:
+    return transform_points(to_local, np.array(points, dtype=np.float64).reshape(-1, 3))
