@@ -113,6 +113,22 @@ def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> Non
     page.wait_for_state("classes.length === 7")
 
 
+def test_esc_leaves_a_structure_its_name(page: AppPage) -> None:
+    before = page["class-name-2"].input_value()
+    page["class-2"].focus()
+    page.page.keyboard.press("F2")
+    page.page.keyboard.type("half a na")
+    page.page.keyboard.press("Escape")
+    assert page["class-name-2"].input_value() == before
+    assert page["class-name-2"].get_attribute("readonly") is not None
+    page["class-3"].focus()
+    page.page.keyboard.press("F2")
+    page.page.keyboard.type("spleen")
+    page.page.keyboard.press("Enter")
+    page.wait_for_state("classes[3].name === 'spleen'")
+    assert page.page.evaluate("window.trame.state.get('classes')[2].name") == before
+
+
 def test_a_dialog_has_the_keyboard_until_esc_gives_it_back(page: AppPage) -> None:
     page["open"].focus()
     page.page.keyboard.press("Enter")
