@@ -114,6 +114,7 @@ class SegmentationService:
 
     def _take_volume(self, request: TakeVolume) -> Done:
         self._volume = self._session = self._segmented = self._intensities = None
+        self._maps = []
         self._volume = Volume(request.array, request.geometry, request.name)
         return Done()
 

@@ -69,3 +69,17 @@ def test_the_compute_process_has_one_volume_and_its_features_at_a_time(spheres: 
         assert service._session is not None
         left += large_arrays_of(service._session)
         assert alive(left) == 3
+
+
+def test_maps_go_with_the_volume_that_they_are_of(spheres: Spheres) -> None:
+    cache_known_features(*spheres)
+    service = SegmentationService(lambda done, total, what: None)
+    take_volume = TakeVolume(spheres[0].array, spheres[0].geometry, "spheres")
+    for request in (take_volume, Prepare(SETTINGS), Extract()):
+        service.serve(request)
+    maps = service.serve(ComputeMaps(requests_of(spheres))).maps
+    left = [weakref.ref(low.array) for low in maps]
+    del maps
+    assert alive(left) == 3
+    service.serve(take_volume)
+    assert alive(left) == 0
