@@ -345,13 +345,12 @@ void vittf_look_ahead()
   vittf_steps = min(g_currentT + vittf_least(leaving), g_terminatePointMax);
 }
 
-// Goes on to the next sample, or beyond what is known to be empty, where nothing but structures is to be seen.
+// Goes on to the next sample, or beyond what is known to be empty: for where nothing but structures is to be seen.
 vec4 vittf_leapt()
 {
   vec3 voxels = g_dataPos * vittf_size, step = g_dirStep * vittf_size;
   vec3 forward = vec3(greaterThan(step, vec3(0.0))), steps_for = vittf_block * vittf_steps_for(step);
-  float farthest = vittf_scene.x > 0.0 ? 0.0 : vittf_steps - g_currentT;
-  float done = 0.0, more = 1.0;
+  float farthest = vittf_steps - g_currentT, done = 0.0, more = 1.0;
   while (more > 0.0)
   {
     done += more;
@@ -402,9 +401,14 @@ void vittf_march()
     vittf_before = 0;
   }
   bool over = vittf_over();
-  while (!over && vittf_settled(voxel) && !vittf_emits())
+  while (!over && vittf_scene.x <= 0.0 && vittf_settled(voxel) && !vittf_emits())
   {
     voxel = vittf_leapt();
+    over = vittf_over();
+  }
+  while (!over && vittf_settled(voxel) && !vittf_emits())
+  {
+    voxel = vittf_advanced();
     over = vittf_over();
   }
   while (!over && vittf_settled(voxel) && vittf_emits())

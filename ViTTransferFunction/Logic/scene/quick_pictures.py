@@ -1,8 +1,8 @@
 """Quick pictures in 3D while a look is being changed: drawn with fewer rays until the hand rests, then in full.
 
-A picture takes as long as it has rays, where OpenGL runs in software. Slicer's own quality *Adaptive* only makes the steps of
-rays longer, which saves little of surfaces, and is not what views have by default. So this sets how many pixels a ray is for,
-in those views alone whose pictures take too long to follow a slider.
+A picture takes as long as it has rays, where OpenGL runs in software. As Slicer does while its own sliders are dragged, views
+are asked for more pictures a second; but that only makes the steps of rays longer, which saves little of surfaces, and only in
+the quality *Adaptive*. So this also sets how many pixels a ray is for, in views whose pictures take too long to follow a hand.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class QuickPictures:
     def __init__(self, windows: Callable[[], Iterable[Any]]) -> None:
         self._windows = windows
         self._mappers: list[Any] = []
+        self._rates: list[tuple[Any, float]] = []
         self._changed_s = 0.0
 
     @property
@@ -52,9 +53,11 @@ class QuickPictures:
                 edge = min(math.ceil(math.sqrt(renderer.GetLastRenderTimeInSeconds() / GOAL_S)), COARSEST)
                 if edge > 1:
                     shown = [mapper for mapper in _mappers(renderer) if mapper.GetInputDataObject(0, 0) is image]
-                    self._mappers += shown
                     for mapper in shown:
                         mapper.SetImageSampleDistance(edge)
+                    if shown:
+                        self._mappers += shown
+                        self._hurry(window)
 
     def end_at_rest(self) -> bool:
         """Let pictures have all rays again if nothing changes any more; whether that is so now, and they are to be drawn."""
@@ -67,7 +70,17 @@ class QuickPictures:
         """Let the next pictures have all rays again."""
         for mapper in self._mappers:
             mapper.SetImageSampleDistance(1.0)
+        for window, rate in self._rates:
+            window.SetDesiredUpdateRate(rate)
         self._mappers.clear()
+        self._rates.clear()
+
+    def _hurry(self, window: Any) -> None:
+        """Ask for as many pictures a second as while the view is turned."""
+        interactor = window.GetInteractor()
+        if interactor is not None:
+            self._rates.append((window, interactor.GetStillUpdateRate()))
+            window.SetDesiredUpdateRate(interactor.GetDesiredUpdateRate())
 
 
 @contextmanager

@@ -46,7 +46,10 @@ def test_pictures_of_a_changing_look_have_fewer_rays_and_are_like_those_with_all
     stage.picture()
     quick = stage.change(shown, appearances([BLUE, GREEN]))
     assert distances(stage) == [quick_pictures.COARSEST]
+    window = stage.view.render_window()
+    assert window.GetDesiredUpdateRate() == stage.view.interactor().GetDesiredUpdateRate()
     stage.rendering.hide()
+    assert window.GetDesiredUpdateRate() == stage.view.interactor().GetStillUpdateRate()
     stage.show_structures(two_balls(), appearances([BLUE, GREEN]))
     full = stage.picture()
     assert distances(stage) == [1.0]
