@@ -38,6 +38,8 @@ class Stage:
         self._frames = frames
         self._view = app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
         self._view.set_scheduled_render(NoScheduleRendering())
+        # As in Slicer, unless its settings say otherwise, and in the app where OpenGL runs in software.
+        self.window.SetMultiSamples(0)
         self.set_pixels(pixels)
         self.set_adaptive(adaptive=True)
         camera = self._view.get_camera_node()
