@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 import slicer
+from skimage.metrics import structural_similarity
 from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
 from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.scene.quick_pictures import REST_S
+from ViTTransferFunction.Logic.scene.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.view_picture import pixels_of
 
 STILL_RATE = 0.0001
 """Pictures a second that VTK is asked for where nothing moves: as few as it likes."""
@@ -34,6 +38,8 @@ class Stage:
         self._frames = frames
         self._view = app.view_manager.create_view(ViewLayoutDefinition.threed_view(background_color="#000000"))
         self._view.set_scheduled_render(NoScheduleRendering())
+        # As in Slicer, unless its settings say otherwise, and in the app where OpenGL runs in software.
+        self.window.SetMultiSamples(0)
         self.set_pixels(pixels)
         self.set_adaptive(adaptive=True)
         camera = self._view.get_camera_node()
@@ -42,6 +48,11 @@ class Stage:
         camera.SetPosition(*(middle + np.array([0.0, 2.2 * float(geometry.extent_mm.max()), 0.0])))
         camera.SetViewUp(0.0, 0.0, 1.0)
         self.renderer = self._view.renderer()
+
+    @property
+    def window(self) -> Any:
+        """What the view is drawn in."""
+        return self._view.render_window()
 
     @property
     def opengl(self) -> str:
@@ -98,6 +109,29 @@ class Stage:
             pictures_ms.append(with_ms)
             differences_ms.append(with_ms - without_ms)
         return {"picture_ms": float(np.median(pictures_ms)), "itself_ms": float(np.median(differences_ms))}
+
+    def full_ms(self, change: Callable[[], Any], rendering: ClassRendering) -> float:
+        """Median of pictures that are drawn in full after a change of what `rendering` shows."""
+        pictures_ms = []
+        for _ in range(self._frames):
+            change()
+            self.picture()
+            pictures_ms.append(timed(lambda: self._rested_picture(rendering))[0] - 1e3 * REST_S)
+        return float(np.median(pictures_ms))
+
+    def likeness(self, rendering: ClassRendering) -> tuple[float, float]:
+        """How like the picture of a look that is being changed is to the full one, and how many pixels wide its rays are."""
+        self.picture()
+        mappers = [volume.GetMapper() for volume in self.renderer.GetVolumes() if volume.GetVisibility()]
+        edge = max(mapper.GetImageSampleDistance() for mapper in mappers)
+        quick = pixels_of(self.window)
+        self._rested_picture(rendering)
+        return float(structural_similarity(quick, pixels_of(self.window), channel_axis=2)), float(edge)
+
+    def _rested_picture(self, rendering: ClassRendering) -> None:
+        time.sleep(REST_S)
+        rendering.draw_in_full_at_rest()
+        self.picture()
 
     def turned_picture(self) -> None:
         """Draw from another side than before."""

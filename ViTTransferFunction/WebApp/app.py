@@ -86,7 +86,7 @@ class WebApp:
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
         self.server.state.update({"saving": None, "film": None, "film_ready": False})
-        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, lambda: self.session.busy)
+        self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, self._delays_3d)
         self.tool = AnnotationTool(
             self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
         )
@@ -257,7 +257,12 @@ class WebApp:
 
     def _new_session(self, saved: bool = False) -> SceneSession:
         """A session on the scene; `saved`: the scene comes with its own, of which only what is this computer's is replaced."""
-        session = SceneSession(self.scene, self._slicer.app_logic, parameter_node(self.scene))
+        session = SceneSession(
+            self.scene,
+            self._slicer.app_logic,
+            parameter_node(self.scene),
+            windows_3d=lambda: [self.views.view_3d.render_window()],
+        )
         make_possible(session.parameters, choices())
         for name, value in self._settings.items():
             if not saved or name in OF_THIS_COMPUTER:
@@ -356,6 +361,10 @@ class WebApp:
                 self.session.annotations.turn_size(selected.id, notches)
 
         return SizeWheel(interactor, slice_node, shown_class, lambda point_ras: self.session.is_on_selected(point_ras), turn)
+
+    def _delays_3d(self) -> bool:
+        """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""
+        return self.session.busy and not self.session.drawing_quickly
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)

@@ -21,7 +21,7 @@ from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
-from ViTTransferFunction.Widget.pictures_section import PicturesSection
+from ViTTransferFunction.Widget.pictures_section import PicturesSection, view_windows
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
@@ -92,7 +92,8 @@ class Panel:
     def open(self, parameter_node: slicer.vtkMRMLScriptedModuleNode) -> None:
         """Show the state that a parameter node holds."""
         self.close()
-        self.session = SceneSession(slicer.mrmlScene, slicer.app.applicationLogic(), parameter_node)
+        app_logic = slicer.app.applicationLogic()
+        self.session = SceneSession(slicer.mrmlScene, app_logic, parameter_node, windows_3d=view_windows)
         self.session.add_observer(self.refresh)
         self._start_due = True
         for section in self._sections:

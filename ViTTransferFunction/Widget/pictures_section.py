@@ -130,12 +130,17 @@ def view_window() -> Any:
     Raises:
         InputError: none is.
     """
+    shown = view_windows()
+    if not shown:
+        raise InputError(_("No 3D view is shown. Choose a layout that has one, by View, Layout."))
+    return shown[0]
+
+
+def view_windows() -> list[Any]:
+    """The vtkRenderWindows of the 3D views that are shown."""
     manager = slicer.app.layoutManager()
-    widgets = [manager.threeDWidget(index) for index in range(manager.threeDViewCount)]
-    for widget in widgets:
-        if widget is not None and widget.visible:
-            return widget.threeDView().renderWindow()
-    raise InputError(_("No 3D view is shown. Choose a layout that has one, by View, Layout."))
+    widgets = [manager.threeDWidget(index) for index in range(manager.threeDViewCount)] if manager else []
+    return [widget.threeDView().renderWindow() for widget in widgets if widget is not None and widget.visible]
 
 
 def ask_path_to_write(title: str, name: str, kinds: str, parent: Any) -> str:

@@ -2,7 +2,7 @@
 
 A voxel has four numbers: of its structure, how deep it lies in that, the intensity, and how much light reaches it. Nothing of
 how structures look is in them: a renderer's shader (`shader`) adds that. Away from all structures, where a voxel has none, it
-has instead how many voxels it is from them at least: so far a ray may leap.
+has instead how many blocks of voxels it is from them: a ray may leap out of the cube that is therefore empty.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ SURFACE = 127
 """Depth up to which a voxel lies outside: a surface is between this and the next."""
 
 MOST_STRUCTURES = 207
-"""How they look is in uniform variables, of which common graphics cards have room for 4096 numbers, and 16 are of each."""
+"""How they look is in uniform variables, of which common graphics cards have room for 4096 numbers, and 16 are of each. What is
+above this in place of a voxel's number is how many blocks away all surfaces are."""
+
+MOST_BLOCKS_AWAY = 255 - MOST_STRUCTURES
 
 VOXEL_BUDGET = 17_000_000
 """Voxels that the volume has at most: those of 256³, which any graphics card takes."""
@@ -47,7 +50,7 @@ OWN_SHARE = (3.0, 97.0)
 """Percentiles of its voxels between which a structure's own intensities lie."""
 
 BLOCK_VOXELS = 4
-"""Along each edge of the blocks whose distances from structures are known: those of single voxels would take seconds."""
+"""Along each edge of the blocks whose distances from surfaces are known: those of single voxels would take seconds."""
 
 
 class Composition:
@@ -105,26 +108,29 @@ class Composition:
         return self._voxels
 
     def _fill_blocks(self, box: Box, depths: np.ndarray) -> None:
-        blocks = depths
-        for axis, extent in enumerate(box):
-            first = -(-extent.start // BLOCK_VOXELS) * BLOCK_VOXELS - extent.start
-            starts = np.unique([0, *range(first, extent.stop - extent.start, BLOCK_VOXELS)])
-            blocks = np.maximum.reduceat(blocks, starts, axis=axis)
-        k, j, i = (slice(extent.start // BLOCK_VOXELS, -(-extent.stop // BLOCK_VOXELS)) for extent in box)
-        self._filled_blocks[k, j, i] |= blocks > 0
+        """Note the blocks in which a ray may meet the structure: those that have voxels of it, or voxels beside such."""
+        blocks, places = depths, []
+        for axis, (extent, count) in enumerate(zip(box, self._filled_blocks.shape, strict=True)):
+            first, last = max(extent.start - 1, 0) // BLOCK_VOXELS, min(extent.stop // BLOCK_VOXELS, count - 1)
+            along = np.moveaxis(blocks, axis, 0)
+            begins = (BLOCK_VOXELS * block - 1 - extent.start for block in range(first, last + 1))
+            parts = [along[max(begin, 0) : begin + BLOCK_VOXELS + 2].max(axis=0) for begin in begins]
+            blocks = np.stack(parts, axis=axis)
+            places.append(slice(first, last + 1))
+        self._filled_blocks[tuple(places)] |= blocks > SURFACE
 
     def _write_distances(self) -> None:
-        """Let voxels of empty blocks have instead of a number how many voxels away, along each axis, all structures are."""
+        """Let voxels of empty blocks have instead of a number how many blocks away, along each axis, all others are."""
         if self._filled_blocks.any():
-            blocks_away = distance_transform_cdt(~self._filled_blocks, "chessboard")
-            distances = np.clip(BLOCK_VOXELS * (blocks_away - 1), 0, 255).astype(np.uint8)
+            blocks_away = np.minimum(distance_transform_cdt(~self._filled_blocks, "chessboard"), MOST_BLOCKS_AWAY)
         else:
-            distances = np.full(self._filled_blocks.shape, 255, dtype=np.uint8)
+            blocks_away = np.full(self._filled_blocks.shape, MOST_BLOCKS_AWAY)
+        marks = np.where(blocks_away > 0, MOST_STRUCTURES + blocks_away, 0).astype(np.uint8)
         _, rows, columns = self.shape
-        for index, of_blocks in enumerate(distances):
-            away = of_blocks.repeat(BLOCK_VOXELS, axis=0).repeat(BLOCK_VOXELS, axis=1)[:rows, :columns]
+        for index, of_blocks in enumerate(marks):
+            of_voxels = of_blocks.repeat(BLOCK_VOXELS, axis=0).repeat(BLOCK_VOXELS, axis=1)[:rows, :columns]
             slices = self._voxels[index * BLOCK_VOXELS : (index + 1) * BLOCK_VOXELS]
-            np.copyto(slices[..., NUMBER], away, where=away > 0)
+            np.copyto(slices[..., NUMBER], of_voxels, where=of_voxels > 0)
 
 
 def shape_within_budget(shape: Shape) -> Shape:

@@ -13,6 +13,8 @@ also where another one touches it that is hidden.
 
 from __future__ import annotations
 
+from .composition import BLOCK_VOXELS, MOST_STRUCTURES
+
 ROWS = 4
 """Vectors of four numbers that say how a structure looks."""
 
@@ -35,6 +37,9 @@ vec4 vittf_veil = vec4(0.0);       // What it passed before, of what belongs to 
 mat3 vittf_eye = mat3(0.0);        // From voxels to the viewer's frame, of the world's units.
 vec3 vittf_along = vec3(0.0);      // Of the ray, in that frame.
 float vittf_length = 0.0;          // Of a step, in edges of cubes as large as a voxel.
+vec3 vittf_size = vec3(1.0);       // Of the volume, in voxels.
+ivec3 vittf_end = ivec3(0);        // Its last voxel.
+float vittf_steps = 0.0;           // After which the ray has left the volume, or what is to be shown of it.
 
 vec4 vittf_row(int structure, int row)
 {
@@ -46,14 +51,9 @@ vec4 vittf_context_at(int level)
   return vittf_context[level / 4][level % 4];
 }
 
-ivec3 vittf_size()
-{
-  return textureSize(in_volume[0], 0);
-}
-
 ivec3 vittf_nearest(vec3 place)
 {
-  return clamp(ivec3(place * vec3(vittf_size())), ivec3(0), vittf_size() - 1);
+  return clamp(ivec3(place * vittf_size), ivec3(0), vittf_end);
 }
 
 // Number and depth of one of the eight voxels around a place, and its weight in the interpolation.
@@ -61,14 +61,14 @@ vec3 vittf_corner(ivec3 base, vec3 share, int n)
 {
   ivec3 corner = ivec3(n & 1, (n >> 1) & 1, n >> 2);
   vec3 weights = mix(1.0 - share, share, vec3(corner));
-  vec2 voxel = texelFetch(in_volume[0], clamp(base + corner, ivec3(0), vittf_size() - 1), 0).ra;
+  vec2 voxel = texelFetch(in_volume[0], clamp(base + corner, ivec3(0), vittf_end), 0).ra;
   return vec3(voxel.r * 255.0, voxel.g, weights.x * weights.y * weights.z);
 }
 
 // How deep a place lies in a structure: 0.5 on its surface, more inside.
 float vittf_depth(vec3 place, int structure)
 {
-  vec3 at = place * vec3(vittf_size()) - 0.5;
+  vec3 at = place * vittf_size - 0.5;
   vec3 base = floor(at);
   float depth = 0.0;
   for (int n = 0; n < 8; ++n)
@@ -91,7 +91,7 @@ int vittf_structure(vec3 place)
   int structure = int(texelFetch(in_volume[0], vittf_nearest(place), 0).r * 255.0 + 0.5);
   if (depth < 0.995 && vittf_depth(place, structure) < 0.5)
   {
-    vec3 at = place * vec3(vittf_size()) - 0.5;
+    vec3 at = place * vittf_size - 0.5;
     vec3 base = floor(at);
     float most = 0.0;
     int other = 0;
@@ -116,7 +116,7 @@ vec3 vittf_depth_gradient(vec3 place, int structure)
   for (int n = 0; n < 4; ++n)
   {
     vec3 towards = vec3(n == 0 || n == 3 ? 1.0 : -1.0, n >= 2 ? 1.0 : -1.0, n == 1 || n == 3 ? 1.0 : -1.0);
-    sum += towards * vittf_depth(place + 0.75 * towards / vec3(vittf_size()), structure);
+    sum += towards * vittf_depth(place + 0.75 * towards / vittf_size, structure);
   }
   return sum;
 }
@@ -124,7 +124,7 @@ vec3 vittf_depth_gradient(vec3 place, int structure)
 // Towards higher intensities, per voxel.
 vec3 vittf_intensity_gradient(vec3 place)
 {
-  vec3 cell = 1.0 / vec3(vittf_size());
+  vec3 cell = 1.0 / vittf_size;
   vec3 x = vec3(cell.x, 0.0, 0.0), y = vec3(0.0, cell.y, 0.0), z = vec3(0.0, 0.0, cell.z);
   return 0.5 * vec3(texture3D(in_volume[0], place + x).b - texture3D(in_volume[0], place - x).b,
                     texture3D(in_volume[0], place + y).b - texture3D(in_volume[0], place - y).b,
@@ -134,9 +134,12 @@ vec3 vittf_intensity_gradient(vec3 place)
 // What is the same for all of a ray.
 void vittf_begin()
 {
+  ivec3 size = textureSize(in_volume[0], 0);
+  vittf_size = vec3(size);
+  vittf_end = size - 1;
   mat3 to_eye = mat3(in_modelViewMatrix * in_volumeMatrix[0]);
   vittf_eye = mat3(to_eye[0] * in_cellSpacing[0].x, to_eye[1] * in_cellSpacing[0].y, to_eye[2] * in_cellSpacing[0].z);
-  vec3 step_eye = vittf_eye * (g_dirStep * vec3(vittf_size()));
+  vec3 step_eye = vittf_eye * (g_dirStep * vittf_size);
   vittf_along = normalize(step_eye);
   vittf_length = length(step_eye) / pow(max(abs(determinant(vittf_eye)), 1e-30), 1.0 / 3.0);
 }
@@ -206,7 +209,7 @@ void vittf_wall(vec3 place, int structure, bool cut)
   vec3 inward = cut ? vec3(0.0) : vittf_depth_gradient(place, structure);
   vec3 normal = vittf_normal(inward);
   // A little below the surface: on it, voxels are half of something else.
-  vec3 below = place + 1.5 * inward / max(length(inward), 1e-6) / vec3(vittf_size());
+  vec3 below = place + 1.5 * inward / max(length(inward), 1e-6) / vittf_size;
   vec4 voxel = texture3D(in_volume[0], below);
   float level = vittf_in_window(voxel.b, window);
   float facing = min(abs(dot(normal, vittf_along)), 1.0);
@@ -219,20 +222,16 @@ void vittf_wall(vec3 place, int structure, bool cut)
   vittf_compose(vittf_lit(color, normal) * light, opacity);
 }
 
-// What a step through the inside of a structure adds.
-void vittf_inside(vec4 voxel, int structure)
+// Colour and density of the inside of a structure, before its light, of which it needs a share.
+vec4 vittf_inside(vec4 voxel, int structure, float change, out float share)
 {
   vec4 look = vittf_row(structure, 0), style = vittf_row(structure, 1), window = vittf_row(structure, 2);
   float level = vittf_in_window(voxel.b, window);
   // The map has a say: less where it is in doubt.
   float density = style.w * look.a * mix(window.z, 1.0, level) * smoothstep(0.5, 0.8, voxel.a);
-  vec3 gradient = vittf_intensity_gradient(g_dataPos);
-  float edge = min(length(gradient) * 8.0 / max(window.y - window.x, 0.05), 1.0);
-  density *= mix(1.0, edge, window.w);
-  vec3 color = vittf_toned(look.rgb, style.z, level);
-  // What is even has no side that faces the light.
-  color = edge > 0.0 ? mix(color, vittf_lit(color, vittf_normal(gradient)), edge * vittf_row(structure, 3).x) : color;
-  vittf_compose(color, 1.0 - exp(-density * vittf_length));
+  float edge = min(change * 8.0 / max(window.y - window.x, 0.05), 1.0);
+  share = edge * vittf_row(structure, 3).x;
+  return vec4(vittf_toned(look.rgb, style.z, level), density * mix(1.0, edge, window.w));
 }
 
 vec4 vittf_context_of(float intensity)
@@ -253,36 +252,44 @@ vec4 vittf_context_between(float from, float to)
   return vec4(vittf_context_of(middle).rgb, mean);
 }
 
-// What a step through what belongs to no structure adds.
-void vittf_outside(vec4 voxel)
+// The same of what belongs to no structure.
+vec4 vittf_outside(vec4 voxel, float change, out float share)
 {
   vec4 look = vittf_context_between(vittf_last, vittf_now);
+  share = min(change * 40.0, 1.0);
   // Around structures, voxels are half of them. Those of hidden ones are seen as they are.
-  float density = look.a * (voxel.a < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.a) : 1.0);
+  return vec4(look.rgb, look.a * (voxel.a < 0.5 ? 1.0 - smoothstep(0.05, 0.45, voxel.a) : 1.0));
+}
+
+// What a step adds. Many renderers compute both sides of each branch: what both need comes before or after.
+void vittf_emit(vec4 voxel)
+{
   vec3 gradient = vittf_intensity_gradient(g_dataPos);
-  float edge = clamp(length(gradient) * 40.0, 0.0, 1.0);
-  vec3 color = edge > 0.0 ? mix(look.rgb, vittf_lit(look.rgb, vittf_normal(gradient)), edge) : look.rgb;
-  float opacity = 1.0 - exp(-density * vittf_length);
-  vec4 sum = vittf_hit ? g_fragColor : vittf_veil;
-  sum += (1.0 - sum.a) * vec4(color * opacity, opacity);
-  if (vittf_hit)
+  float change = length(gradient), share = 0.0;
+  vec4 look = vittf_before > 0 ? vittf_inside(voxel, vittf_before, change, share) : vittf_outside(voxel, change, share);
+  // What is even has no side that faces the light.
+  vec3 color = share > 0.0 ? mix(look.rgb, vittf_lit(look.rgb, vittf_normal(gradient)), share) : look.rgb;
+  float opacity = 1.0 - exp(-look.a * vittf_length);
+  if (vittf_before > 0)
   {
-    g_fragColor = sum;
+    vittf_compose(color, opacity);
+  }
+  else if (vittf_hit)
+  {
+    g_fragColor += (1.0 - g_fragColor.a) * vec4(color * opacity, opacity);
   }
   else
   {
-    vittf_veil = sum;
+    vittf_veil += (1.0 - vittf_veil.a) * vec4(color * opacity, opacity);
   }
 }
 
 // Whether the ray has left the volume, or there is nothing more to be seen.
 bool vittf_over()
 {
-  bool left = any(greaterThan(max(g_dirStep, vec3(0.0)) * (g_dataPos - in_texMax[0]), vec3(0.0)))
-    || any(greaterThan(min(g_dirStep, vec3(0.0)) * (g_dataPos - in_texMin[0]), vec3(0.0)));
   // Structures make their way through what is before them, if that gives way at all.
   bool veiled = !vittf_hit && vittf_veil.a > 0.99 && vittf_scene.y <= 0.0;
-  return left || veiled || g_fragColor.a > 0.99 || g_currentT >= g_terminatePointMax;
+  return veiled || g_fragColor.a > 0.99 || g_currentT >= vittf_steps;
 }
 
 // Whether it is clear without a closer look that a sample is where the last one was.
@@ -306,26 +313,58 @@ vec4 vittf_taken()
   return voxel;
 }
 
+void vittf_advance(float steps)
+{
+  g_dataPos += steps * g_dirStep;
+  g_currentT += steps;
+}
+
 vec4 vittf_advanced()
 {
-  g_dataPos += g_dirStep;
-  g_currentT += 1.0;
+  vittf_advance(1.0);
   return vittf_taken();
 }
 
-// Leaps as far as there are no structures, where nothing else is to be seen. Voxels far from all of them say how far they are.
-void vittf_leap(vec4 voxel)
+// How many steps a ray takes along each axis to cover a distance of one.
+vec3 vittf_steps_for(vec3 step)
 {
-  if (voxel.a <= 0.0 && vittf_scene.x <= 0.0)
+  return 1.0 / max(abs(step), vec3(1e-9));
+}
+
+float vittf_least(vec3 numbers)
+{
+  return min(min(numbers.x, numbers.y), numbers.z);
+}
+
+// Finds out where the ray ends.
+void vittf_look_ahead()
+{
+  vec3 side = mix(in_texMin[0], in_texMax[0], vec3(greaterThan(g_dirStep, vec3(0.0))));
+  vec3 distance = (side - g_dataPos) * sign(g_dirStep);
+  vec3 leaving = mix(distance * vittf_steps_for(g_dirStep), vec3(1e9), vec3(equal(g_dirStep, vec3(0.0))));
+  vittf_steps = min(g_currentT + vittf_least(leaving), g_terminatePointMax);
+}
+
+// Goes on to the next sample, or beyond what is known to be empty: for where nothing but structures is to be seen.
+vec4 vittf_leapt()
+{
+  vec3 voxels = g_dataPos * vittf_size, step = g_dirStep * vittf_size;
+  vec3 forward = vec3(greaterThan(step, vec3(0.0))), steps_for = vittf_block * vittf_steps_for(step);
+  float farthest = vittf_steps - g_currentT, done = 0.0, more = 1.0;
+  while (more > 0.0)
   {
-    vec3 voxels = abs(g_dirStep) * vec3(vittf_size());
-    float steps = floor((voxel.r * 255.0 - 1.0) / max(max(voxels.x, voxels.y), voxels.z));
-    if (steps > 0.0)
-    {
-      g_dataPos += steps * g_dirStep;
-      g_currentT += steps;
-    }
+    done += more;
+    vec3 at = (voxels + done * step) / vittf_block, block = floor(at), share = at - block;
+    // All voxels of a block say the same; always to ask the first needs a sixteenth of the volume's memory.
+    float number = texelFetch(in_volume[0], clamp(ivec3(vittf_block * block), ivec3(0), vittf_end), 0).r * 255.0;
+    // So many blocks away are all surfaces, along each axis: the ray goes on to the side of the cube of blocks that are empty.
+    float away = number - vittf_most_structures;
+    float leaving = vittf_least((away + mix(share - 1.0, -share, forward)) * steps_for);
+    // The last sample in it, and one more.
+    more = away > 0.5 && done < farthest ? floor(leaving) + 1.0 : 0.0;
   }
+  vittf_advance(done);
+  return vittf_taken();
 }
 
 // Where, between the last sample and this one, the ray passes the surface of a structure.
@@ -355,28 +394,26 @@ vec3 vittf_crossing(int structure, bool entering)
 // many renderers do for all rays of a group what one of them needs.
 void vittf_march()
 {
+  vittf_look_ahead();
   vec4 voxel = vittf_taken();
   if (vittf_before < 0 && voxel.a < 0.5)
   {
     vittf_before = 0;
   }
   bool over = vittf_over();
+  while (!over && vittf_scene.x <= 0.0 && vittf_settled(voxel) && !vittf_emits())
+  {
+    voxel = vittf_leapt();
+    over = vittf_over();
+  }
   while (!over && vittf_settled(voxel) && !vittf_emits())
   {
-    vittf_leap(voxel);
     voxel = vittf_advanced();
     over = vittf_over();
   }
   while (!over && vittf_settled(voxel) && vittf_emits())
   {
-    if (vittf_before > 0)
-    {
-      vittf_inside(voxel, vittf_before);
-    }
-    else
-    {
-      vittf_outside(voxel);
-    }
+    vittf_emit(voxel);
     voxel = vittf_advanced();
     over = vittf_over();
   }
@@ -388,8 +425,7 @@ void vittf_march()
   if (vittf_settled(voxel))
   {
     // Where it has just stopped to emit: the next call goes on here.
-    g_dataPos -= g_dirStep;
-    g_currentT -= 1.0;
+    vittf_advance(-1.0);
     vittf_now = vittf_last;
     return;
   }
@@ -452,6 +488,8 @@ def shader_pieces(structures: int) -> dict[str, str]:
 uniform mat4 {STRUCTURES}[{capacity(structures)}];
 uniform mat4 {CONTEXT}[{CONTEXT_COLORS // 4}];
 uniform vec4 {SCENE};
+const float vittf_block = {float(BLOCK_VOXELS)};
+const float vittf_most_structures = {float(MOST_STRUCTURES)};
 """
     return {
         "//VTK::CustomUniforms::Dec": uniforms,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import slicer
 from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -24,13 +25,19 @@ class SceneDisplay:
     Args:
         scene: the scene.
         app_logic: the application's logic, which has those of the slice views and of the volume rendering.
+        windows_3d: the vtkRenderWindows of the 3D views that are shown.
     """
 
-    def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> None:
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        windows_3d: Callable[[], Iterable[Any]] = tuple,
+    ) -> None:
         self._overlay = SimilarityOverlay(scene, app_logic)
         self._contours = Contours(scene)
         self._proposals = ProposalOutlines(scene)
-        self._rendering = ClassRendering(scene, app_logic)
+        self._rendering = ClassRendering(scene, app_logic, windows_3d)
         self._volume: slicer.vtkMRMLScalarVolumeNode | None = None
         self._transform = ""
         self._moved = False
@@ -108,10 +115,16 @@ class SceneDisplay:
     def pending(self) -> bool:
         """Whether there is something still to be shown."""
         lacking = any(self._lacks_outline(of_class) for of_class in self._shown.values())
-        return self._filling is not None or lacking or self._proposals.pending
+        return self._filling is not None or lacking or self._proposals.pending or self.drawing_quickly
+
+    @property
+    def drawing_quickly(self) -> bool:
+        """Whether 3D views are drawn with fewer rays, since their look is being changed."""
+        return self._rendering.drawing_quickly
 
     def advance(self) -> None:
         """Go on with what is still to be shown: some hundredths of a second of work."""
+        self._rendering.draw_in_full_at_rest()
         if self._filling is not None:
             self._fill()
             return

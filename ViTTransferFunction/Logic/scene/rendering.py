@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..core.errors import InputError
 from .derived_nodes import DerivedNodes
+from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
 from .volume import take_image
@@ -33,13 +34,20 @@ class ClassRendering:
     Args:
         scene: where views and volumes are.
         app_logic: of the application, which knows the logic of the module Volume Rendering.
+        windows: the vtkRenderWindows of the 3D views that are shown: while the look is being changed, they are drawn quickly.
     """
 
-    def __init__(self, scene: slicer.vtkMRMLScene, app_logic: slicer.vtkSlicerApplicationLogic) -> None:
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkSlicerApplicationLogic,
+        windows: Callable[[], Iterable[Any]] = tuple,
+    ) -> None:
         self._scene = scene
         self._app_logic = app_logic
         self._nodes = DerivedNodes(scene)
         self._smoothing = SurfaceSmoothing(scene)
+        self._quick = QuickPictures(windows)
 
     def show(
         self,
@@ -80,10 +88,24 @@ class ClassRendering:
         self._smoothing.switch_on()
 
     def change(self, uniforms: Mapping[str, np.ndarray]) -> None:
-        """Let what is shown look otherwise, at once."""
-        shader = self._nodes.find(SHADER_NAME)
+        """Let what is shown look otherwise, at once: where that takes its time, with fewer rays, until it is drawn in full."""
+        shader, volume = self._nodes.find(SHADER_NAME), self._nodes.find(VOLUME_NAME)
         if shader is not None:
+            if volume is not None:
+                self._quick.begin(volume.GetImageData())
             set_uniforms(shader.GetShaderProperty(), uniforms)
+
+    @property
+    def drawing_quickly(self) -> bool:
+        """Whether views are still to be drawn in full, when the look rests."""
+        return self._quick.drawing
+
+    def draw_in_full_at_rest(self) -> None:
+        """Have the views drawn in full if the look has not been changed for a moment."""
+        display = self._nodes.find(DISPLAY_NAME)
+        if self._quick.end_at_rest() and display is not None:
+            # The views follow their nodes, and are drawn again.
+            display.Modified()
 
     def cut(self, box: Any) -> None:
         """Show only what lies in a vtkMRMLMarkupsROINode, whose handles are then in the views; None: all."""
@@ -104,6 +126,7 @@ class ClassRendering:
         volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
         if volume is None or display is None or not display.GetVisibility():
             return None
+        self._quick.end()
         volume.GetVolumeDisplayNode().SetSaveWithScene(True)
         for node in self._nodes.release():
             node.SetName(node.GetName().replace(VOLUME_NAME, name))
@@ -112,6 +135,7 @@ class ClassRendering:
 
     def hide(self) -> None:
         """Take the structures out of the views, and undo what was set in them."""
+        self._quick.end()
         display = self._nodes.find(DISPLAY_NAME)
         if display is not None:
             display.SetVisibility(False)

@@ -8,7 +8,7 @@ time and made again from the scene. Nothing here waits: a front end calls `poll`
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
@@ -67,6 +67,7 @@ class SceneSession:
         app_logic: the application's logic, which has the logics of its modules.
         parameter_node: holds the parameters and refers to the classes; it may come from a saved scene.
         python_executable: the Python that has PyTorch; the running one unless given.
+        windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
@@ -80,6 +81,7 @@ class SceneSession:
         app_logic: slicer.vtkMRMLApplicationLogic,
         parameter_node: slicer.vtkMRMLScriptedModuleNode,
         python_executable: str | Path | None = None,
+        windows_3d: Callable[[], Iterable[Any]] = tuple,
     ) -> None:
         self._scene = scene
         self._app_logic = app_logic
@@ -90,7 +92,7 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
-        self._display = SceneDisplay(scene, app_logic)
+        self._display = SceneDisplay(scene, app_logic, windows_3d)
         self._histograms: WeakKeyDictionary[StructureVolume, dict[int, IntensityHistogram]] = WeakKeyDictionary()
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
@@ -149,6 +151,11 @@ class SceneSession:
     def awaits_maps(self) -> bool:
         """Whether the answer to a click is under way: then `poll` should be called more often."""
         return self._proxy.awaits_maps
+
+    @property
+    def drawing_quickly(self) -> bool:
+        """Whether the look of 3D views is being changed, so that somebody waits for their pictures."""
+        return self._display.drawing_quickly
 
     @property
     def up_to_date(self) -> bool:

@@ -11,6 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkWindowToImageFilter
 
 from ..core.camera import Camera, Size
+from .quick_pictures import in_full
 
 ORIGIN = np.zeros(3)
 
@@ -28,7 +29,7 @@ def view_picture(window: Any, size: Size, *, transparent: bool = False, camera: 
         The picture (H, W, 3) uint8, or (H, W, 4) with opacities where `transparent`.
     """
     renderer = window.GetRenderers().GetFirstRenderer()
-    with _as_it_was(window, renderer):
+    with _as_it_was(window, renderer), in_full(renderer):
         # Not on the screen: what is drawn stays in the buffer that is read.
         window.SwapBuffersOff()
         if camera is not None:

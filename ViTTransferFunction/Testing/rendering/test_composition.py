@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import distance_transform_cdt
+from scipy.ndimage import distance_transform_cdt, maximum_filter
 
-from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, Composition
+from ViTTransferFunction.Logic.rendering.composition import (
+    BLOCK_VOXELS,
+    DEPTH,
+    MOST_BLOCKS_AWAY,
+    MOST_STRUCTURES,
+    NUMBER,
+    SURFACE,
+    Composition,
+)
 
 SHAPE = (37, 30, 41)
 
@@ -27,14 +35,26 @@ def composed(boxes: list[tuple[slice, slice, slice]]) -> np.ndarray:
         [(slice(17, 22), slice(13, 18), slice(19, 24))],
     ],
 )
-def test_no_voxel_is_nearer_to_a_structure_than_it_says(boxes: list[tuple[slice, slice, slice]]) -> None:
+def test_no_surface_is_in_the_cube_of_blocks_that_a_voxel_says_is_empty(boxes: list[tuple[slice, slice, slice]]) -> None:
     voxels = composed(boxes)
-    empty = voxels[..., DEPTH] == 0
-    away = distance_transform_cdt(empty, "chessboard")
-    said = voxels[..., NUMBER].astype(int)
-    assert (said[empty] <= away[empty]).all()
-    # Blocks of voxels have one distance.
-    assert (said[empty] >= away[empty] - 8).all()
+    # A surface lies between a voxel and its neighbours.
+    near = maximum_filter(voxels[..., DEPTH], size=3) > SURFACE
+    blocks = np.zeros([-(-size // BLOCK_VOXELS) for size in SHAPE], dtype=bool)
+    np.logical_or.at(blocks, tuple(np.argwhere(near).T // BLOCK_VOXELS), True)
+    away = distance_transform_cdt(~blocks, "chessboard").repeat(4, 0).repeat(4, 1).repeat(4, 2)
+    said = np.maximum(voxels[..., NUMBER].astype(int) - MOST_STRUCTURES, 0)
+    assert np.array_equal(said, away[tuple(slice(0, size) for size in SHAPE)])
+
+
+def test_what_is_soft_about_a_structure_does_not_keep_rays_from_leaping() -> None:
+    composition = Composition((16, 16, 16), 1)
+    depths = np.full((12, 16, 16), 100, dtype=np.uint8)
+    depths[:2] = 255
+    composition.add((slice(0, 12), slice(0, 16), slice(0, 16)), 0, depths)
+    along = composition.voxels()[:, 8, 8]
+    assert along[:4, NUMBER].tolist() == [1] * 4
+    assert along[4:, NUMBER].tolist() == [MOST_STRUCTURES + away for away in (1, 2, 3) for _ in range(4)]
+    assert along[2:12, DEPTH].tolist() == [100] * 10
 
 
 def test_voxels_of_structures_keep_their_numbers() -> None:
@@ -45,7 +65,7 @@ def test_voxels_of_structures_keep_their_numbers() -> None:
 
 
 def test_where_there_is_no_structure_rays_leap_out_of_the_volume() -> None:
-    assert (composed([])[..., NUMBER] == 255).all()
+    assert (composed([])[..., NUMBER] == MOST_STRUCTURES + MOST_BLOCKS_AWAY).all()
 
 
 def test_a_structure_in_two_places_has_its_number_in_both() -> None:
@@ -64,7 +84,7 @@ def test_what_is_around_structures_can_be_left_out() -> None:
     composition.add(box, 0, np.full((4, 4, 11), 200, dtype=np.uint8))
     part = composition.crop()
     voxels = composition.voxels()
-    assert voxels.shape[:3] == composition.shape == (16, 8, 17)
+    assert voxels.shape[:3] == composition.shape == (16, 12, 17)
     assert np.array_equal(voxels[..., DEPTH], whole[part][..., DEPTH])
     assert (voxels[..., DEPTH] > 0).sum() == 4 * 4 * 11
 
