@@ -34,7 +34,7 @@ class Actions:
 
     def __init__(self, app: WebApp) -> None:
         self._app = app
-        self._offered = choices() | {"context": dict.fromkeys(app.session.context_names, "")}
+        self._offered = choices() | {"context": dict.fromkeys(app.session.views.context_names, "")}
         self._by_name: dict[str, Callable[..., Any]] = {
             "extract": app.extraction.press,
             "cancel": self._cancel,
@@ -200,7 +200,7 @@ class Actions:
     def _set_look(self, low: float | None, high: float | None, automatic: bool) -> None:
         """Set between which intensities the selected class gets brighter in 3D; None: as it is."""
         selected = self._app.session.selected_class
-        shown = self._app.session.rendered_window(selected.id) if selected is not None else None
+        shown = self._app.session.views.window(selected) if selected is not None else None
         if automatic:
             self._set_fields(low=None, high=None)
         elif shown is not None:

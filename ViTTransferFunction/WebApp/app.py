@@ -101,7 +101,7 @@ class WebApp:
         self.server.trigger("open_path")(self._open_typed)
         self.server.trigger("open_sample")(self._open_sample)
         self.server.state.change("brush_mm")(lambda **_: self.tool.follow_brush_size())
-        build_page(self.server, self.session.context_names)
+        build_page(self.server, self.session.views.context_names)
         self.refresh()
 
     async def start(
@@ -364,7 +364,7 @@ class WebApp:
 
     def _delays_3d(self) -> bool:
         """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""
-        return self.session.busy and not self.session.drawing_quickly
+        return self.session.busy and not self.session.views.drawing_quickly
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)

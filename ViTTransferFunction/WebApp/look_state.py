@@ -19,12 +19,12 @@ def look_state(session: SceneSession) -> dict[str, Any]:
     "histogram" is the picture's address. Both are empty where no structure is selected, or it is not in 3D yet.
     """
     selected = session.selected_class
-    window = session.rendered_window(selected.id) if selected else None
-    histogram = session.histogram(selected.id) if selected else None
-    picture = session.histogram_svg(selected.id) if selected else None
+    window = session.views.window(selected) if selected else None
+    histogram = session.views.histogram(selected) if selected else None
+    picture = session.views.histogram_svg(selected) if selected else None
     if selected is None or window is None or histogram is None or picture is None:
         return NO_LOOK
-    style = effective(session.rendered_look(selected))
+    style = effective(session.views.look(selected))
     first, last = histogram.ends
     low, high = (round(end, histogram.decimals) for end in window)
     look = {

@@ -46,7 +46,7 @@ def load_camera(session: SceneSession, window: Any, text: str) -> Size:
 
 
 def _middle(session: SceneSession) -> np.ndarray:
-    middle = session.middle_ras()
+    middle = session.views.middle_ras()
     if middle is None:
         raise InputError(
             "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first."

@@ -42,14 +42,14 @@ class AppearanceSection(Section):
         with signals_blocked(ui.styleComboBox, ui.contextComboBox):
             ui.styleComboBox.currentIndex = list(STYLES).index(selected.look.style) if selected else 0
             if session is not None:
-                self._list_contexts(session.context_names)
+                self._list_contexts(session.views.context_names)
                 context = session.parameters.get("context")
                 ui.contextComboBox.currentIndex = self._contexts.index(context) if context in self._contexts else 0
 
     def _show_look(self) -> None:
         """Intensities are known as soon as the structure has been rendered."""
         ui, session, selected = self.ui, self.session, self.selected
-        window = session.rendered_window(selected.id) if session and selected else None
+        window = session.views.window(selected) if session and selected else None
         numbers = (ui.lookLowSpinBox, ui.lookHighSpinBox)
         shares = (ui.lookToneSlider, ui.lookFadeSlider, ui.lookEdgesSlider)
         for widget in (*numbers, ui.lookWindowSlider, ui.lookAutomaticCheckBox, *shares):
@@ -58,7 +58,7 @@ class AppearanceSection(Section):
             ui.lookHistogramLabel.clear()
             self._drawn = None
             return
-        style = effective(session.rendered_look(selected))
+        style = effective(session.views.look(selected))
         ui.lookEdgesSlider.enabled = style.density > 0.0
         self._show_histogram(window)
         with signals_blocked(*numbers, ui.lookAutomaticCheckBox, *shares):
@@ -73,7 +73,7 @@ class AppearanceSection(Section):
         ui, session, selected = self.ui, self.session, self.selected
         if session is None or selected is None or ui.appearanceCollapsibleButton.collapsed:
             return
-        histogram = session.histogram(selected.id)
+        histogram = session.views.histogram(selected)
         if histogram is None:
             return
         first, last = histogram.ends
@@ -85,7 +85,7 @@ class AppearanceSection(Section):
             for spin_box in (ui.lookLowSpinBox, ui.lookHighSpinBox):
                 spin_box.decimals = histogram.decimals
                 spin_box.singleStep = max((last - first) / 100.0, 1e-9)
-        picture = session.histogram_svg(selected.id)
+        picture = session.views.histogram_svg(selected)
         if picture is not None and picture != self._drawn:
             self._drawn = picture
             pixmap = qt.QPixmap()

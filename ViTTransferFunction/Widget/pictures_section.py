@@ -103,7 +103,7 @@ class PicturesSection(Section):
         window.Render()
 
     def _middle(self) -> Any:
-        middle = self.session.middle_ras() if self.session else None
+        middle = self.session.views.middle_ras() if self.session else None
         if middle is None:
             raise InputError(
                 _("Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first.")

@@ -41,7 +41,7 @@ class SceneParameters:
         proposalsVisible: whether slice views outline faintly what else the selected class may be.
         rendering: what the 3D views show ("off", "similarity" or "transfer function").
         renderingSolo: whether 3D views show the selected class alone.
-        context: what 3D views show around the structures ("off", or one of `SceneSession.context_names`).
+        context: what 3D views show around the structures ("off", or one of `SessionViews.context_names`).
         contextStrength: how dense that is, in [0, 1].
         contextCutAway: whether it gives way where it would hide a structure.
         renderingCut: whether 3D views show only what lies in a box, `rendering_box`.

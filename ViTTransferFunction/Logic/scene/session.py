@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import slicer
@@ -19,36 +18,25 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.camera import middle_of
 from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
-from ..rendering.appearance import UNSEEN, Appearance, detailed
-from ..rendering.composition import DEPTH, SURFACE
-from ..rendering.histogram_picture import histogram_svg
-from ..rendering.intensity_histogram import IntensityHistogram, intensity_histogram
-from ..rendering.structure_volume import StructureVolume
-from ..rendering.surroundings import Surroundings
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, Point, Polarity
-from .context import OFF, context_names, named_surroundings
-from .contours import ShownMap
 from .corrections import Corrections
-from .display import SceneDisplay
 from .observers import SceneObservers
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_tour import PointTour
 from .problems import Problems
-from .proposal_outlines import Proposals
 from .regions import SceneRegions
-from .rendering_box import shown_box
 from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
+from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
@@ -73,6 +61,7 @@ class SceneSession:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
         regions: adds the points of regions that the user encloses.
+        views: what is shown in the views, and how.
     """
 
     def __init__(
@@ -92,8 +81,7 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
-        self._display = SceneDisplay(scene, app_logic, windows_3d)
-        self._histograms: WeakKeyDictionary[StructureVolume, dict[int, IntensityHistogram]] = WeakKeyDictionary()
+        self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
@@ -140,7 +128,7 @@ class SceneSession:
         """Whether `poll` has something to do."""
         return (
             self._proxy.busy
-            or self._display.pending
+            or self.views.pending
             or self._output.busy
             or self._other_segments.busy
             or self._segments_changed
@@ -151,11 +139,6 @@ class SceneSession:
     def awaits_maps(self) -> bool:
         """Whether the answer to a click is under way: then `poll` should be called more often."""
         return self._proxy.awaits_maps
-
-    @property
-    def drawing_quickly(self) -> bool:
-        """Whether the look of 3D views is being changed, so that somebody waits for their pictures."""
-        return self._display.drawing_quickly
 
     @property
     def up_to_date(self) -> bool:
@@ -200,11 +183,6 @@ class SceneSession:
         """Choose the volume to segment. Where its features are cached, they load at once."""
         self.parameters.set_reference("volume", node)
 
-    @property
-    def context_names(self) -> list[str]:
-        """What the parameter `context` may be: what 3D views can show around the structures."""
-        return context_names(self._app_logic)
-
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
         self._problems.solve("segments")
@@ -244,35 +222,6 @@ class SceneSession:
     def volume_ml(self, id_: str) -> float | None:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
-
-    def rendered_look(self, state: ClassState) -> Appearance:
-        """How 3D views show a class where it is visible."""
-        return detailed(state.look) if self.parameters.rendering_mode() == "transfer function" else state.look
-
-    def rendered_window(self, id_: str) -> tuple[float, float] | None:
-        """The intensities between which a class gets brighter and more opaque in 3D; None where it is not in 3D yet."""
-        rendering, rendered = self._proxy.rendering, self._proxy.rendered
-        state = next((state for state in self.classes if state.id == id_), None)
-        if rendering is None or state is None or id_ not in rendered:
-            return None
-        return rendering.window(rendered.index(id_), state.look)
-
-    def histogram(self, id_: str) -> IntensityHistogram | None:
-        """Of the intensities in a class and around it; None where it is not in 3D yet."""
-        rendering, rendered = self._proxy.rendering, self._proxy.rendered
-        if rendering is None or id_ not in rendered:
-            return None
-        known, index = self._histograms.setdefault(rendering, {}), rendered.index(id_)
-        if index not in known:
-            known[index] = intensity_histogram(rendering, index)
-        return known[index]
-
-    def histogram_svg(self, id_: str) -> str | None:
-        """The same as a picture, with a class's transfer function over it (`histogram_picture`); None likewise."""
-        histogram, window = self.histogram(id_), self.rendered_window(id_)
-        if histogram is None or window is None:
-            return None
-        return histogram_svg(histogram, window, self.rendered_look(next(state for state in self.classes if state.id == id_)))
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
@@ -329,21 +278,11 @@ class SceneSession:
     def export_rendering(self) -> None:
         """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
         self._problems.solve("views")
-        volume = self.parameters.volume
-        if volume is None or self._display.export_rendering(f"{volume.GetName()} structures") is None:
+        if not self.views.export_rendering():
             self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
         else:
             self.parameters.set("rendering", "off")
         self._notify()
-
-    def middle_ras(self) -> np.ndarray | None:
-        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to; None where there are none."""
-        rendering, volume = self._proxy.rendering, self.parameters.volume
-        inside = None if rendering is None else rendering.voxels[..., DEPTH] > SURFACE
-        if rendering is None or volume is None or inside is None or not inside.any():
-            return None
-        middle: np.ndarray = transform_points(matrix_to_world(volume), middle_of(rendering.geometry, [inside])[None])[0]
-        return middle
 
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
@@ -362,8 +301,8 @@ class SceneSession:
         self._take_problem()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
-        elif self._display.pending:
-            self._try_to_show(self._display.advance)
+        elif self.views.pending:
+            self.views.advance()
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
@@ -393,7 +332,7 @@ class SceneSession:
         self._observers.remove_all()
         self.annotations.close()
         self._proxy.close()
-        self._display.remove()
+        self.views.remove()
 
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
@@ -463,6 +402,9 @@ class SceneSession:
             kept.append(segmentation)
         self._observers.keep_only(kept)
 
+    def _show(self) -> None:
+        self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)
+
     def _ask_for_maps(self) -> None:
         """Ask for maps, unless what they depend on is as it was when they were asked for last."""
         node, content = self.parameters.volume, self._volume.content
@@ -484,55 +426,6 @@ class SceneSession:
             self._report(str(error))
             self._segments_changed = True  # There may be others, which the next poll takes up.
         self._ask_for_maps()
-
-    def _show(self) -> None:
-        """Bring the views up to date with maps, classes and parameters."""
-        volume, selected = self.parameters.volume, self.selected_class
-        visible = {state.id: state for state in self.classes if state.visible}
-        mode = self.parameters.rendering_mode()
-        rendered = {selected.id: selected} if selected and self.parameters.get("renderingSolo") else visible
-        casting = {id_: state.look.opacity > 0.0 for id_, state in rendered.items() if state.visible}
-        self._proxy.look(mode, casting, self.parameters.get("context") != OFF and self.parameters.get("contextStrength") > 0.0)
-        if mode is None:
-            self._problems.solve("views")
-        maps = self._proxy.maps
-        if volume is None or not maps or self.volume_changed:
-            self._display.hide()
-            return
-        overlaid = selected.id if selected and selected.id in visible and self.parameters.get("overlayVisible") else None
-        self._display.show_maps(
-            volume,
-            [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
-            overlaid,
-            self.parameters.get("overlayOpacity"),
-        )
-        self._display.show_proposals(volume, self._other_proposals(selected))
-        box = shown_box(self._scene, self.parameters, volume)
-        looks = [self.rendered_look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
-        self._try_to_show(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), box))
-
-    def _surroundings(self) -> Surroundings:
-        """What the 3D views show around the structures."""
-        name, strength, cut_away = (self.parameters.get(name) for name in ("context", "contextStrength", "contextCutAway"))
-        return named_surroundings(self._app_logic, name, strength, cut_away, self._proxy.rendering)
-
-    def _other_proposals(self, selected: ClassState | None) -> Proposals | None:
-        """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
-        maps = self._proxy.low_maps
-        if selected is None or not selected.visible or not self.parameters.get("proposalsVisible"):
-            return None
-        points_ras = [request.positive for request in self._requests.requests if request.id == selected.id]
-        if selected.id not in maps or not points_ras or maps[selected.id].proposals is None:
-            return None
-        others = tuple(class_map for id_, class_map in maps.items() if id_ != selected.id)
-        only_annotated = self.parameters.refinement().only_annotated_components
-        return Proposals(selected.id, selected.color, maps[selected.id], others, points_ras[0], only_annotated)
-
-    def _try_to_show(self, show: Callable[[], None]) -> None:
-        try:
-            show()
-        except InputError as error:
-            self._problems.put("views", str(error))
 
     def _advance_output(self) -> None:
         """Take labels in that have arrived, or go on to turn them into segments."""

@@ -15,7 +15,8 @@ pytest.importorskip("trame_slicer")
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
-from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.session_views import SessionViews
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -74,7 +75,7 @@ def test_the_handles_lie_on_the_axis_of_the_histogram(in_3d: Callable[[Journey],
     async def journey(app: WebApp) -> None:
         app.actions("appearance", True)
         look, (structure,) = app.server.state.look, app.session.classes
-        histogram = app.session.histogram(structure.id)
+        histogram = app.session.views.histogram(structure)
         assert histogram is not None
         axis = look["axis"]
         assert (axis["min"], axis["max"]) == histogram.ends
@@ -102,13 +103,13 @@ def test_intensities_are_counted_only_while_somebody_sees_them(
     in_3d: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     counted: list[str] = []
-    histogram = SceneSession.histogram
+    histogram = SessionViews.histogram
 
-    def count(self: SceneSession, id_: str) -> Any:
-        counted.append(id_)
-        return histogram(self, id_)
+    def count(self: SessionViews, state: ClassState) -> Any:
+        counted.append(state.id)
+        return histogram(self, state)
 
-    monkeypatch.setattr(SceneSession, "histogram", count)
+    monkeypatch.setattr(SessionViews, "histogram", count)
 
     async def journey(app: WebApp) -> None:
         app.refresh()
