@@ -1,13 +1,14 @@
-"""Maps of segments that are masks: smooth, as far as they still select exactly the masks' voxels.
+"""Maps of segments that are masks: smooth, as far as they still select the masks' voxels.
 
 What is drawn is what is saved: a map reaches its iso value, `ISO`, at the voxels of its mask and nowhere else. Between them it
-crosses it where a smooth surface would.
+crosses it where a smooth surface would. What only roughens a surface, by no more than a voxel, is evened out: single voxels
+that stand out from an organ, or are missing in it, are a scan's noise. What is thin, or stands by itself, is drawn as it is.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import binary_erosion, correlate1d, distance_transform_edt, gaussian_filter
+from scipy.ndimage import binary_dilation, binary_erosion, correlate1d, distance_transform_edt, gaussian_filter, label
 
 from ..core.bounding_box import bounding_box
 
@@ -37,19 +38,20 @@ side pull them down again."""
 
 
 def mask_map(mask: np.ndarray, spacing_mm: np.ndarray, similarity: np.ndarray | None = None, iso: float = ISO) -> np.ndarray:
-    """A map that is at least `ISO` exactly where a mask is True, with as smooth a surface as that leaves room for.
+    """A map that is at least `ISO` where a mask is True and nowhere else, with as smooth a surface as that leaves room for.
 
     Signed distances from the mask's border are smoothed. Voxels that this takes to the other side of the surface are put back,
-    so far that interpolation leaves them there: thin parts are lost otherwise.
+    so far that interpolation leaves them there: thin parts are lost otherwise. Only roughness of the surface is not put back.
 
     Args:
         mask: (K, J, I) bool.
         spacing_mm: (3,) distance between voxels along I, J, K.
-        similarity: (K, J, I), any real numbers; where given, the surface between the voxels is where they cross `iso`.
+        similarity: (K, J, I), any real numbers; where given, the surface between the voxels is where they cross `iso`, and
+            every voxel is on its side.
         iso: for `similarity`.
 
     Returns:
-        (K, J, I) uint8, 255 for 1; at least 128 in the mask, at most 127 elsewhere.
+        (K, J, I) uint8, 255 for 1; at least 128 in the mask, at most 127 elsewhere, but for its surface's roughness.
     """
     result = np.zeros(mask.shape, dtype=np.uint8)
     spacing = np.asarray(spacing_mm, dtype=float)[::-1]
@@ -59,7 +61,9 @@ def mask_map(mask: np.ndarray, spacing_mm: np.ndarray, similarity: np.ndarray | 
         return result
     inside = mask[box]
     heights_mm = _smooth_heights(inside, spacing, reach_mm)
-    if similarity is not None:
+    if similarity is None:
+        inside = _evened(inside, heights_mm > 0.0, spacing)
+    else:
         by_similarity = _heights_over_iso(similarity[box], iso, inside, spacing)
         # From a voxel's distance on, only the mask says how far away it is: it may leave out a part of the similarity map.
         limit_mm = 3.0 * heights_mm + 2.0 * float(spacing.max())
@@ -78,6 +82,22 @@ def _smooth_heights(mask: np.ndarray, spacing: np.ndarray, reach_mm: float) -> n
     sigmas = np.maximum(SMOOTHING_VOXELS, SMOOTHING_OF_COARSEST_VOXEL * spacing.max() / spacing)
     smooth: np.ndarray = gaussian_filter(np.clip(distance, -reach_mm, reach_mm).astype(np.float32), sigmas, truncate=3.0)
     return smooth
+
+
+def _evened(mask: np.ndarray, smooth: np.ndarray, spacing: np.ndarray) -> np.ndarray:
+    """A mask where what smoothing takes away or adds is as `smooth` has it, if it lies within a voxel of what stays."""
+    steps = np.moveaxis(np.indices((3, 3, 3)), 0, -1) - 1
+    # A voxel of the finest spacing: not a thick slice.
+    within = np.linalg.norm(steps * spacing, axis=-1) <= 1.01 * np.sqrt(3.0) * spacing.min()
+    result: np.ndarray = mask.copy()
+    for side in (mask, ~mask):
+        same = side & (smooth == mask)
+        parts, count = label(side & ~same)
+        standing_out = np.zeros(count + 1, dtype=bool)
+        standing_out[parts[~binary_dilation(same, within)]] = True
+        standing_out[0] = True
+        result ^= ~standing_out[parts]
+    return result
 
 
 def _heights_over_iso(similarity: np.ndarray, iso: float, mask: np.ndarray, spacing: np.ndarray) -> np.ndarray:

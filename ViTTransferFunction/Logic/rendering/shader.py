@@ -266,7 +266,15 @@ void vittf_emit(vec4 voxel)
 {
   vec3 gradient = vittf_intensity_gradient(g_dataPos);
   float change = length(gradient), share = 0.0;
-  vec4 look = vittf_before > 0 ? vittf_inside(voxel, vittf_before, change, share) : vittf_outside(voxel, change, share);
+  vec4 look = vec4(0.0);
+  if (vittf_before > 0)
+  {
+    look = vittf_inside(voxel, vittf_before, change, share);
+  }
+  else
+  {
+    look = vittf_outside(voxel, change, share);
+  }
   // What is even has no side that faces the light.
   vec3 color = share > 0.0 ? mix(look.rgb, vittf_lit(look.rgb, vittf_normal(gradient)), share) : look.rgb;
   float opacity = 1.0 - exp(-look.a * vittf_length);
@@ -326,9 +334,9 @@ vec4 vittf_advanced()
 }
 
 // How many steps a ray takes along each axis to cover a distance of one.
-vec3 vittf_steps_for(vec3 step)
+vec3 vittf_steps_for(vec3 stride)
 {
-  return 1.0 / max(abs(step), vec3(1e-9));
+  return 1.0 / max(abs(stride), vec3(1e-9));
 }
 
 float vittf_least(vec3 numbers)
@@ -340,21 +348,21 @@ float vittf_least(vec3 numbers)
 void vittf_look_ahead()
 {
   vec3 side = mix(in_texMin[0], in_texMax[0], vec3(greaterThan(g_dirStep, vec3(0.0))));
-  vec3 distance = (side - g_dataPos) * sign(g_dirStep);
-  vec3 leaving = mix(distance * vittf_steps_for(g_dirStep), vec3(1e9), vec3(equal(g_dirStep, vec3(0.0))));
+  vec3 way = (side - g_dataPos) * sign(g_dirStep);
+  vec3 leaving = mix(way * vittf_steps_for(g_dirStep), vec3(1e9), vec3(equal(g_dirStep, vec3(0.0))));
   vittf_steps = min(g_currentT + vittf_least(leaving), g_terminatePointMax);
 }
 
 // Goes on to the next sample, or beyond what is known to be empty: for where nothing but structures is to be seen.
 vec4 vittf_leapt()
 {
-  vec3 voxels = g_dataPos * vittf_size, step = g_dirStep * vittf_size;
-  vec3 forward = vec3(greaterThan(step, vec3(0.0))), steps_for = vittf_block * vittf_steps_for(step);
+  vec3 voxels = g_dataPos * vittf_size, stride = g_dirStep * vittf_size;
+  vec3 forward = vec3(greaterThan(stride, vec3(0.0))), steps_for = vittf_block * vittf_steps_for(stride);
   float farthest = vittf_steps - g_currentT, done = 0.0, more = 1.0;
   while (more > 0.0)
   {
     done += more;
-    vec3 at = (voxels + done * step) / vittf_block, block = floor(at), share = at - block;
+    vec3 at = (voxels + done * stride) / vittf_block, block = floor(at), share = at - block;
     // All voxels of a block say the same; always to ask the first needs a sixteenth of the volume's memory.
     float number = texelFetch(in_volume[0], clamp(ivec3(vittf_block * block), ivec3(0), vittf_end), 0).r * 255.0;
     // So many blocks away are all surfaces, along each axis: the ray goes on to the side of the cube of blocks that are empty.

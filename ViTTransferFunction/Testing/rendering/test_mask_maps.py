@@ -1,4 +1,4 @@
-"""Maps of masks: they select the masks' voxels, all of them and no others, and are smooth in between."""
+"""Maps of masks: they select the masks' voxels but for a surface's roughness, and are smooth in between."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from ViTTransferFunction.Logic.rendering.mask_maps import ISO, mask_map
 
@@ -24,8 +25,53 @@ def selected(similarity: np.ndarray) -> np.ndarray:
     mask=arrays(bool, array_shapes(min_dims=3, max_dims=3, min_side=1, max_side=9)),
     spacing_mm=st.tuples(*[st.floats(0.3, 12.0)] * 3).map(np.array),
 )
-def test_the_map_selects_exactly_the_voxels_of_any_mask(mask: np.ndarray, spacing_mm: np.ndarray) -> None:
-    assert np.array_equal(selected(mask_map(mask, spacing_mm)), mask)
+def test_what_the_map_selects_of_any_mask_differs_from_it_by_no_more_than_a_voxel(
+    mask: np.ndarray, spacing_mm: np.ndarray
+) -> None:
+    shown = selected(mask_map(mask, spacing_mm))
+    cube = np.ones((3, 3, 3), dtype=bool)
+    for side, shown_side in ((mask, shown), (~mask, ~shown)):
+        assert not (side & ~shown_side & ~binary_dilation(side & shown_side, cube)).any()
+
+
+def rough_ball(seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """A ball, and the same with voxels that stand out from it and others that are missing, (40, 40, 40) bool both."""
+    rng = np.random.default_rng(seed)
+    smooth = np.linalg.norm(np.moveaxis(np.indices((40, 40, 40)), 0, -1) - 19.5, axis=-1) < 14.0
+    outer, inner = binary_dilation(smooth) & ~smooth, smooth & ~binary_erosion(smooth)
+    chance = rng.random(smooth.shape) < 0.06
+    return smooth, smooth ^ (chance & (outer | inner))
+
+
+def test_single_voxels_that_roughen_a_surface_are_evened_out() -> None:
+    smooth, rough = rough_ball()
+    before = (rough ^ smooth).sum()
+    after = selected(mask_map(rough, ISOTROPIC)) ^ smooth
+    assert before > 150
+    assert after.sum() < 0.35 * before
+    for axis in range(3):
+        silhouette, shown = rough.any(axis=axis), selected(mask_map(rough, ISOTROPIC)).any(axis=axis)
+        assert 2.0 * (silhouette & shown).sum() / (silhouette.sum() + shown.sum()) >= 0.97
+
+
+def test_what_stands_out_by_more_than_a_voxel_is_no_roughness() -> None:
+    _, rough = rough_ball()
+    branch, island = np.s_[33:39, 19, 19], np.s_[37, 37, 37]
+    rough[branch] = rough[island] = True
+    shown = selected(mask_map(rough, ISOTROPIC))
+    assert shown[branch].all()
+    assert shown[island]
+    # A channel through the middle.
+    rough[:, 10, 19] = False
+    assert not selected(mask_map(rough, ISOTROPIC))[10:30, 10, 19].any()
+
+
+def test_a_thick_slice_is_no_roughness() -> None:
+    mask = np.zeros((9, 30, 30), dtype=bool)
+    mask[2:6, 5:25, 5:25] = True
+    mask[6, 14, 14] = True
+    assert not selected(mask_map(mask, ISOTROPIC))[6].any()
+    assert selected(mask_map(mask, THICK))[6, 14, 14]
 
 
 THIN = {
