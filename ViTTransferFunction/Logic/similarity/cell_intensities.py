@@ -15,6 +15,7 @@ from ..core.volume import Volume
 from .connected_points import ConnectedPoints
 from .connectedness import Connectedness
 from .iso_value import edge_strength_at
+from .stable_components import StableComponents
 
 EDGE_STEP_CELLS = 1 / 3
 """Distance over which intensity differences count as an edge, in cells."""
@@ -37,6 +38,7 @@ class CellIntensities:
         connected: how annotated points are, by intensities.
         iso_cells: some cells, (N,), in order.
         edge_strength: of those, (N,) float32.
+        components: around annotated points, at those.
     """
 
     def __init__(self, volume: Volume, cells: Geometry) -> None:
@@ -53,6 +55,7 @@ class CellIntensities:
             steps_ras = EDGE_STEP_CELLS * cells.spacing_mm.min() * axes_ras
             self.edge_strength = edge_strength_at(self.cdf, self.centres_ras[self.iso_cells], steps_ras)
             self.connected = connected.result()
+        self.components = StableComponents(self.connected.cell_units(), cells, self.iso_cells)
 
     def are_of(self, cells: Geometry) -> bool:
         """Whether these are the cells."""

@@ -42,6 +42,10 @@ class ConnectedPoints:
         # It takes a walk through the volume, and few users ever place so many points.
         return self._make(1)
 
+    def cell_units(self) -> np.ndarray:
+        """See `Connectedness.cell_units`."""
+        return self._fine.cell_units()
+
     def update(self, points_ras: np.ndarray, between: Callable[[], None] = lambda: None) -> list[bytes]:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
 

@@ -67,7 +67,7 @@ class Connectedness:
         """
         (block,) = blocks_at(point_ras[None], self._cells, self._per_cell)
         k, j, i = block.tolist()
-        difference = self._difference((k, j, i))
+        difference = differences_from(self._blocks, (k, j, i))
         levels = np.full(self._cells.shape, len(TOLERANCES), dtype=np.uint8)
         flood = FloodFill(difference.shape, (k, j, i))
         for tolerance in TOLERANCES:
@@ -75,15 +75,27 @@ class Connectedness:
             levels -= flood.cells(self._per_cell)
         return levels.ravel()
 
-    def _difference(self, block: tuple[int, int, int]) -> np.ndarray:
-        """How far the intensities of all blocks (K, J, I) are from that of one of them, int16."""
-        around = self._blocks[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
-        known = around[around != _UNKNOWN]
-        difference: np.ndarray = self._blocks - np.int16(np.median(known) if known.size else 0)
-        np.abs(difference, out=difference)
-        # The clicked block belongs to itself, be it brighter than those around it.
-        difference[block] = 0
-        return difference
+    def cell_units(self) -> np.ndarray:
+        """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `differences_from` takes them."""
+        k, j, i = self._cells.shape
+        per_cell = self._per_cell
+        parts = self._blocks.reshape(k, per_cell, j, per_cell, i, per_cell)
+        known = parts != _UNKNOWN
+        count = known.sum(axis=(1, 3, 5))
+        total = np.where(known, parts, 0).sum(axis=(1, 3, 5))
+        units: np.ndarray = np.where(count > 0, np.rint(total / np.maximum(count, 1)), _UNKNOWN).astype(np.int16)
+        return units
+
+
+def differences_from(units: np.ndarray, block: tuple[int, int, int]) -> np.ndarray:
+    """How far the intensities of all blocks (K, J, I) int16 are from that around one of them, int16."""
+    around = units[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
+    known = around[around != _UNKNOWN]
+    difference: np.ndarray = units - np.int16(np.median(known) if known.size else 0)
+    np.abs(difference, out=difference)
+    # The clicked block belongs to itself, be it brighter than those around it.
+    difference[block] = 0
+    return difference
 
 
 def blocks_at(points_ras: np.ndarray, cells: Geometry, blocks_per_cell: int = 1) -> np.ndarray:

@@ -2,19 +2,22 @@
 
 A prior says how far a class should reach that was clicked n times, half of n / (n + κ): few points raise a map only around
 them. From that prior, the iso value is drawn to where the mean edge strength along the iso-surface is largest: the surface
-should run where the intensities have edges. A refined map has been sharpened at these edges, so that its iso value is drawn as
+should run where the intensities have edges; and, the fewer the points, the more to where it encloses what a stable component
+around them does (`stable_components`). A refined map has been sharpened at these edges, so that its iso value is drawn as
 well to where the enclosed volume changes least (maximally stable extremal regions: Matas et al., 2002).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from ..core.intensity_cdf import IntensityCdf
 from ..core.iso_proposals import LARGEST_ISO, SMALLEST_ISO, IsoProposals
+from .stable_components import TOLERANCES, stability
 
 POINTS_TO_HALF = 1.5
 """κ."""
@@ -38,6 +41,10 @@ STABILITY_SAMPLES = 2_000_000
 VALUES_AT_ONCE = 2**17
 """Of these, so many at once: a click does not have to wait for the others."""
 LOWEST_LEVEL = 0.01
+LEAST_AGREEMENT = 0.3
+"""A map and a component that agree no better tell nothing."""
+COMPONENT_WEIGHT, REFINED_COMPONENT_WEIGHT = 8.0, 12.0
+"""What full agreement counts beside the edges of a coarse map, and beside the stability of a refined one."""
 LARGEST_LOWERING = 0.3
 """Of a map at its points by refinement, as far as the prior follows it."""
 SMALLER, LARGER = 1.7, 0.3
@@ -76,7 +83,64 @@ def refined_prior(prior: float, coarse_at_positives: np.ndarray, at_positives: n
     return prior * float(np.sqrt(np.clip(lowered, LARGEST_LOWERING, 1.0)))
 
 
-def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_positives: np.ndarray, prior: float) -> float:
+class Levels:
+    """Values of a map at cells, sorted into logarithmic levels once for all that is asked of them.
+
+    Args:
+        similarity: (N,) values in [0, 1].
+
+    Attributes:
+        seen: indices of those above `LOWEST_LEVEL`.
+        bins: the levels of these, 0 to `_BINS` − 1.
+    """
+
+    def __init__(self, similarity: np.ndarray) -> None:
+        self.seen = np.flatnonzero(similarity > LOWEST_LEVEL)
+        self.bins = _bins(similarity[self.seen])
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """What lies around a class's points.
+
+    Attributes:
+        steps: (N,) uint8, components at the cells of a map (`StableComponents.of_class`).
+        positive_count: how many different positive points the class has.
+    """
+
+    steps: np.ndarray
+    positive_count: int
+
+
+def component_evidence(levels: Levels, components: Components) -> np.ndarray:
+    """How well what each candidate encloses agrees with a stable component of the class, (candidates,), from 0 up.
+
+    It is the Dice of the two times the component's stability, of the best component, as far as that exceeds `LEAST_AGREEMENT`;
+    and the less, the more points there are to tell more.
+
+    Args:
+        levels: of the map, at cells spread evenly over the volume.
+        components: at the same cells.
+    """
+    steps, tolerances = components.steps, len(TOLERANCES)
+    sizes = np.array([np.count_nonzero(steps <= tolerance) for tolerance in range(tolerances)])
+    joint = np.bincount(levels.bins * (tolerances + 1) + steps[levels.seen], minlength=_BINS * (tolerances + 1))
+    # How many cells each level encloses, of all and of each component.
+    enclosed = joint.reshape(_BINS, tolerances + 1)[::-1].cumsum(axis=0)[::-1].cumsum(axis=1)
+    overlap = 2.0 * enclosed[:, :-1] / (enclosed[:, -1:] + sizes + 1e-9)
+    agreement = (overlap * stability(sizes, len(steps))).max(axis=1)
+    evidence: np.ndarray = np.interp(np.log(CANDIDATES), np.log(_LEVELS), np.maximum(agreement - LEAST_AGREEMENT, 0.0))
+    evidence /= np.sqrt(components.positive_count)
+    return evidence
+
+
+def choose_iso_by_edges(
+    similarity: np.ndarray,
+    edge_strength: np.ndarray,
+    at_positives: np.ndarray,
+    prior: float,
+    components: Components | None = None,
+) -> float:
     """The iso value whose surface runs along the strongest edges, not far from the prior.
 
     It stays below the map's value at most positive points, so that what was clicked is selected.
@@ -86,12 +150,16 @@ def choose_iso_by_edges(similarity: np.ndarray, edge_strength: np.ndarray, at_po
         edge_strength: (N,) edge strength at the same places; see `edge_strength_at`.
         at_positives: (P,) values of the map at the class's positive points, P ≥ 1.
         prior: from `prior_iso`.
+        components: around the class's points, at the same places; None: they are not looked at.
 
     Returns:
         A value in (0, 1).
     """
-    strength = _strength_along_surfaces(similarity, edge_strength)
-    return _near_prior(strength - PRIOR_WEIGHT * np.log(CANDIDATES / prior) ** 2, SOFTNESS, at_positives)
+    levels = Levels(similarity)
+    gain = _strength_along_surfaces(levels, edge_strength) - PRIOR_WEIGHT * np.log(CANDIDATES / prior) ** 2
+    if components is not None:
+        gain += COMPONENT_WEIGHT * component_evidence(levels, components)
+    return _near_prior(gain, SOFTNESS, at_positives)
 
 
 def choose_refined_iso(
@@ -100,6 +168,7 @@ def choose_refined_iso(
     edge_strength: np.ndarray,
     at_positives: np.ndarray,
     prior: float,
+    components: Components | None = None,
     between: Callable[[], None] = lambda: None,
 ) -> float:
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
@@ -109,14 +178,18 @@ def choose_refined_iso(
         similarity: as for `choose_iso_by_edges`, of the refined map.
         edge_strength: at the same places.
         at_positives: (P,) values of the refined map at the class's positive points, P ≥ 1.
-        prior: from `prior_iso`.
+        prior: from `refined_prior`.
+        components: as for `choose_iso_by_edges`.
         between: called between short steps; may raise `Cancelled`.
 
     Returns:
         A value in (0, 1).
     """
-    edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(similarity, edge_strength)
+    levels = Levels(similarity)
+    edges = REFINED_EDGE_WEIGHT * _strength_along_surfaces(levels, edge_strength)
     gain = edges - _log_instability(voxels, between) - np.log(CANDIDATES / prior) ** 2
+    if components is not None:
+        gain += REFINED_COMPONENT_WEIGHT * component_evidence(levels, components)
     return _near_prior(gain, REFINED_SOFTNESS, at_positives)
 
 
@@ -131,14 +204,13 @@ def proposals_around(iso: float, at_positives: np.ndarray) -> IsoProposals:
     return IsoProposals(max(min(SMALLER * iso, highest), LEAST_STEP * iso), iso, LARGER * iso)
 
 
-def _strength_along_surfaces(similarity: np.ndarray, edge_strength: np.ndarray) -> np.ndarray:
+def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.ndarray:
     """Mean edge strength near the iso-surface of each candidate, (candidates,)."""
-    seen = similarity > LOWEST_LEVEL
     # A histogram over log levels: the edge strength at every level costs one pass over the map.
-    bins = _bins(similarity[seen])
     near = _near(SURFACE_WIDTH)
-    total = near @ np.bincount(bins, edge_strength[seen], _BINS)
-    return total / (near @ np.bincount(bins, minlength=_BINS) + 1e-9)
+    total = near @ np.bincount(levels.bins, edge_strength[levels.seen], _BINS)
+    mean: np.ndarray = total / (near @ np.bincount(levels.bins, minlength=_BINS) + 1e-9)
+    return mean
 
 
 def _log_instability(values: np.ndarray, between: Callable[[], None]) -> np.ndarray:

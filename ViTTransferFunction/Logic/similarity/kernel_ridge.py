@@ -37,6 +37,7 @@ from .connected_points import between_points, point_factors, shares
 from .connectedness import blocks_at
 from .iso_value import (
     STABILITY_SAMPLES,
+    Components,
     choose_iso_by_edges,
     choose_refined_iso,
     prior_iso,
@@ -101,6 +102,7 @@ class KernelRidge:
         annotated = _annotated(requests)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
         keys = self._connected.update(annotated.points_ras, between)
+        self._intensities.components.update(requests, between)
         joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
         share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
         point_weights, background_weights = self._weights(annotated.targets, points, keys, joined, share)
@@ -143,7 +145,8 @@ class KernelRidge:
         request = requests[index]
         at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
         similarity = similarity.ravel()[self._intensities.iso_cells]
-        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, _prior(request))
+        components = self._components(requests, index)
+        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, _prior(request), components)
         return proposals_around(iso, at_positives)
 
     def refined_iso(
@@ -161,9 +164,13 @@ class KernelRidge:
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
         edge_strength = self._intensities.edge_strength
+        components = self._components(requests, index)
         spread = similarity.spread(STABILITY_SAMPLES)
-        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, between)
+        iso = choose_refined_iso(spread, at_cells, edge_strength, at_positives, prior, components, between)
         return proposals_around(iso, at_positives)
+
+    def _components(self, requests: Sequence[ClassRequest], index: int) -> Components:
+        return Components(self._intensities.components.of_class(requests, index), _different_positives(requests[index]))
 
     @cached_property
     def _iso_cells_in_volume(self) -> FixedPlaces:
@@ -221,7 +228,11 @@ class _Places:
 
 def _prior(request: ClassRequest) -> float:
     """The iso value of a class by the number of its different positive points."""
-    return prior_iso(len(np.unique(request.positive, axis=0)))
+    return prior_iso(_different_positives(request))
+
+
+def _different_positives(request: ClassRequest) -> int:
+    return len(np.unique(request.positive, axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -70,6 +70,26 @@ def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidg
     assert (found[background] > iso).mean() < 0.05
 
 
+def test_one_click_in_a_large_structure_within_walls_takes_much_of_it_where_the_map_fades_long_before() -> None:
+    cells = (16, 16, 16)
+    inside = np.zeros(cells, dtype=bool)
+    inside[2:14, 2:14, 2:14] = True
+    angle = np.broadcast_to(np.linspace(0.0, 2.2, cells[2]), cells)
+    generator = np.random.default_rng(0)
+    # Its features turn from one side to the other, as an organ's do.
+    features = np.stack([inside * np.cos(angle), inside * np.sin(angle), ~inside], axis=-1)
+    features = features + 0.15 * generator.normal(size=features.shape)
+    voxels = np.kron(np.where(inside, 100.0, 0.0), np.ones((2, 2, 2)))
+    volume = Volume(voxels + generator.normal(0, 3, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+    geometry = volume.geometry.resized(cells)
+    rule = KernelRidge(normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
+    clicked = [a_class("a", at_cell(8, 8, 8))]
+    (found,) = rule.maps(clicked)
+    iso = rule.iso(found, clicked, 0).chosen
+    assert (found[inside] > iso).mean() > 0.4 > 2.0 * (found[inside] > prior_iso(1)).mean()
+    assert not (found[~inside] > iso).any()
+
+
 def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(similarity: KernelRidge) -> None:
     (found,) = similarity.maps([a_class("a", IN_LEFT)])
     assert found[LEFT].mean() > 1.2 * found[RIGHT].mean()
