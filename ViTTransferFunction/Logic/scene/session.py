@@ -301,7 +301,8 @@ class SceneSession:
         self._take_problem()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
-        elif self.views.pending:
+        elif self.views.pending and not self.awaits_maps:
+            # What is left to show of maps that give way to others would keep these waiting.
             self.views.advance()
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False

@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.masks import dice
@@ -107,6 +108,28 @@ def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tu
     assert session.chosen_iso(id_) == pytest.approx(0.4)
     session.annotations.undo()
     assert session.classes[0].iso is None
+
+
+@pytest.mark.slow
+def test_what_is_left_to_show_of_older_maps_does_not_keep_an_answer_waiting(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    awaiting = []
+    advance = SessionViews.advance
+
+    def watched(views: SessionViews) -> None:
+        awaiting.append(session.awaits_maps)
+        advance(views)
+
+    monkeypatch.setattr(SessionViews, "advance", watched)
+    (id_, *_) = annotate(session, spheres)
+    while session.awaits_maps:
+        session.poll()
+    assert session.views.pending
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + 1.0, positive=True)
+    session.wait()
+    assert awaiting
+    assert not any(awaiting)
 
 
 @pytest.mark.slow
