@@ -123,10 +123,11 @@ def test_what_is_left_to_show_of_older_maps_does_not_keep_an_answer_waiting(
 
     monkeypatch.setattr(SessionViews, "advance", watched)
     (id_, *_) = annotate(session, spheres)
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + 1.0, positive=True)
     while session.awaits_maps:
         session.poll()
     assert session.views.pending
-    session.annotations.add_points(id_, centre_ras(spheres, 1) + 1.0, positive=True)
+    session.annotations.add_points(id_, centre_ras(spheres, 1) - 1.0, positive=True)
     session.wait()
     assert awaiting
     assert not any(awaiting)
