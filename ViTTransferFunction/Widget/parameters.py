@@ -34,7 +34,7 @@ class PanelParameters:
     renderingSolo: bool = _DEFAULTS["renderingSolo"]  # noqa: N815
     contextStrength: Annotated[float, WithinRange(*RANGES["contextStrength"])] = _DEFAULTS["contextStrength"]  # noqa: N815
     contextCutAway: bool = _DEFAULTS["contextCutAway"]  # noqa: N815
-    renderingCut: bool = _DEFAULTS["renderingCut"]  # noqa: N815
+    renderingCut: Annotated[str, Choice(list(_CHOICES["renderingCut"]))] = _DEFAULTS["renderingCut"]  # noqa: N815
 
 
 class BoundParameters:

@@ -217,7 +217,8 @@ void vittf_wall(vec3 place, int structure, bool cut)
   // As of a wall of some thickness; of glass, what faces the viewer is clear.
   opacity = 1.0 - pow(max(1.0 - opacity, 0.0), 1.0 / max(facing, 0.25));
   opacity *= mix(1.0, cut ? 1.0 : 0.12 + 0.88 * pow(1.0 - facing, 1.5), style.y);
-  float light = texture3D(in_volume[0], place).g;
+  // What is cut away no longer takes light from the face of the cut.
+  float light = cut ? 1.0 : texture3D(in_volume[0], place).g;
   vec3 color = vittf_toned(look.rgb, cut ? max(style.z, 0.6) : style.z, level);
   vittf_compose(vittf_lit(color, normal) * light, opacity);
 }

@@ -10,7 +10,7 @@ from ..refinement.refinement import REFINEMENT_METHODS
 from ..session.presets import PRESETS
 from ..weights.models import PRETRAINED_MODELS
 from ..weights.sources import offered_models
-from .parameters import RENDERINGS, SceneParameters
+from .parameters import CUTS, RENDERINGS, SceneParameters
 from .translation import tr as _
 from .wording import choice_words
 
@@ -32,6 +32,7 @@ def choices() -> dict[str, dict[str, str]]:
         "device": DEVICE_NAMES,
         "refinement": REFINEMENT_METHODS,
         "rendering": RENDERINGS,
+        "renderingCut": CUTS,
     }
     return {name: {value: words.get(value, value) for value in of_one} for name, of_one in values.items()}
 

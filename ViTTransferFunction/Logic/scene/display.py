@@ -47,7 +47,7 @@ class SceneDisplay:
         self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
         self._rendered: StructureVolume | None = None
         self._look: tuple[tuple[Appearance, ...], Surroundings] = (), Surroundings()
-        self._box: slicer.vtkMRMLMarkupsROINode | None = None
+        self._cut: Any = None
         self._filling: tuple[StructureVolume, SteppedWork[vtkImageData]] | None = None
 
     def show_maps(
@@ -80,7 +80,7 @@ class SceneDisplay:
         rendering: StructureVolume | None,
         looks: Sequence[Appearance] = (),
         surroundings: Surroundings | None = None,
-        box: slicer.vtkMRMLMarkupsROINode | None = None,
+        cut: Any = None,
     ) -> None:
         """Show structures in the 3D views, at once if they are few voxels, else by `advance`; None: nothing.
 
@@ -91,7 +91,7 @@ class SceneDisplay:
             rendering: the structures.
             looks: how they look, in the order of their numbers.
             surroundings: how what belongs to none looks; None: it is not shown.
-            box: what lies outside is cut away; None: nothing is.
+            cut: see `ClassRendering.cut`.
         """
         if rendering is None:
             self._rendered = self._filling = None
@@ -101,8 +101,8 @@ class SceneDisplay:
         look = tuple(looks), surroundings or Surroundings()
         if self._rendered is rendering and look != self._look:
             self._rendering.change(rendering.uniforms(*look))
-        self._look, self._box = look, box
-        self._rendering.cut(box)
+        self._look, self._cut = look, cut
+        self._rendering.cut(cut)
         if self._rendered is not rendering and (self._filling is None or self._filling[0] is not rendering):
             self._filling = rendering, SteppedWork(bytes_image(rendering.voxels))
             self._fill()
@@ -151,7 +151,7 @@ class SceneDisplay:
             self._rendered, self._filling = rendering, None
             structures, uniforms = len(rendering.own_levels), rendering.uniforms(*self._look)
             self._rendering.show(self._volume, work.result, structures, uniforms, rendering.geometry.ijk_to_ras)
-            self._rendering.cut(self._box)
+            self._rendering.cut(self._cut)
 
     def _lacks_outline(self, of_class: ShownMap) -> bool:
         outlined = self._outlined.get(of_class.class_id)

@@ -17,6 +17,7 @@ from ..session.presets import DEFAULT_PRESET, PRESETS
 from ..session.settings import SessionSettings
 
 RENDERINGS: tuple[str, ...] = ("off", *get_args(RenderingMode))
+CUTS = ("off", "box", "plane")
 
 
 class SceneParameters:
@@ -44,7 +45,7 @@ class SceneParameters:
         context: what 3D views show around the structures ("off", or one of `SessionViews.context_names`).
         contextStrength: how dense that is, in [0, 1].
         contextCutAway: whether it gives way where it would hide a structure.
-        renderingCut: whether 3D views show only what lies in a box, `rendering_box`.
+        renderingCut: what 3D views are cut by ("off", "box" or "plane": `rendering_box`, `rendering_plane`).
         selectedClass: id of the class that is annotated.
     """
 
@@ -69,7 +70,7 @@ class SceneParameters:
         "context": "off",
         "contextStrength": 0.5,
         "contextCutAway": False,
-        "renderingCut": False,
+        "renderingCut": "off",
         "selectedClass": "",
     }
 
@@ -127,8 +128,13 @@ class SceneParameters:
         """The vtkMRMLMarkupsROINode that 3D views are cut to; None where there is none yet."""
         return self.node.GetNodeReference("renderingBox")
 
+    @property
+    def rendering_plane(self) -> Any:
+        """The vtkMRMLMarkupsPlaneNode that 3D views are cut by; None where there is none yet."""
+        return self.node.GetNodeReference("renderingPlane")
+
     def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
-        """Refer to a node as "volume", "segmentation" or "renderingBox"."""
+        """Refer to a node as "volume", "segmentation", "renderingBox" or "renderingPlane"."""
         self.node.SetNodeReferenceID(name, node.GetID() if node else None)
 
     def session_settings(self) -> SessionSettings:

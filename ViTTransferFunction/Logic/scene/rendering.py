@@ -22,6 +22,7 @@ VOLUME_NAME = "Structure rendering"
 DISPLAY_NAME = "Structure rendering display"
 PROPERTY_NAME = "Structure rendering property"
 SHADER_NAME = "Structure rendering shader"
+CLIP_NAME = "Structure rendering clipping"
 DISPLAY_CLASS = "vtkMRMLGPURayCastVolumeRenderingDisplayNode"
 
 
@@ -107,12 +108,37 @@ class ClassRendering:
             # The views follow their nodes, and are drawn again.
             display.Modified()
 
-    def cut(self, box: Any) -> None:
-        """Show only what lies in a vtkMRMLMarkupsROINode, whose handles are then in the views; None: all."""
+    def cut(self, by: Any) -> None:
+        """Show only what lies in a vtkMRMLMarkupsROINode, or behind a vtkMRMLMarkupsPlaneNode; None: all.
+
+        Raises:
+            InputError: this Slicer cuts renderings by no planes.
+        """
         display = self._nodes.find(DISPLAY_NAME)
-        if display is not None and (display.GetROINode(), bool(display.GetCroppingEnabled())) != (box, box is not None):
+        if display is None:
+            return
+        plane = by if by is not None and by.IsA("vtkMRMLMarkupsPlaneNode") else None
+        box = by if plane is None else None
+        if (display.GetROINode(), bool(display.GetCroppingEnabled())) != (box, box is not None):
             display.SetAndObserveROINodeID(box.GetID() if box is not None else None)
             display.SetCroppingEnabled(box is not None)
+        if _can_be_cut_by_planes(display):
+            self._cut_behind(display, plane)
+        elif plane is not None:
+            raise InputError("This Slicer cuts 3D renderings by boxes only. Choose the box, or update Slicer.")
+
+    def _cut_behind(self, display: Any, plane: Any) -> None:
+        clip = self._nodes.find(CLIP_NAME)
+        if plane is not None and clip is None:
+            clip = self._nodes.add("vtkMRMLClipNode", CLIP_NAME)
+            # A union of planes is cut by the renderer itself; an intersection through a copy of the volume.
+            clip.SetClipType(clip.ClipUnion)
+        if plane is not None and clip.GetClippingNode() is not plane:
+            clip.SetAndObserveClippingNodeID(plane.GetID())
+            clip.SetClippingNodeState(plane, clip.ClipNegativeSpace)
+        if (display.GetClipNode(), bool(display.GetClipping())) != (clip, plane is not None):
+            display.SetAndObserveClipNodeID(clip.GetID() if clip is not None else None)
+            display.SetClipping(plane is not None)
 
     def export(self, name: str) -> Any:
         """Leave what is shown to the scene: it is saved, and shown alike by a Slicer without this extension.
@@ -164,3 +190,8 @@ class ClassRendering:
         node = self._nodes.add("vtkMRMLVolumePropertyNode", PROPERTY_NAME)
         set_material(node.GetVolumeProperty())
         return node
+
+
+def _can_be_cut_by_planes(display: Any) -> bool:
+    """Older versions of Slicer cut models by planes, but no volume renderings."""
+    return hasattr(display, "SetClipping")

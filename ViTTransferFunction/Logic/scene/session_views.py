@@ -27,7 +27,7 @@ from .display import SceneDisplay
 from .parameters import SceneParameters
 from .problems import Problems
 from .proposal_outlines import Proposals
-from .rendering_box import shown_box
+from .rendering_cut import shown_cut
 from .volume import matrix_to_world
 
 
@@ -137,9 +137,9 @@ class SessionViews:
             self._parameters.get("overlayOpacity"),
         )
         self._display.show_proposals(volume, self._other_proposals(selected, requests))
-        box = shown_box(self._scene, self._parameters, volume)
+        cut = shown_cut(self._scene, self._parameters, volume)
         looks = [self.look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
-        self._try_to(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), box))
+        self._try_to(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), cut))
 
     def advance(self) -> None:
         """Go on with what is still to be shown: some hundredths of a second of work."""

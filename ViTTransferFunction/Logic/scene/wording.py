@@ -76,6 +76,8 @@ def choice_words() -> dict[str, str]:
         "off": _("Off"),
         "similarity": _("Similarity"),
         "transfer function": _("Transfer function"),
+        "box": _("To a box"),
+        "plane": _("By a plane"),
     }
 
 

@@ -23,6 +23,7 @@ from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
+from ViTTransferFunction.Logic.scene import rendering as rendering_module
 from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image, vtk_matrix
@@ -339,15 +340,59 @@ def test_a_box_cuts_and_the_cut_is_closed(stage: Stage) -> None:
     stage.rendering.cut(box)
     cut = stage.picture()
     seen = [stage.mean(cut, point).max() > 40 for point in (left, right)]
-    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0) if seen[1] else (-1.0, 0.0, 0.0))
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0))
     face = stage.mean(stage.picture(), MIDDLE)
     stage.rendering.cut(None)
     look_from(stage.view, MIDDLE, DISTANCE_MM)
     whole = stage.picture()
-    assert sorted(seen) == [False, True]
+    assert seen == [True, False]
     assert hue(face) == pytest.approx([1, 0, 0], abs=0.1)
     assert face.max() > 120
     assert all(stage.mean(whole, point).max() > 40 for point in (left, right))
+
+
+def test_a_plane_cuts_away_what_lies_before_it_and_moves_with_its_node(stage: Stage) -> None:
+    stage.show([one_ball(8.0)], [RED])
+    middle = GRID.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
+    plane = stage.scene.AddNewNodeByClass("vtkMRMLMarkupsPlaneNode")
+    plane.CreateDefaultDisplayNodes()
+    plane.GetDisplayNode().SetVisibility(False)
+    plane.SetOrigin(middle.tolist())
+    plane.SetNormal([1.0, 0.0, 0.0])
+    sides = [middle + np.array([x, 0.0, 0.0]) for x in (-9.0, 9.0)]
+
+    def seen() -> list[bool]:
+        picture = stage.picture()
+        return [bool(stage.mean(picture, side).max() > 40) for side in sides]
+
+    before = seen()
+    stage.rendering.cut(plane)
+    cut = seen()
+    look_from(stage.view, MIDDLE, DISTANCE_MM, direction=(1.0, 0.0, 0.0))
+    face = stage.mean(stage.picture(), MIDDLE)
+    look_from(stage.view, MIDDLE, DISTANCE_MM)
+    plane.SetNormal([-1.0, 0.0, 0.0])
+    turned = seen()
+    plane.SetOrigin((middle - np.array([100.0, 0.0, 0.0])).tolist())
+    moved = seen()
+    stage.rendering.cut(None)
+    assert before == [True, True]
+    assert cut == [True, False]
+    assert hue(face) == pytest.approx([1, 0, 0], abs=0.1)
+    assert face.max() > 120
+    assert turned == [False, True]
+    assert moved == [True, True]
+    assert seen() == [True, True]
+
+
+def test_a_slicer_that_cuts_by_no_planes_says_so_and_still_cuts_to_a_box(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rendering_module, "_can_be_cut_by_planes", lambda display: False)
+    stage.show([one_ball(8.0)], [RED])
+    plane, box = (stage.scene.AddNewNodeByClass(f"vtkMRMLMarkups{kind}Node") for kind in ("Plane", "ROI"))
+    with pytest.raises(InputError, match="boxes only"):
+        stage.rendering.cut(plane)
+    stage.rendering.cut(box)
+    assert displayed_volume(stage).GetMapper().GetClippingPlanes().GetNumberOfItems() == 6
 
 
 def displayed_volume(stage: Stage) -> Any:

@@ -19,7 +19,7 @@ Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 def test_the_panels_settings_reach_the_session_and_come_back(opened: Callable[[Journey], None]) -> None:
     settings = {
         "preset": "fine", "model": "dino_vits8", "grid": 48, "device": "cpu", "refinement": "guided",
-        "onlyAnnotatedParts": False, "proposalsVisible": False, "respectOtherSegments": False, "renderingCut": True,
+        "onlyAnnotatedParts": False, "proposalsVisible": False, "respectOtherSegments": False, "renderingCut": "plane",
     }  # fmt: skip
 
     async def journey(app: WebApp) -> None:

@@ -36,7 +36,7 @@ def test_words_and_ranges_are_those_of_the_panels_form() -> None:
     assert grid["range"] == {"max": LARGEST_GRID, "step": 8.0}
     assert grid["about"]["aria-label"] == "Grid"
     assert grid["about"]["title"].startswith("How fine the features are")
-    assert panel_form()["renderingCutCheckBox"]["text"] == "Cut to a box"
+    assert panel_form()["renderingSoloCheckBox"]["text"] == "Selected structure alone"
 
 
 def themes() -> dict[str, dict[str, str]]:

@@ -1,0 +1,69 @@
+"""What 3D renderings are cut by: a box or a plane of the scene, ordinary markups, which the user moves in the views."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import slicer
+
+from .parameters import SceneParameters
+
+BOX_NAME, PLANE_NAME = "Rendering box", "Rendering plane"
+PLANE_OPACITY = 0.15
+
+
+def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: slicer.vtkMRMLScalarVolumeNode) -> Any:
+    """The vtkMRMLMarkupsROINode or vtkMRMLMarkupsPlaneNode that renderings are cut by; None where they are not.
+
+    It is made when it is first wanted, and again where the user has deleted it. What is not wanted is not in the views either.
+    """
+    cut = parameters.get("renderingCut")
+    nodes = {"box": parameters.rendering_box, "plane": parameters.rendering_plane}
+    if cut == "box" and nodes["box"] is None:
+        nodes["box"] = _added_box(scene, volume)
+        parameters.set_reference("renderingBox", nodes["box"])
+    if cut == "plane" and nodes["plane"] is None:
+        nodes["plane"] = _added_plane(scene, volume)
+        parameters.set_reference("renderingPlane", nodes["plane"])
+    for name, node in nodes.items():
+        if node is not None and bool(node.GetDisplayNode().GetVisibility()) != (name == cut):
+            node.GetDisplayNode().SetVisibility(name == cut)
+    return nodes.get(cut)
+
+
+def _added_box(scene: slicer.vtkMRMLScene, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLMarkupsROINode:
+    middle, radii = _middle_and_radii(volume)
+    box = _added(scene, "vtkMRMLMarkupsROINode", BOX_NAME)
+    # The picture is what is looked at, not the box.
+    box.GetDisplayNode().SetFillVisibility(False)
+    box.SetXYZ(middle)
+    box.SetRadiusXYZ(radii)
+    return box
+
+
+def _added_plane(scene: slicer.vtkMRMLScene, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLMarkupsPlaneNode:
+    """Through the volume's middle, and facing forwards, from where views look first: what lies behind it is kept."""
+    middle, (right, _, up) = _middle_and_radii(volume)
+    plane = _added(scene, "vtkMRMLMarkupsPlaneNode", PLANE_NAME)
+    plane.SetOrigin(middle)
+    plane.SetNormal([0.0, 1.0, 0.0])
+    plane.SetSize(2.0 * right, 2.0 * up)
+    display = plane.GetDisplayNode()
+    display.SetOpacity(PLANE_OPACITY)
+    display.SetHandlesInteractive(True)
+    return plane
+
+
+def _added(scene: slicer.vtkMRMLScene, class_name: str, name: str) -> Any:
+    node = scene.AddNewNodeByClass(class_name, name)
+    node.CreateDefaultDisplayNodes()
+    node.GetDisplayNode().SetPropertiesLabelVisibility(False)
+    return node
+
+
+def _middle_and_radii(volume: slicer.vtkMRMLScalarVolumeNode) -> tuple[list[float], list[float]]:
+    """Of the box along the scene's axes that a volume fills, RAS millimetres."""
+    bounds = [0.0] * 6
+    volume.GetRASBounds(bounds)
+    ends = list(zip(bounds[::2], bounds[1::2], strict=True))
+    return [(low + high) / 2 for low, high in ends], [(high - low) / 2 for low, high in ends]
