@@ -9,7 +9,6 @@ import slicer
 from .parameters import SceneParameters
 
 BOX_NAME, PLANE_NAME = "Rendering box", "Rendering plane"
-PLANE_OPACITY = 0.15
 
 
 def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: slicer.vtkMRMLScalarVolumeNode) -> Any:
@@ -34,8 +33,6 @@ def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: s
 def _added_box(scene: slicer.vtkMRMLScene, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLMarkupsROINode:
     middle, radii = _middle_and_radii(volume)
     box = _added(scene, "vtkMRMLMarkupsROINode", BOX_NAME)
-    # The picture is what is looked at, not the box.
-    box.GetDisplayNode().SetFillVisibility(False)
     box.SetXYZ(middle)
     box.SetRadiusXYZ(radii)
     return box
@@ -49,14 +46,21 @@ def _added_plane(scene: slicer.vtkMRMLScene, volume: slicer.vtkMRMLScalarVolumeN
     plane.SetNormal([0.0, 1.0, 0.0])
     plane.SetSize(2.0 * right, 2.0 * up)
     display = plane.GetDisplayNode()
-    display.SetOpacity(PLANE_OPACITY)
     display.SetHandlesInteractive(True)
+    # It is moved along its normal and tilted: all else leaves the cut as it is, and handles are in the way.
+    display.SetScaleHandleVisibility(False)
+    display.SetTranslationHandleVisibility(True)
+    display.SetTranslationHandleComponentVisibility([False, False, True, False])
+    display.SetRotationHandleVisibility(True)
+    display.SetRotationHandleComponentVisibility([True, True, False, False])
     return plane
 
 
 def _added(scene: slicer.vtkMRMLScene, class_name: str, name: str) -> Any:
     node = scene.AddNewNodeByClass(class_name, name)
     node.CreateDefaultDisplayNodes()
+    # The picture is what is looked at, not what cuts it.
+    node.GetDisplayNode().SetFillVisibility(False)
     node.GetDisplayNode().SetPropertiesLabelVisibility(False)
     return node
 
