@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import colorsys
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
 from ViTTransferFunction.CommandLine import offscreen_window
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
 from ViTTransferFunction.CommandLine.rendering_picture import Rendering, render_3d
+from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
@@ -203,6 +208,24 @@ def test_the_picture_shows_all_of_a_mask_and_nothing_else(opengl: None, spacing_
     x, _, z = np.moveaxis(geometry.voxel_centres_ras().reshape(*geometry.shape, 3) - CENTRE, -1, 0)
     spikes = _silhouette(geometry, mask, 300, mask & (np.maximum(abs(x) / 24.0, abs(z) / 30.0) > 1.1))
     assert (shown & spikes).sum() > 0.7 * spikes.sum()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scan", "label"),
+    [("torso_small_labels.nii.gz", 5), ("amos_0336_labels.nii.gz", 6), ("brain_labels.nii.gz", 46)],
+    ids=["liver of the torso", "liver of amos_0336", "cerebellum"],
+)
+def test_the_picture_of_an_organ_agrees_with_its_segment(
+    opengl: None, real_volume: Callable[[str], Path], scan: str, label: int
+) -> None:
+    labels = read_volume(real_volume(scan))
+    box = bounding_box(labels.array == label, margin=3)
+    assert box is not None
+    geometry, mask = labels.geometry.part(box), labels.array[box] == label
+    shown = pixels_of(render_3d(dark_volume(geometry), [PictureSegment("any", RED, 1.0, mask)], height=300)[:300], RED)
+    expected = _silhouette(geometry, mask, 300, mask & ~binary_erosion(mask))
+    assert 2.0 * (shown & expected).sum() / (shown.sum() + expected.sum()) >= 0.97
 
 
 def test_missing_opengl_is_an_input_error(monkeypatch: pytest.MonkeyPatch, aligned: Geometry) -> None:
