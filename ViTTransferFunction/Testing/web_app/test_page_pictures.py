@@ -90,7 +90,7 @@ def test_a_camera_is_relative_to_the_structures_and_found_again(
         async with browser_of(app) as browser:
             assert (await status_and_body(browser, "/download/camera?width=64&height=48"))[0] == 500
             assert "Place a point on a structure first" in state.message
-            monkeypatch.setattr(app.session, "middle_ras", lambda: middle_ras)
+            monkeypatch.setattr(app.session.views, "middle_ras", lambda: middle_ras)
             camera.SetPosition(12.0, 114.0, 16.0)
             camera.SetFocalPoint(*middle_ras)
             camera.SetViewUp(0.0, 0.0, 1.0)
@@ -110,7 +110,7 @@ def test_a_file_that_is_no_camera_is_refused_without_names_of_this_computer(
     with_ball: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, text: str
 ) -> None:
     async def journey(app: WebApp) -> None:
-        monkeypatch.setattr(app.session, "middle_ras", lambda: np.zeros(3))
+        monkeypatch.setattr(app.session.views, "middle_ras", lambda: np.zeros(3))
         before = app.views.view_3d.renderer().GetActiveCamera().GetPosition()
         app.actions("loadCamera", text)
         assert "The file" in app.server.state.message
