@@ -143,9 +143,10 @@ def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
     total = sum(_as_single(block).sum(axis=0, dtype=np.float64) for block in blocks)
     mean = np.asarray(total / len(cells))
+    middle = mean.astype(np.float32)
     covariance = np.zeros((len(mean), len(mean)))
     for block in blocks:
-        centred = torch.from_numpy(_as_single(block) - mean.astype(np.float32))
+        centred = torch.from_numpy(_as_single(block) - middle)
         covariance += (centred.T @ centred).numpy()
     return mean, covariance / len(cells)
 

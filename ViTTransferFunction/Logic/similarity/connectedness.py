@@ -66,17 +66,10 @@ class Connectedness:
             (cells,) uint8.
         """
         (block,) = blocks_at(point_ras[None], self._cells, self._per_cell)
-        k, j, i = block.tolist()
-        difference = differences_from(self._blocks, (k, j, i))
-        levels = np.full(self._cells.shape, len(TOLERANCES), dtype=np.uint8)
-        flood = FloodFill(difference.shape, (k, j, i))
-        for tolerance in TOLERANCES:
-            flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
-            levels -= flood.cells(self._per_cell)
-        return levels.ravel()
+        return tolerances_too_small(self._blocks, block, TOLERANCES, self._per_cell).ravel()
 
     def cell_units(self) -> np.ndarray:
-        """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `differences_from` takes them."""
+        """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `tolerances_too_small` takes them."""
         k, j, i = self._cells.shape
         per_cell = self._per_cell
         parts = self._blocks.reshape(k, per_cell, j, per_cell, i, per_cell)
@@ -87,7 +80,27 @@ class Connectedness:
         return units
 
 
-def differences_from(units: np.ndarray, block: tuple[int, int, int]) -> np.ndarray:
+def tolerances_too_small(units: np.ndarray, block: np.ndarray, tolerances: np.ndarray, blocks_per_cell: int = 1) -> np.ndarray:
+    """How many tolerances are too small to join each cell to a block by intensities, (K, J, I) of the cells uint8.
+
+    Args:
+        units: intensities of all blocks (K, J, I), int16, in `UNITS_PER_WINDOW`.
+        block: which block, (3,) its index along K, J, I.
+        tolerances: from small to large, in widths of the window.
+        blocks_per_cell: along each axis; a cell is joined where one of its blocks is.
+    """
+    k, j, i = block.tolist()
+    difference = _differences_from(units, (k, j, i))
+    flood = FloodFill(difference.shape, (k, j, i))
+    shape = [count // blocks_per_cell for count in units.shape]
+    too_small = np.full(shape, len(tolerances), dtype=np.uint8)
+    for tolerance in tolerances:
+        flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
+        too_small -= flood.cells(blocks_per_cell)
+    return too_small
+
+
+def _differences_from(units: np.ndarray, block: tuple[int, int, int]) -> np.ndarray:
     """How far the intensities of all blocks (K, J, I) int16 are from that around one of them, int16."""
     around = units[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
     known = around[around != _UNKNOWN]

@@ -18,8 +18,7 @@ import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
-from .connectedness import UNITS_PER_WINDOW, blocks_at, differences_from
-from .flood_fill import FloodFill
+from .connectedness import blocks_at, tolerances_too_small
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)
 """In widths of the display window."""
@@ -87,14 +86,7 @@ class StableComponents:
 
     def _around(self, point_ras: np.ndarray) -> np.ndarray:
         (cell,) = blocks_at(point_ras[None], self._cells)
-        k, j, i = cell.tolist()
-        difference = differences_from(self._units, (k, j, i))
-        steps = np.full(difference.shape, len(TOLERANCES), dtype=np.uint8)
-        flood = FloodFill(difference.shape, (k, j, i))
-        for tolerance in TOLERANCES:
-            flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
-            steps -= flood.cells(1)
-        at_cells: np.ndarray = steps.ravel()[self._some]
+        at_cells: np.ndarray = tolerances_too_small(self._units, cell, TOLERANCES).ravel()[self._some]
         return at_cells
 
 
