@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
+from ..core.close_up import CloseUp
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
 from ..rendering.structure_volume import StructureVolume
@@ -42,6 +43,7 @@ _TYPES: dict[str, type] = {
         requests.Refinement,
         ClassMap,
         ClassRequest,
+        CloseUp,
         FeatureEstimate,
         Geometry,
         IsoProposals,

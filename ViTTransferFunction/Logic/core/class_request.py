@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .close_up import CloseUp
 from .errors import InputError, shown
 from .geometry import Geometry
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
@@ -36,6 +37,7 @@ class ClassRequest:
             (`IsoProposals`). Nothing where there is an `iso`.
         proximity: p̃ of the paper, in [0, 1]: how much similarity fades with distance from the positive points; 0: not at all.
         refine: whether the map is sharpened against the intensities.
+        close_up: the box in which the structure is looked at by itself, where it is small or thin; None: in the whole volume.
         name: what the user calls it; its id where nobody says.
 
     Raises:
@@ -49,6 +51,7 @@ class ClassRequest:
     size: float = 0.0
     proximity: float = 0.0
     refine: bool = True
+    close_up: CloseUp | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
@@ -63,6 +66,10 @@ class ClassRequest:
         check_share(self.proximity, "proximity", self.name)
         if not isinstance(self.refine, bool):
             raise InputError(f"'refine' of class '{self.name}' is {shown(self.refine)}; expected true or false.")
+        if self.close_up is not None and not isinstance(self.close_up, CloseUp):
+            raise InputError(
+                f"'close_up' of class '{self.name}' is {shown(self.close_up)}; expected a close-up's centre and size."
+            )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ClassRequest) and self._values == other._values
@@ -82,7 +89,7 @@ class ClassRequest:
     @property
     def _values(self) -> tuple[Any, ...]:
         points = (self.positive.tobytes(), self.negative.tobytes())
-        return self.id, self.name, self.iso, self.size, self.proximity, self.refine, *points
+        return self.id, self.name, self.iso, self.size, self.proximity, self.refine, self.close_up, *points
 
 
 def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..core.class_request import ClassRequest
+from ..core.close_up import CloseUp
 from ..core.geometry import Geometry, transform_points
-from .classes import ClassState, Point
+from .classes import ClassState, CloseUpBox, Point
 from .volume import matrix_to_world
 
 
@@ -62,6 +63,7 @@ def class_requests(
                     size=state.size,
                     proximity=state.proximity,
                     refine=state.refine,
+                    close_up=_local_close_up(to_local, state.close_up),
                     name=_printable(state.name),
                 )
             )
@@ -71,6 +73,14 @@ def class_requests(
 def _printable(name: str) -> str:
     """A name as messages have it: a list of points may be called anything, and saved scenes and segments bring theirs."""
     return "".join(character if character.isprintable() else " " for character in name).strip()
+
+
+def _local_close_up(to_local: np.ndarray, close_up: CloseUpBox | None) -> CloseUp | None:
+    """A class's close-up in the volume's frame, along whose axes its edges are."""
+    if close_up is None:
+        return None
+    x, y, z = transform_points(to_local, np.array(close_up[:3]))[0].tolist()
+    return CloseUp((x, y, z), close_up[3:])
 
 
 def _local(to_local: np.ndarray, points: Sequence[Point] | np.ndarray) -> np.ndarray:

@@ -17,7 +17,9 @@ import numpy as np
 import slicer
 import vtk
 
+from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
+from ..core.errors import InputError
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .derived_nodes import nodes_of_class
@@ -29,6 +31,9 @@ _PREFIX = "ViTTransferFunction."
 
 Point = tuple[float, float, float]
 """R, A and S in millimetres."""
+
+CloseUpBox = tuple[float, float, float, float, float, float]
+"""Of a class, see `ClassState`."""
 
 Polarity = Literal["positive", "negative"]
 
@@ -45,6 +50,8 @@ class ClassState:
         size: offset from what is chosen, see `ClassRequest`; 0 where there is an `iso`.
         proximity: in [0, 1]; see `ClassRequest`.
         refine: whether its map is sharpened.
+        close_up: the box in which it is looked at by itself: R, A and S of its centre, in the scene's coordinates, and its edges
+            along the volume's axes, millimetres; None: in the whole volume.
         visible: whether it is shown.
         positive: points on the structure, in the scene's coordinates.
         negative: points off it.
@@ -58,6 +65,7 @@ class ClassState:
     size: float = 0.0
     proximity: float = 0.0
     refine: bool = True
+    close_up: CloseUpBox | None = None
     visible: bool = True
     positive: tuple[Point, ...] = ()
     negative: tuple[Point, ...] = ()
@@ -118,6 +126,7 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
         **_read_attributes(positive, ClassState, SETTINGS),
         positive=defined_points(positive),
         negative=defined_points(negative) if negative else (),
+        close_up=_read_close_up(positive),
         continues=positive.GetAttribute(f"{_PREFIX}continues") or "",
     )
 
@@ -150,6 +159,9 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
         for name, value in ((name, getattr(holder, name)) for name in names):
             if present[name] != value:
                 positive.SetAttribute(f"{_PREFIX}{name}", None if value is None else str(value))
+    if _read_close_up(positive) != state.close_up:
+        box = None if state.close_up is None else " ".join(map(repr, state.close_up))
+        positive.SetAttribute(f"{_PREFIX}closeUp", box)
     if (positive.GetAttribute(f"{_PREFIX}continues") or "") != state.continues:
         positive.SetAttribute(f"{_PREFIX}continues", state.continues or None)
 
@@ -247,6 +259,17 @@ def _read_attributes(positive: slicer.vtkMRMLMarkupsFiducialNode, kind: type, na
         elif text is not None:
             values[name] = _number(text, _RANGES.get(name, (0.0, 1.0)), default)
     return values
+
+
+def _read_close_up(positive: slicer.vtkMRMLMarkupsFiducialNode) -> CloseUpBox | None:
+    """A class's close-up; None where the list has none, or a garbled one."""
+    words = (positive.GetAttribute(f"{_PREFIX}closeUp") or "").split()
+    try:
+        r, a, s, *size = (float(word) for word in words)
+        close_up = CloseUp((r, a, s), tuple(size))  # type: ignore[arg-type]
+    except (ValueError, InputError):
+        return None
+    return (*close_up.centre_ras, *close_up.size_mm)
 
 
 def _number(text: str, between: tuple[float, float], default: float | None) -> float | None:

@@ -19,6 +19,7 @@ import vtk
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
 from ..core.class_map import is_near
+from ..core.close_up_choice import close_up_of
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
@@ -222,6 +223,32 @@ class SceneSession:
     def volume_ml(self, id_: str) -> float | None:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
+
+    def look_closer(self, id_: str) -> None:
+        """Have a class looked at by itself, in a box around it as it is shown now: one step for undo.
+
+        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole volume
+        stays. Once more, and the box fits what the structure looks like by then.
+        """
+        self._problems.solve("close-up")
+        volume, content, class_map = self.parameters.volume, self._volume.content, self._proxy.maps.get(id_)
+        state = next(state for state in self.classes if state.id == id_)
+        request = next((request for request in self._requests.requests if request.id == id_), None)
+        if volume is None or content is None or class_map is None or request is None or not self.up_to_date:
+            self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
+        else:
+            try:
+                close_up = close_up_of(class_map, request.positive, content.geometry)
+                centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
+                self.annotations.set_class(id_, close_up=(*centre, *close_up.size_mm))
+            except InputError as error:
+                self._problems.put("close-up", f"{state.name}: {error}")
+        self._notify()
+
+    def look_at_whole(self, id_: str) -> None:
+        """Have a class looked at in the whole volume again: one step for undo."""
+        self._problems.solve("close-up")
+        self.annotations.set_class(id_, close_up=None)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
