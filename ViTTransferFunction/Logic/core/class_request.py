@@ -67,9 +67,7 @@ class ClassRequest:
         if not isinstance(self.refine, bool):
             raise InputError(f"'refine' of class '{self.name}' is {shown(self.refine)}; expected true or false.")
         if self.close_up is not None and not isinstance(self.close_up, CloseUp):
-            raise InputError(
-                f"'close_up' of class '{self.name}' is {shown(self.close_up)}; expected a close-up's centre and size."
-            )
+            raise InputError(f"'close_up' of class '{self.name}' is {shown(self.close_up)}; expected its centre and size.")
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ClassRequest) and self._values == other._values

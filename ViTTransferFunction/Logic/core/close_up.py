@@ -52,8 +52,7 @@ class CloseUp:
         return cls(tuple(part.ijk_to_ras_points(middle[None])[0].tolist()), tuple(part.extent_mm.tolist()))
 
     def box_in(self, geometry: Geometry, points_ras: np.ndarray) -> Box:
-        """The voxels that it covers in a volume, and those around points beyond it: a structure is looked at as far as it was
-        clicked.
+        """The voxels that it covers in a volume, and those around points beyond it: it follows the clicks.
 
         Args:
             geometry: of the volume.

@@ -41,8 +41,8 @@ def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry
     share = np.prod([extent.stop - extent.start for extent in voxels]) / np.prod(geometry.shape)
     if share > LARGEST_SHARE:
         raise InputError(
-            f"This structure's box fills {share:.0%} of the scan, and would show little more than the whole does. A closer look "
-            f"is for structures whose box fills at most {LARGEST_SHARE:.0%}."
+            f"This structure's box fills {share:.0%} of the scan, and would show little more than the whole does. A closer "
+            f"look is for structures whose box fills at most {LARGEST_SHARE:.0%}."
         )
     return CloseUp.of_box(voxels, geometry)
 

@@ -50,8 +50,8 @@ class ClassState:
         size: offset from what is chosen, see `ClassRequest`; 0 where there is an `iso`.
         proximity: in [0, 1]; see `ClassRequest`.
         refine: whether its map is sharpened.
-        close_up: the box in which it is looked at by itself: R, A and S of its centre, in the scene's coordinates, and its edges
-            along the volume's axes, millimetres; None: in the whole volume.
+        close_up: the box in which it is looked at by itself: R, A and S of its centre, in the scene's coordinates, and its
+            edges along the volume's axes, millimetres; None: in the whole volume.
         visible: whether it is shown.
         positive: points on the structure, in the scene's coordinates.
         negative: points off it.

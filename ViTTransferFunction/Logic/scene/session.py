@@ -227,8 +227,8 @@ class SceneSession:
     def look_closer(self, id_: str) -> None:
         """Have a class looked at by itself, in a box around it as it is shown now: one step for undo.
 
-        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole volume
-        stays. Once more, and the box fits what the structure looks like by then.
+        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
+        volume stays. Once more, and the box fits what the structure looks like by then.
         """
         self._problems.solve("close-up")
         volume, content, class_map = self.parameters.volume, self._volume.content, self._proxy.maps.get(id_)
