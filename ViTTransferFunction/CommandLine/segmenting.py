@@ -17,7 +17,8 @@ from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
 
 
 def segment_classes(

@@ -240,7 +240,7 @@ class SceneSession:
             try:
                 close_up = close_up_of(class_map, request.positive, content.geometry)
                 centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
-                self.annotations.set_class(id_, close_up=(*centre, *close_up.size_mm))
+                self.annotations.set_close_up(id_, (*centre, *close_up.size_mm))
             except InputError as error:
                 self._problems.put("close-up", f"{state.name}: {error}")
         self._notify()
@@ -248,7 +248,7 @@ class SceneSession:
     def look_at_whole(self, id_: str) -> None:
         """Have a class looked at in the whole volume again: one step for undo."""
         self._problems.solve("close-up")
-        self.annotations.set_class(id_, close_up=None)
+        self.annotations.set_close_up(id_, None)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
