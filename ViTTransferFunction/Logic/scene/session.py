@@ -234,7 +234,7 @@ class SceneSession:
         volume, content, class_map = self.parameters.volume, self._volume.content, self._proxy.maps.get(id_)
         state = next(state for state in self.classes if state.id == id_)
         request = next((request for request in self._requests.requests if request.id == id_), None)
-        if volume is None or content is None or class_map is None or request is None or not self.up_to_date:
+        if volume is None or content is None or class_map is None or request is None:
             self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
         else:
             try:

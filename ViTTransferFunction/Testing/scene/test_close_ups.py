@@ -71,6 +71,14 @@ def test_a_moved_volume_takes_the_box_of_a_later_look_along(session: SceneSessio
     assert after[0] == pytest.approx(before[0] + 100.0, abs=5.0)
 
 
+def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session: SceneSession, spheres: Spheres) -> None:
+    ids = annotate(session, spheres)
+    for id_ in ids:
+        session.look_closer(id_)
+    assert all(state.close_up is not None for state in session.classes)
+    assert session.take_error() is None
+
+
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
     state = session.annotations.add_class("adrenal gland")
     session.look_closer(state.id)
