@@ -20,9 +20,10 @@ class CloseUpControls(Section):
         """Say in what the selected class is looked at, and enable what can be done about it."""
         ui, session, selected = self.ui, self.session, self.selected
         ready = session is not None and session.phase == "ready"
+        words = "" if selected is None else close_up_text(selected)
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
-        ui.lookAtWholeButton.enabled = selected is not None and selected.close_up is not None
-        ui.closeUpLabel.text = "" if selected is None else close_up_text(selected)
+        ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
+        ui.closeUpLabel.text = words
 
     def look_closer(self) -> None:
         """Look at a box around the structure, fitted to what is shown of it now."""

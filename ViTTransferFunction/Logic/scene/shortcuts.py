@@ -72,7 +72,7 @@ def meanings() -> dict[str, str]:
         "removeLast": _("remove the last point"),
         "smaller": _("make the structure smaller"),
         "larger": _("make the structure larger"),
-        "lookCloser": _("look closer at the structure, in a box around it"),
+        "lookCloser": _("look closer at the structure"),
         "previousClass": _("select the structure above"),
         "nextClass": _("select the structure below"),
         "nextPoint": _("show the next point of the structure"),

@@ -39,11 +39,11 @@ def size_in_steps(steps: float, fixed: bool) -> str:
 
 
 def close_up_text(state: ClassState) -> str:
-    """In what a class is looked at, such as "in a box of 64 × 80 × 52 mm": its edges along the volume's axes."""
+    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume."""
     if state.close_up is None:
-        return _("in the whole scan")
+        return ""
     edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in state.close_up[3:])
-    return _("in a box of {edges} mm").format(edges=edges)
+    return _("In a box of {edges} mm").format(edges=edges)
 
 
 def progress_text(progress: WorkProgress) -> str:

@@ -20,7 +20,7 @@ from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_u
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
 BOX = (1.0, -2.0, 3.0, 64.4, 79.6, 9.5)
-WHOLE, CLOSER = "in the whole scan", "in a box of 64 × 80 × 9.5 mm"
+WHOLE, CLOSER = "", "In a box of 64 × 80 × 9.5 mm"
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_one_button_looks_closer_and_the_other_leads_back(clicked: Any, spheres:
     ui.lookCloserButton.click()
     assert close_up(clicked)[:3] == pytest.approx(centre_ras(spheres, 1)[0], abs=10.0)
     assert enabled(clicked) == (True, True)
-    assert ui.closeUpLabel.text().startswith("in a box of ")
+    assert ui.closeUpLabel.text().startswith("In a box of ")
     ui.lookAtWholeButton.click()
     assert (close_up(clicked), enabled(clicked), ui.closeUpLabel.text()) == (None, (True, False), WHOLE)
     assert not ui.messageFrame.isVisible()
