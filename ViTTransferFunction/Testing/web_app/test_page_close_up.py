@@ -30,7 +30,7 @@ def ready(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) ->
 def add_structure(app: WebApp, *, positive: bool) -> None:
     """Add a structure with a point inside or outside, and select it."""
     app.actions("addClass")
-    app.session.annotations.add_points(app.session.selected_class.id, np.zeros((1, 3)), positive=positive)
+    app.session.annotations.add_points(app.session.classes[-1].id, np.zeros((1, 3)), positive=positive)
     app.refresh()
 
 

@@ -43,10 +43,12 @@ def enabled(widget: Any) -> tuple[bool, bool]:
 def test_one_button_looks_closer_and_the_other_leads_back(clicked: Any, spheres: Spheres) -> None:
     ui = clicked.ui
     assert (enabled(clicked), ui.closeUpLabel.text()) == ((True, False), WHOLE)
+    assert ui.closeUpLabel.isHidden()
     ui.lookCloserButton.click()
     assert close_up(clicked)[:3] == pytest.approx(centre_ras(spheres, 1)[0], abs=10.0)
     assert enabled(clicked) == (True, True)
     assert ui.closeUpLabel.text().startswith("In a box of ")
+    assert not ui.closeUpLabel.isHidden()
     ui.lookAtWholeButton.click()
     assert (close_up(clicked), enabled(clicked), ui.closeUpLabel.text()) == (None, (True, False), WHOLE)
     assert not ui.messageFrame.isVisible()
