@@ -46,6 +46,11 @@ class Volume:
         """The volume of which it is a part, or itself: what decides the window in which it is looked at, and what is far."""
         return self.part_of or self
 
+    @property
+    def longest_edge_mm(self) -> float:
+        """Of the whole: distances are measured by it, in its parts as well."""
+        return float(self.whole.geometry.extent_mm.max())
+
     def part(self, box: Box) -> Volume:
         """The voxels in a box, copied. Raises InputError where they are constant, or one of the extents is a single voxel."""
         return Volume(np.ascontiguousarray(self.array[box]), self.geometry.part(box), self.name, self.whole)

@@ -207,7 +207,7 @@ class SegmentationSession:
             maps = rule.maps(requests, between)
             for similarity, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
-                    similarity *= proximity(geometry, request.positive, request.proximity)
+                    similarity *= proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
             found = [
                 _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
                 if part is None

@@ -84,7 +84,7 @@ class KernelRidge:
         self._centre_ras = centres.mean(axis=0)
         vectors = features.array.reshape(-1, features.array.shape[-1])
         self._cells = _Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
-        self._longest_edge_mm = float(volume.whole.geometry.extent_mm.max())
+        self._longest_edge_mm = volume.longest_edge_mm
         background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = self._cells.subset(background), background
         self._background_kernel = np.empty((len(background), len(background)))

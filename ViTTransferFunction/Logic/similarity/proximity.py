@@ -7,7 +7,7 @@ import numpy as np
 from ..core.geometry import Geometry
 
 
-def proximity(geometry: Geometry, points_ras: np.ndarray, strength: float) -> np.ndarray:
+def proximity(geometry: Geometry, points_ras: np.ndarray, strength: float, longest_edge_mm: float) -> np.ndarray:
     """The paper's proximity, P(x) = max_a exp(−10 p̃ |x − a|).
 
     Distances are taken in millimetres and divided by the volume's longest edge: the paper's normalised unit, without its
@@ -17,12 +17,13 @@ def proximity(geometry: Geometry, points_ras: np.ndarray, strength: float) -> np
         geometry: of the cells.
         points_ras: (N, 3) RAS millimetres, N ≥ 1.
         strength: p̃ in [0, 1]; 0 gives 1 everywhere.
+        longest_edge_mm: of the volume, or of that of which it is a part.
 
     Returns:
         (K', J', I') float32 in (0, 1].
     """
     distance_mm = np.sqrt(_smallest_squared_distance(geometry, points_ras))
-    fading: np.ndarray = np.exp(-10.0 * strength * distance_mm / geometry.extent_mm.max()).astype(np.float32)
+    fading: np.ndarray = np.exp(-10.0 * strength * distance_mm / longest_edge_mm).astype(np.float32)
     return fading
 
 

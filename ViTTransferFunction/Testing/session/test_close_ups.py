@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window, network_windows
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.session import segmentation_session
 from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, close_up_settings, largest_within
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -178,6 +179,21 @@ def test_a_part_is_looked_at_in_the_windows_of_its_whole() -> None:
     assert display_window(part) == CT_SOFT_TISSUE == display_window(whole)
     assert network_windows(part) == network_windows(whole)
     assert part.digest != Volume(part.array, part.geometry).digest
+
+
+def test_similarity_fades_as_fast_in_a_part_as_in_the_whole(
+    session: SegmentationSession, looked_at: list[ClassRequest], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edges: list[float] = []
+
+    def everywhere(cells: Geometry, points_ras: np.ndarray, strength: float, longest_edge_mm: float) -> np.ndarray:
+        edges.append(longest_edge_mm)
+        return np.ones(cells.shape, dtype=np.float32)
+
+    monkeypatch.setattr(segmentation_session, "proximity", everywhere)
+    session.look_closer(looked_at)
+    session.low_resolution_maps([replace(looked_at[0], proximity=0.5), *looked_at[1:]])
+    assert edges == [session.volume.geometry.extent_mm.max()] * 2
 
 
 def test_cells_of_a_close_up_are_no_smaller_than_voxels_and_its_patches_are_few() -> None:
