@@ -173,9 +173,10 @@ def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(looked_a
     assert looked_at.poll() == {"state"}
     assert looked_at.progress is not None
     assert looked_at.progress.what == "Looking closer at liver"
+    assert looked_at.looks_closer
     client.answer(LookCloser, Done())
     looked_at.poll()
-    assert looked_at.progress is None
+    assert (looked_at.progress, looked_at.looks_closer) == (None, False)
     assert client.asked[-1] == ComputeMaps((CLOSER, SPLEEN))
     client.answer(ComputeMaps, Maps((MAP, MAP)))
     looked_at.poll()
