@@ -183,6 +183,15 @@ def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(looked_a
     assert client.kinds()[-1] == "MeasureMaps"
 
 
+def test_progress_is_that_of_segments_once_they_are_asked_for(looked_at: SegmentationProxy, client: Client) -> None:
+    client.answer(LookCloser, Progressed(1, 4, "Looking closer at liver"))
+    looked_at.poll()
+    assert looked_at.looks_closer
+    looked_at.segment(Refinement())
+    assert looked_at.progress is not None
+    assert not looked_at.looks_closer
+
+
 def test_clicks_are_answered_while_a_close_up_is_being_made(looked_at: SegmentationProxy, client: Client) -> None:
     looked_at.update([replace(CLOSER, negative=np.ones((1, 3))), SPLEEN], None)
     assert client.kinds()[-2:] == ["LookCloser", "ComputeMaps"]
