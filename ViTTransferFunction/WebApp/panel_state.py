@@ -58,6 +58,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "estimate": estimate_text(session.estimate, session.frame) if session.phase == "no features" else "",
         "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *_points_beyond(session)]),
         "progress": _progress(session),
+        "looks_closer": session.looks_closer,
         "classes": [_class(session, state) for state in session.classes],
         "selected": selected.id if selected else "",
         "settings": _settings(session, selected),

@@ -1,10 +1,11 @@
-"""Where the selected structure is looked at: in the whole volume, or by itself in a box around it."""
+"""Where the selected structure is looked at: in the whole volume, or by itself in a box around it; and how far that is."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from ViTTransferFunction.Logic.scene.wording import close_up_text
+from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 
 
@@ -13,8 +14,10 @@ class CloseUpControls(Section):
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
+        self._progress = ProgressRow(ui, "closeUp")
         ui.lookCloserButton.clicked.connect(self.look_closer)
         ui.lookAtWholeButton.clicked.connect(self.look_at_whole)
+        self._progress.cancel_button.clicked.connect(self._on_cancel)
 
     def refresh(self) -> None:
         """Say in what the selected class is looked at, and enable what can be done about it."""
@@ -24,6 +27,7 @@ class CloseUpControls(Section):
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
+        self._progress.show(session.progress if session is not None and session.looks_closer else None)
 
     def look_closer(self) -> None:
         """Look at a box around the structure, fitted to what is shown of it now."""
@@ -36,3 +40,7 @@ class CloseUpControls(Section):
         selected = self.selected
         if self.session is not None and selected is not None:
             self.session.look_at_whole(selected.id)
+
+    def _on_cancel(self) -> None:
+        if self.session is not None:
+            self.session.cancel()

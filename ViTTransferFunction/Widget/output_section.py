@@ -49,7 +49,7 @@ class OutputSection(Section):
     def _refresh_writing(self) -> None:
         session = self.session
         ready = session is not None and session.phase == "ready"
-        running = session.progress if session and ready else None
+        running = session.progress if session and ready and not session.looks_closer else None
         annotated = session is not None and any(state.positive for state in session.classes)
         ours = any(segment.HasTag(CLASS_TAG) for _, segment in _segments(session.parameters.segmentation if session else None))
         self._progress.show(running)

@@ -204,6 +204,11 @@ class SegmentationProxy:
         self._ask(SegmentClasses(self._classes, refinement))
 
     @property
+    def looks_closer(self) -> bool:
+        """Whether it is close-ups that `progress` is of."""
+        return self.progress is not None and self._is_pending(LookCloser) and not self._is_pending(SegmentClasses)
+
+    @property
     def busy(self) -> bool:
         """Whether anything is under way or due."""
         if self.phase != "ready":

@@ -116,8 +116,13 @@ class SceneSession:
 
     @property
     def progress(self) -> WorkProgress | None:
-        """Of the running extraction or segmentation, or of the writing of segments."""
+        """Of the running extraction or segmentation, of close-ups, or of the writing of segments."""
         return self._proxy.progress or self._output.progress
+
+    @property
+    def looks_closer(self) -> bool:
+        """Whether it is close-ups that `progress` is of."""
+        return self._proxy.looks_closer
 
     @property
     def estimate(self) -> FeatureEstimate | None:

@@ -173,13 +173,23 @@ def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(looked_a
     assert looked_at.poll() == {"state"}
     assert looked_at.progress is not None
     assert looked_at.progress.what == "Looking closer at liver"
+    assert looked_at.looks_closer
     client.answer(LookCloser, Done())
     looked_at.poll()
-    assert looked_at.progress is None
+    assert (looked_at.progress, looked_at.looks_closer) == (None, False)
     assert client.asked[-1] == ComputeMaps((CLOSER, SPLEEN))
     client.answer(ComputeMaps, Maps((MAP, MAP)))
     looked_at.poll()
     assert client.kinds()[-1] == "MeasureMaps"
+
+
+def test_progress_is_that_of_segments_once_they_are_asked_for(looked_at: SegmentationProxy, client: Client) -> None:
+    client.answer(LookCloser, Progressed(1, 4, "Looking closer at liver"))
+    looked_at.poll()
+    assert looked_at.looks_closer
+    looked_at.segment(Refinement())
+    assert looked_at.progress is not None
+    assert not looked_at.looks_closer
 
 
 def test_clicks_are_answered_while_a_close_up_is_being_made(looked_at: SegmentationProxy, client: Client) -> None:

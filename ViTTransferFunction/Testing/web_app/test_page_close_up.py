@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
+from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_form import panel_form
@@ -85,6 +86,22 @@ def test_without_features_the_page_says_why_there_is_no_closer_look(opened: Call
         app.close_messages()
 
     opened(journey)
+
+
+def test_the_page_tells_a_closer_look_from_the_writing_of_segments(
+    ready: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.refresh()
+        assert (app.server.state.progress, app.server.state.looks_closer) == (None, False)
+        with monkeypatch.context() as patch:
+            patch.setattr(app.session._proxy, "progress", WorkProgress(1, 4, "Looking closer at gland", None))
+            patch.setattr(type(app.session._proxy), "looks_closer", True)
+            app.refresh()
+            assert app.server.state.progress == {"share": 0.25, "text": "Looking closer at gland…"}
+            assert app.server.state.looks_closer
+
+    ready(journey)
 
 
 def test_without_a_structure_nothing_happens(ready: Callable[[Journey], None]) -> None:

@@ -13,6 +13,8 @@ import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
+from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
@@ -103,6 +105,26 @@ def test_the_key_looks_closer_and_says_why_where_it_cannot(clicked: Any, host: H
     QTest.keyClick(host.window, Qt.Key.Key_C)
     assert close_up(clicked) is None
     assert "Place a point on liver first" in clicked.ui.messageLabel.text()
+
+
+def test_how_far_a_closer_look_is_shows_below_its_button_and_can_be_stopped_there(
+    clicked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ui, stopped = clicked.ui, []
+    assert ui.closeUpProgressRow.isHidden()
+    monkeypatch.setattr(SceneSession, "looks_closer", True)
+    monkeypatch.setattr(SceneSession, "progress", WorkProgress(1, 4, "Looking closer at sphere", None))
+    monkeypatch.setattr(SceneSession, "cancel", lambda self: stopped.append(self))
+    clicked.panel.refresh()
+    assert not ui.closeUpProgressRow.isHidden()
+    assert ui.closeUpProgressLabel.text() == "Looking closer at sphere…"
+    assert (ui.closeUpProgressBar.value(), ui.closeUpProgressBar.maximum()) == (1, 4)
+    assert (ui.segmentationProgressRow.isHidden(), ui.writeSegmentsButton.isHidden()) == (True, False)
+    ui.closeUpCancelButton.click()
+    assert stopped == [clicked.panel.session]
+    monkeypatch.setattr(SceneSession, "looks_closer", False)
+    clicked.panel.refresh()
+    assert (ui.closeUpProgressRow.isHidden(), ui.segmentationProgressRow.isHidden()) == (True, False)
 
 
 def test_without_a_structure_nothing_happens(widget: Any) -> None:
