@@ -370,6 +370,7 @@ class SceneSession:
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
         self._problems.solve("segments")
+        self._problems.solve("close-up")
         self._follow()
 
     def _follow(self) -> None:

@@ -95,7 +95,7 @@ def test_a_structure_that_fills_the_scan_is_refused_by_name(
     assert session.classes[0].close_up is None
     error = session.take_error() or ""
     assert "sphere 1: This structure's box fills" in error
-    session.look_at_whole(id_)
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + 1.0, positive=True)
     assert session.errors == ()
 
 
