@@ -24,6 +24,7 @@ _TYPES: dict[str, type] = {
         requests.TakeVolume,
         requests.Prepare,
         requests.Extract,
+        requests.LookCloser,
         requests.ComputeMaps,
         requests.MeasureMaps,
         requests.RefineMaps,

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
+from ..core.close_up import CloseUp
 from ..core.errors import InputError
 from ..core.progress import SEGMENTING, WorkProgress
 from ..rendering.structure_volume import StructureVolume
@@ -28,6 +29,7 @@ from .requests import (
     Failed,
     GivenUp,
     Labels,
+    LookCloser,
     Maps,
     MeasureMaps,
     Prepare,
@@ -50,6 +52,9 @@ structures; a label map."""
 Casting = Mapping[str, bool]
 """By class id, whether it casts shadows in 3D; classes that are missing do not."""
 
+CloseUps = tuple[tuple[str, CloseUp], ...]
+"""The close-ups that are asked for, by class id."""
+
 RENDER_AFTER_S = 0.05
 REFINE_AFTER_S = 0.4
 """How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
@@ -58,7 +63,7 @@ OVERTAKE_AFTER_S = 0.5
 """How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
 once. It is not given up sooner, so that answers come while changes follow each other quickly."""
 
-_WAITED_FOR = (Extract, SegmentClasses)
+_WAITED_FOR = (Extract, LookCloser, SegmentClasses)
 """Requests whose progress is shown. A refinement after a click is quick, and the user does not wait for it."""
 
 
@@ -90,7 +95,8 @@ class SegmentationProxy:
         self._classes: tuple[ClassRequest, ...] = ()
         self._refinement: Refinement | None = None
         self._look: tuple[RenderingMode, Casting, bool] | None = None
-        self._maps_due = self._volumes_due = False
+        self._maps_due = self._close_ups_due = self._volumes_due = False
+        self._declined: CloseUps = ()
         self._rendering_due_s: float | None = None
         self._refine_due_s: float | None = None
         self._overtaken_from_s = 0.0
@@ -100,6 +106,7 @@ class SegmentationProxy:
             (TakeVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Done): self._on_features,
+            (LookCloser, Done): self._on_close_ups,
             (ComputeMaps, Maps): self._on_maps,
             (MeasureMaps, Volumes): self._on_volumes,
             (RefineMaps, RefinedMaps): self._on_refined_maps,
@@ -126,6 +133,7 @@ class SegmentationProxy:
         self.labels: tuple[Labels, list[str]] | None = None
         self._pending.clear()
         self._maps_due, self._volumes_due, self._refine_due_s = True, False, None
+        self._close_ups_due, self._declined = False, ()
         self._refused = False
 
     def start(self) -> None:
@@ -157,10 +165,15 @@ class SegmentationProxy:
         self._ask(Extract())
 
     def cancel(self) -> None:
-        """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already."""
+        """Stop what runs: the extraction; a segmentation, whose labels are dropped even if on their way already; close-ups.
+
+        Without its close-up, a class is shown until its box changes or it is segmented.
+        """
         if self._is_pending(SegmentClasses):
             self._give_up(SegmentClasses)
             self.progress = None
+        elif self._is_pending(LookCloser):
+            self._decline_close_ups()
         elif self._client is not None:
             self._client.cancel(number for number, request in self._pending.items() if isinstance(request, Extract))
 
@@ -169,6 +182,9 @@ class SegmentationProxy:
 
         Where they differ in iso values and sizes alone, `maps` follow at once.
         """
+        if _close_ups(classes) != _close_ups(self._classes):
+            self._give_up(LookCloser)
+            self.progress = None if not self._is_pending(*_WAITED_FOR) else self.progress
         self._classes, self._refinement = tuple(classes), refinement
         self._maps_due, self._refine_due_s = True, None
         self._resize()
@@ -192,7 +208,13 @@ class SegmentationProxy:
         """Whether anything is under way or due."""
         if self.phase != "ready":
             return bool(self._pending)
-        due = self._maps_due or self._volumes_due or self._refine_due_s is not None or self._rendering_wanted
+        due = (
+            self._maps_due
+            or self._close_ups_due
+            or self._volumes_due
+            or self._refine_due_s is not None
+            or self._rendering_wanted
+        )
         return bool(self._pending) or due
 
     @property
@@ -272,6 +294,9 @@ class SegmentationProxy:
                 self._send_maps()
         elif self._pending:
             return
+        elif self._close_ups_due:
+            self._close_ups_due = False
+            self._ask(LookCloser(self._low))
         elif self._volumes_due:
             self._volumes_due = False
             self._ask(MeasureMaps(self._low, self._refinement is None or self._refinement.only_annotated_components))
@@ -284,7 +309,7 @@ class SegmentationProxy:
     def _send_maps(self) -> None:
         self._maps_due = False
         if not self._classes:
-            self._volumes_due = False
+            self._close_ups_due = self._volumes_due = False
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
             self._low = self._answered = ()
             return
@@ -339,6 +364,8 @@ class SegmentationProxy:
     def _on_nothing(self, request: Any, reply: GivenUp | Failed) -> set[Event]:
         if isinstance(request, Extract):
             self.phase = "no features"
+        elif isinstance(request, LookCloser):
+            self._declined = _close_ups(request.classes)
         elif isinstance(request, TakeVolume):
             # What was asked about it next cannot be answered either.
             self.phase, self.progress = "no volume", None
@@ -362,10 +389,21 @@ class SegmentationProxy:
         self.usable = self._maps_due = True
         return {"state"}
 
+    def _decline_close_ups(self) -> None:
+        self._declined = _close_ups(self._classes)
+        self._give_up(LookCloser)
+        self.progress = None
+
+    def _on_close_ups(self, request: LookCloser, reply: Done) -> set[Event]:
+        self._maps_due = True
+        return {"state"}
+
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
         self._take_maps(request.classes, reply.maps)
         self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True
+        wanted = reply.awaits_close_ups and self.phase == "ready"
+        self._close_ups_due = wanted and _close_ups(request.classes) != self._declined
         # It may be the answer to what the user has scrolled past.
         self._resize()
         return {"maps"}
@@ -417,3 +455,7 @@ class SegmentationProxy:
             "are kept. Compute the features again; if it happens again, choose a faster preset, a smaller grid or another "
             "device under Advanced."
         )
+
+
+def _close_ups(classes: Sequence[ClassRequest]) -> CloseUps:
+    return tuple((request.id, request.close_up) for request in classes if request.close_up is not None)

@@ -58,6 +58,13 @@ class Extract:
 
 
 @dataclass(frozen=True)
+class LookCloser:
+    """Load the features of all classes' close-ups, from the cache or by computing them. Replied to by `Done`."""
+
+    classes: tuple[ClassRequest, ...]
+
+
+@dataclass(frozen=True)
 class ComputeMaps:
     """S_L of all classes. Replied to by `Maps`, while other requests are still being served."""
 
@@ -131,9 +138,15 @@ class Done:
 
 @dataclass(frozen=True)
 class Maps:
-    """S_L of each class, in the order of the request."""
+    """S_L of each class, in the order of the request.
+
+    Attributes:
+        maps: S_L.
+        awaits_close_ups: whether some are of the whole volume only until `LookCloser`.
+    """
 
     maps: tuple[ClassMap, ...]
+    awaits_close_ups: bool = False
 
 
 @dataclass(frozen=True)

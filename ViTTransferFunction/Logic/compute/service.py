@@ -33,6 +33,7 @@ from .requests import (
     Done,
     Extract,
     Labels,
+    LookCloser,
     Maps,
     MeasureMaps,
     Prepare,
@@ -48,10 +49,9 @@ from .requests import (
 
 @dataclass(frozen=True, eq=False)
 class _Segmented:
-    """A segmentation, what it was asked for, and its maps where they matter."""
+    """A segmentation, what it was asked for, and its maps where they matter; see `_segment`."""
 
-    classes: tuple[ClassRequest, ...]
-    refinement: Refinement
+    asked: tuple[tuple[ClassRequest, ...], Refinement, bool]
     segmentation: Segmentation
     crops: tuple[MapCrop, ...]
 
@@ -88,6 +88,7 @@ class SegmentationService:
             TakeVolume: self._take_volume,
             Prepare: self._prepare,
             Extract: self._extract,
+            LookCloser: self._look_closer,
             ComputeMaps: self._compute_maps,
             MeasureMaps: self._measure_maps,
             RefineMaps: self._refine_maps,
@@ -138,9 +139,16 @@ class SegmentationService:
         self._on_preparable()
         self._on_coarse()
 
+    def _look_closer(self, request: LookCloser) -> Done:
+        self._the_session.look_closer(request.classes, self._progress)
+        return Done()
+
     def _compute_maps(self, request: ComputeMaps) -> Maps:
-        self._maps = self._the_session.low_resolution_maps(request.classes, self._between_points)
-        return Maps(tuple(self._maps))
+        session = self._the_session
+        # Asked before: what is loaded meanwhile is not in these maps.
+        awaits_close_ups = session.awaits_close_ups(request.classes)
+        self._maps = session.low_resolution_maps(request.classes, self._between_points)
+        return Maps(tuple(self._maps), awaits_close_ups)
 
     def _measure_maps(self, request: MeasureMaps) -> Volumes:
         maps = self._maps
@@ -155,6 +163,7 @@ class SegmentationService:
         return RefinedMaps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
 
     def _segment_classes(self, request: SegmentClasses) -> Labels:
+        self._the_session.look_closer(request.classes, self._progress)
         return cropped_labels(self._segment(request.classes, request.refinement).segmentation.labels, len(request.classes))
 
     def _render(self, request: Render) -> StructureVolume:
@@ -200,19 +209,19 @@ class SegmentationService:
         return [low.array for low in maps], [low.iso for low in maps], (k, j, i)
 
     def _segment(self, classes: tuple[ClassRequest, ...], refinement: Refinement) -> _Segmented:
-        """The segmentation of these classes, which is made once for the same request."""
-        known = self._segmented
-        if known is None or (known.classes, known.refinement) != (classes, refinement):
+        """The segmentation of these classes, made once for the same request; close-ups count that there are by now."""
+        known, asked = self._segmented, (classes, refinement, self._the_session.awaits_close_ups(classes))
+        if known is None or known.asked != asked:
             crops: list[MapCrop] = []
 
             def crop(request: ClassRequest, full: RefinedMap) -> None:
                 crops.append(crop_voxel_map(full.voxels, full.iso))
 
             segmentation = self._the_session.segment(
-                classes, refinement.method, refinement.only_annotated_components, self._progress, crop
+                classes, refinement.method, refinement.only_annotated_components, self._progress, crop, closer=False
             )
             labelled = (restricted(crop, segmentation.labels, label) for label, crop in enumerate(crops, start=1))
-            self._segmented = known = _Segmented(classes, refinement, segmentation, tuple(labelled))
+            self._segmented = known = _Segmented(asked, segmentation, tuple(labelled))
         return known
 
     @property

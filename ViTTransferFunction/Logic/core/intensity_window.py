@@ -74,7 +74,11 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
 
 
 def display_window(volume: Volume) -> IntensityWindow:
-    """The one window in which a person would look at the volume: soft tissue for CT, the central 99 % otherwise."""
+    """The one window in which a person would look at the volume: soft tissue for CT, the central 99 % otherwise.
+
+    Parts of a volume are looked at in the same window as the whole.
+    """
+    volume = volume.whole
     if looks_like_hounsfield_units(volume):
         return CT_SOFT_TISSUE
     return percentile_window(volume)
@@ -84,8 +88,9 @@ def network_windows(volume: Volume) -> ChannelWindows:
     """Windows for the network's three colour channels.
 
     One soft-tissue window shows lung and outside air alike and all bone as white, so a CT's channels are lung, soft
-    tissue and bone; elsewhere the three channels are equal, as in the paper.
+    tissue and bone; elsewhere the three channels are equal, as in the paper. Parts of a volume have the windows of the whole.
     """
+    volume = volume.whole
     if looks_like_hounsfield_units(volume):
         return CT_LUNG, CT_SOFT_TISSUE, CT_BONE
     window = percentile_window(volume)

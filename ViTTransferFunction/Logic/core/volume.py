@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .errors import InputError
-from .geometry import Geometry
+from .geometry import Box, Geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +20,7 @@ class Volume:
         array: intensities, (K, J, I), any real dtype; may hold NaN or infinities.
         geometry: where the voxels lie, in RAS millimetres.
         name: what users call it; the file's stem, say.
+        part_of: the volume of which it is a part, and like which it is looked at; None: it is a whole.
 
     Raises:
         InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
@@ -29,6 +30,7 @@ class Volume:
     array: np.ndarray
     geometry: Geometry
     name: str = "volume"
+    part_of: Volume | None = None
 
     def __post_init__(self) -> None:
         self._check_shape()
@@ -39,14 +41,25 @@ class Volume:
         """Number of voxels along (K, J, I)."""
         return self.geometry.shape
 
+    @property
+    def whole(self) -> Volume:
+        """The volume of which it is a part, or itself: what decides the window in which it is looked at, and what is far."""
+        return self.part_of or self
+
+    def part(self, box: Box) -> Volume:
+        """The voxels in a box, copied. Raises InputError where they are constant, or one of the extents is a single voxel."""
+        return Volume(np.ascontiguousarray(self.array[box]), self.geometry.part(box), self.name, self.whole)
+
     @cached_property
     def digest(self) -> bytes:
-        """SHA-256 of the voxels and of where they lie, found once: the array must not be changed from then on."""
+        """SHA-256 of the voxels, where they lie, and what they are part of. Found once: the array must stay as it is."""
         digest = hashlib.sha256()
         digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
         # A file format may keep fewer digits, and turn 0 into -0.
         digest.update((np.round(self.geometry.ijk_to_ras, 4) + 0.0).astype("<f8").tobytes())
         digest.update(np.ascontiguousarray(self.array).data)
+        if self.part_of is not None:
+            digest.update(self.part_of.digest)
         return digest.digest()
 
     def _check_shape(self) -> None:

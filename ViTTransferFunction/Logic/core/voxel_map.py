@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -43,6 +44,12 @@ class VoxelMap:
         """A map all of which is there, (K, J, I) float32."""
         k, j, i = array.shape
         return cls((k, j, i), array, lambda k, rows: array[k, rows], whole_box((k, j, i)), array)
+
+    def placed(self, shape: tuple[int, int, int], box: Box) -> VoxelMap:
+        """The same map as one of a larger volume of `shape` (K, J, I), in which it fills `box`; 0 beyond."""
+        nothing = np.zeros((1, 1, 1), dtype=np.float32)
+        rows = partial(_no_rows, columns=shape[2])
+        return VoxelMap(shape, nothing, rows, box, self.array)
 
     @property
     def array(self) -> np.ndarray:
@@ -125,3 +132,8 @@ class VoxelMap:
             of_slice = order[first_of_slice[k] : first_of_slice[k + 1]]
             values[of_slice] = self._slice(int(k))[kji[of_slice, 1], kji[of_slice, 2]]
         return values
+
+
+def _no_rows(k: int, rows: slice, columns: int) -> np.ndarray:
+    """Rows of a slice of nothing, (rows, columns) float32."""
+    return np.zeros((rows.stop - rows.start, columns), dtype=np.float32)

@@ -67,7 +67,7 @@ class FeatureSettings:
         if self.windows == "robust":
             return network_windows(volume)
         if self.windows == "full range":
-            return (full_range_window(volume),) * 3
+            return (full_range_window(volume.whole),) * 3
         return self.windows
 
     def on(self, device: torch.device) -> FeatureSettings:

@@ -7,8 +7,10 @@ from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.device import check_device_name
 from ..features.networks import Networks
+from ..features.settings import FeatureSettings
 from ..weights.models import PretrainedModel, pretrained_model
 from ..weights.sources import Trust, identify_model
+from .close_ups import close_up_settings
 from .feature_source import FeatureSource
 from .presets import preset
 from .segmentation_session import SegmentationSession
@@ -41,18 +43,16 @@ def open_session(
     model = chosen_model(settings)
     # PyTorch, which knows the devices, takes seconds to load, and is not needed before the features are.
     check_device_name(settings.device)
-    source = FeatureSource(
-        volume,
-        features,
-        chosen.statistics,
-        model,
-        settings.weights_path,
-        settings.device,
-        cache or FeatureCache(),
-        networks or Networks(),
-        trust,
-    )
-    return SegmentationSession(volume, chosen, source)
+    cache, networks = cache or FeatureCache(), networks or Networks()
+
+    def source(of: Volume, how: FeatureSettings) -> FeatureSource:
+        path, device = settings.weights_path, settings.device
+        return FeatureSource(of, how, chosen.statistics, model, path, device, cache, networks, trust)
+
+    def open_part(part: Volume) -> SegmentationSession:
+        return SegmentationSession(part, chosen, source(part, close_up_settings(features, part.geometry)))
+
+    return SegmentationSession(volume, chosen, source(volume, features), open_part)
 
 
 def chosen_model(settings: SessionSettings) -> PretrainedModel:

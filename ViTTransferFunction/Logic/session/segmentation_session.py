@@ -29,6 +29,7 @@ from ..refinement.refinement import RefinementMethod, held_voxels, refine
 from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
+from .close_ups import CloseUps, Part
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
 from .labels import Competition, count_labels, keep_annotated_components
@@ -79,6 +80,10 @@ class RefinedMap:
     iso: float
 
 
+_Asked = tuple[tuple[ClassRequest, Part | None], ...]
+"""Classes, and the parts in which they are looked at."""
+
+
 class SegmentationSession:
     """Holds a volume, its features, and the settings that stay the same while the user annotates.
 
@@ -86,12 +91,19 @@ class SegmentationSession:
         volume: what is segmented.
         preset: the way through the method.
         source: where `load_features` gets the features from; None where they come by `use_features` only.
+        open_part: a session on a part of the volume; None: no class is looked at by itself.
 
     Attributes:
         watch: seconds spent in each step.
     """
 
-    def __init__(self, volume: Volume, preset: Preset, source: FeatureSource | None = None) -> None:
+    def __init__(
+        self,
+        volume: Volume,
+        preset: Preset,
+        source: FeatureSource | None = None,
+        open_part: Callable[[Volume], SegmentationSession] | None = None,
+    ) -> None:
         self.volume = volume
         self.preset = preset
         self.watch = Stopwatch()
@@ -99,7 +111,8 @@ class SegmentationSession:
         self._loaded: _Loaded | None = None
         self._intensities = _Intensities(volume)
         self._computing_maps = Lock()
-        self._answered: tuple[SimilarityRule, tuple[ClassRequest, ...], list[ClassMap]] | None = None
+        self._close_ups = CloseUps(volume, open_part)
+        self._answered: tuple[SimilarityRule, _Asked, list[ClassMap]] | None = None
 
     def estimate(self) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
@@ -142,6 +155,18 @@ class SegmentationSession:
             _ = self._loaded.rule
         elif self.preset.similarity in NEEDS_INTENSITIES:
             self._intensities.on(self._the_source.cells)
+
+    def awaits_close_ups(self, requests: Sequence[ClassRequest]) -> bool:
+        """Whether a class is to be looked at by itself, and is in the whole until `look_closer`."""
+        return bool(self._close_ups.missing(requests))
+
+    def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
+        """Have the features of all classes' close-ups, from the cache or by computing them.
+
+        Any thread may ask for maps meanwhile. See `load_features` for `progress` and what is raised.
+        """
+        with self.watch.step("close-ups"):
+            self._close_ups.load(thinned(requests, self.volume.geometry), progress)
 
     @property
     def provenance(self) -> FeatureProvenance:
@@ -187,7 +212,9 @@ class SegmentationSession:
         with self._computing_maps, self.watch.step("similarity"):
             loaded = self._the_loaded
             features, rule = loaded.features, loaded.rule
-            if self._answered is not None and self._answered[0] is rule and self._answered[1] == tuple(requests):
+            parts = [self._close_ups.of(request) for request in requests]
+            asked = tuple(zip(requests, parts, strict=True))
+            if self._answered is not None and self._answered[0] is rule and self._answered[1] == asked:
                 return list(self._answered[2])
             geometry = features.geometry
             maps = rule.maps(requests, between)
@@ -196,9 +223,11 @@ class SegmentationSession:
                     similarity *= proximity(geometry, request.positive, request.proximity)
             found = [
                 _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
-                for index, (similarity, request) in enumerate(zip(maps, requests, strict=True))
+                if part is None
+                else part.map_on(geometry, requests, index, between)
+                for index, (similarity, request, part) in enumerate(zip(maps, requests, parts, strict=True))
             ]
-            self._answered = rule, tuple(requests), found
+            self._answered = rule, asked, found
             return list(found)
 
     def refined_map(
@@ -217,6 +246,9 @@ class SegmentationSession:
         """
         requests = thinned(requests, self.volume.geometry)
         request = requests[index]
+        part = self._close_ups.of(request)
+        if part is not None:
+            return self._refined_within(part, requests, index, method, between)
         with self.watch.step("refinement"):
             wanted, usual = _refinement(low, request, method)
             voxels = refine(
@@ -227,6 +259,21 @@ class SegmentationSession:
                 return RefinedMap(voxels, low.iso)
             return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index, between)))
 
+    def _refined_within(
+        self,
+        part: Part,
+        requests: Sequence[ClassRequest],
+        index: int,
+        method: RefinementMethod,
+        between: Callable[[], None],
+    ) -> RefinedMap:
+        """S_H of the index-th class from the part of the volume in which it is looked at; 0 beyond."""
+        asked, place = part.requests(requests, index)
+        low = part.session.low_resolution_maps(asked, between)[place]
+        with self.watch.step("refinement"):
+            refined = part.session.refined_map(low, asked, place, method, between)
+            return RefinedMap(refined.voxels.placed(self.volume.shape, part.box), refined.iso)
+
     def segment(
         self,
         requests: Sequence[ClassRequest],
@@ -234,6 +281,7 @@ class SegmentationSession:
         only_annotated_components: bool = True,
         progress: Progress = no_progress,
         on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
+        closer: bool = True,
     ) -> Segmentation:
         """Segment all classes, each voxel going to one class at most.
 
@@ -243,12 +291,16 @@ class SegmentationSession:
             only_annotated_components: drop the parts of a segment that hold none of its positive points.
             progress: called with classes done.
             on_map: is shown each full-resolution map before the next is made; they are not kept.
+            closer: whether close-ups that are not there yet are loaded first (`look_closer`); else those classes are looked at
+                in the whole volume.
 
         Raises:
             InputError: the requests are not usable, or memory is not enough.
             Cancelled: by the progress callback.
         """
         check_requests(requests, self.volume.geometry)
+        if closer:
+            self.look_closer(requests, progress)
         progress(0, len(requests), SEGMENTING)
         isos = []
         telling = thinned(requests, self.volume.geometry)

@@ -51,7 +51,7 @@ FEATURE_SHARPNESS = 2.5
 INTENSITY_SIGMA = 0.12
 """σ_u, in units of the CDF: intensities are compared by the share of the volume's voxels that lie between them."""
 POSITION_SIGMA = 0.15
-"""σ_x, as a share of the volume's longest edge."""
+"""σ_x, as a share of the longest edge of the volume, or of that of which it is a part."""
 POSITION_WEIGHT = 0.5
 """a: similarity of far places is this much smaller, so that the second kidney is found, but after the first."""
 POINT_RIDGE = 0.05
@@ -84,7 +84,7 @@ class KernelRidge:
         self._centre_ras = centres.mean(axis=0)
         vectors = features.array.reshape(-1, features.array.shape[-1])
         self._cells = _Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
-        self._longest_edge_mm = float(volume.geometry.extent_mm.max())
+        self._longest_edge_mm = float(volume.whole.geometry.extent_mm.max())
         background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = self._cells.subset(background), background
         self._background_kernel = np.empty((len(background), len(background)))

@@ -1,0 +1,173 @@
+"""Close-ups: classes that are looked at by themselves, each in a box of the volume with features of its own.
+
+What is small or thin in the whole scan is less than a patch of the network wide, and its features are its neighbours'; whitened
+over the whole, they tell apart what differs most in it, which is something else. In a box of its own, a structure spans many
+patches, and what is whitened is what varies around it. Intensities are looked at in the same windows as in the whole, and
+distances are measured by the whole's size, so that a click means the same in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.class_map import ClassMap
+from ..core.class_request import ClassRequest
+from ..core.errors import InputError
+from ..core.geometry import Box, Geometry
+from ..core.progress import Progress
+from ..core.resampling import sample_at
+from ..core.volume import Volume
+from ..features.settings import FeatureSettings
+
+if TYPE_CHECKING:
+    from .segmentation_session import SegmentationSession
+
+MOST_PATCHES = 8_000
+"""Of a close-up, in all slices together: 20 000 make it no better, and take more than twice as long."""
+_WITHIN_CELL = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64) / 2.0 - 0.25
+"""Places spread within a cell, (8, 3), in cells from its centre."""
+
+
+class Part:
+    """A part of a volume in which a class is looked at by itself.
+
+    Attributes:
+        box: where it lies in the volume.
+        session: on it, with its features.
+    """
+
+    def __init__(self, box: Box, session: SegmentationSession) -> None:
+        self.box = box
+        self.session = session
+        self._last: tuple[ClassRequest, Geometry, ClassMap] | None = None
+
+    def requests(self, requests: Sequence[ClassRequest], index: int) -> tuple[list[ClassRequest], int]:
+        """What is asked of the part: all classes that have positive points in it, by their points in it.
+
+        Returns:
+            These, and the place among them of the index-th one of `requests`, which is one of them.
+        """
+        geometry = self.session.volume.geometry
+        inside = [
+            replace(
+                request,
+                positive=_inside(request.positive, geometry),
+                negative=_inside(request.negative, geometry),
+                close_up=None,
+            )
+            for request in requests
+            if geometry.contains(request.positive).any()
+        ]
+        return inside, [request.id for request in inside].index(requests[index].id)
+
+    def map_on(self, cells: Geometry, requests: Sequence[ClassRequest], index: int, between: Callable[[], None]) -> ClassMap:
+        """S_L of the index-th class on a grid of the whole volume, as large as it gets within each cell; 0 beyond the part.
+
+        Where other classes alone have changed since it was asked for last, it is that one: where many are looked at, a click is
+        in the boxes of several. Refined maps do not follow from this one.
+        """
+        if self._last is None or self._last[:2] != (requests[index], cells):
+            asked, place = self.requests(requests, index)
+            low = self.session.low_resolution_maps(asked, between)[place]
+            on_cells = ClassMap(largest_within(low, cells), cells, low.iso, low.proposals)
+            self._last = requests[index], cells, on_cells
+        return self._last[2]
+
+
+class CloseUps:
+    """The parts of a volume in which classes are looked at.
+
+    Args:
+        volume: the whole.
+        open_part: a session on a part of it; None: there are no close-ups, and every class is looked at in the whole.
+    """
+
+    def __init__(self, volume: Volume, open_part: Callable[[Volume], SegmentationSession] | None) -> None:
+        self._volume = volume
+        self._open_part = open_part
+        self._parts: dict[str, Part | None] = {}
+
+    def of(self, request: ClassRequest) -> Part | None:
+        """The part in which a class is looked at; None where it is looked at in the whole, if only until `load`."""
+        return None if request.close_up is None else self._parts.get(self._name(request))
+
+    def missing(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
+        """The classes whose close-up is still to be loaded."""
+        if self._open_part is None:
+            return []
+        return [request for request in requests if request.close_up is not None and self._name(request) not in self._parts]
+
+    def load(self, requests: Sequence[ClassRequest], progress: Progress) -> None:
+        """Have the features of all close-ups, a second or three of work each; those that nobody asks for are forgotten.
+
+        Raises:
+            InputError, Cancelled: as `SegmentationSession.load_features`.
+        """
+        wanted = {self._name(request) for request in requests if request.close_up is not None}
+        self._parts = {name: part for name, part in self._parts.items() if name in wanted}
+        for request in self.missing(requests):
+            # Any thread may look things up meanwhile.
+            self._parts = {**self._parts, self._name(request): self._loaded(request, progress)}
+
+    def _loaded(self, request: ClassRequest, progress: Progress) -> Part | None:
+        assert self._open_part is not None
+        box = self._box(request)
+        try:
+            part = self._volume.part(box)
+        except InputError:
+            return None  # Nothing in it can be told apart.
+        session = self._open_part(part)
+        session.load_features(lambda done, total, what: progress(done, total, f"Looking closer at {request.name}"))
+        session.prepare_clicks()
+        return Part(box, session)
+
+    def _name(self, request: ClassRequest) -> str:
+        return str(self._box(request))
+
+    def _box(self, request: ClassRequest) -> Box:
+        assert request.close_up is not None
+        return request.close_up.box_in(self._volume.geometry, request.positive)
+
+
+def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSettings:
+    """How a part's features are extracted, where the whole's are by `settings`: no cell is smaller than a voxel.
+
+    Args:
+        settings: of the whole.
+        part: the part's voxels.
+    """
+    longest = int(np.argmax(part.extent_mm[::-1]))
+    patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)
+    return replace(settings, grid=min(settings.grid, part.shape[longest]), most_patches=patches)
+
+
+def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
+    """The largest value of a map of a part of a volume within each cell of another grid, (K', J', I'); 0 beyond the part.
+
+    Their mean would be below the iso value throughout, where a structure is thinner than a cell.
+    """
+    corners = np.array(list(np.ndindex(2, 2, 2))) * np.array(part.geometry.shape[::-1]) - 0.5
+    kji = cells.ras_to_ijk(part.geometry.ijk_to_ras_points(corners))[:, ::-1] + 0.5
+    first = np.clip(np.floor(kji.min(axis=0)).astype(int), 0, cells.shape)
+    last = np.clip(np.ceil(kji.max(axis=0)).astype(int), 0, cells.shape)
+    k, j, i = (slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
+    covered = cells.part((k, j, i))
+    centres = np.indices(covered.shape[::-1]).reshape(3, -1).T
+    largest = np.zeros(len(centres), dtype=np.float32)
+    for offset in _WITHIN_CELL:
+        points = covered.ijk_to_ras_points(centres + offset)
+        inside = part.geometry.contains(points)
+        values = sample_at(part.array[..., None], part.geometry, points[inside])[:, 0]
+        largest[inside] = np.maximum(largest[inside], values)
+    array = np.zeros(cells.shape, dtype=np.float32)
+    array[k, j, i] = largest.reshape(covered.shape[::-1]).transpose()
+    return array
+
+
+def _inside(points_ras: np.ndarray, geometry: Geometry) -> np.ndarray:
+    inside: np.ndarray = points_ras[geometry.contains(points_ras)]
+    return inside
