@@ -20,7 +20,7 @@ from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click, Clicks
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up_choice import MARGIN
+from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
@@ -41,7 +41,9 @@ class WatchedSession(SegmentationSession):
         return super().segment([replace(request, close_up=None) for request in requests], *args, **options)
 
     def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
-        self.looked.append(_closely(requests))
+        # A segmentation asks as well, if for nothing here.
+        if _closely(requests):
+            self.looked.append(_closely(requests))
 
     def low_resolution_maps(self, requests: Sequence[ClassRequest], *args: Any) -> list[ClassMap]:
         return super().low_resolution_maps([replace(request, close_up=None) for request in requests], *args)
@@ -69,16 +71,16 @@ def test_close_ups_are_asked_for_once_at_the_first_clicks_and_stay(labelled: Lab
     assert session.segmented[2:] == [["left", "dark"]]
 
 
-def test_a_box_fits_the_structure_as_it_is_shown(labelled: LabelledVolume, features: FeatureVolume) -> None:
-    user = LookingUser(WatchedSession(labelled, features), ("left",))
-    user(labelled, clicks_on(labelled))
+def test_a_box_is_that_of_the_segment_as_it_is_shown(labelled: LabelledVolume, features: FeatureVolume) -> None:
+    user, clicks = LookingUser(WatchedSession(labelled, features), ("right",)), clicks_on(labelled)
+    geometry = labelled.volume.geometry
+    shown = user(labelled, clicks) == labelled.names.index("right") + 1
+    assert shown.any()
+    point = geometry.ijk_to_ras_points(np.array([clicks[labelled.names.index("right")][0].kji[::-1]], dtype=float))
+    expected = close_up_of(ClassMap(shown.astype(np.float32), geometry, 0.5), point, geometry)
     (press,) = user.pressed
-    extent_mm = labelled.volume.geometry.extent_mm
-    assert press.size_mm is not None
-    # A ball of 32 mm, a margin on both sides, and whole voxels.
-    around_mm = 2.0 * MARGIN * extent_mm.max()
-    assert all(32.0 <= edge - around_mm < 32.0 + 2.0 * 3.0 for edge in press.size_mm)
-    assert press.voxels == pytest.approx(labelled.truth.size * np.prod(press.size_mm) / np.prod(extent_mm))
+    assert press.size_mm == expected.size_mm
+    assert press.voxels == shown[expected.box_in(geometry, point)].size
 
 
 def test_a_structure_whose_box_is_too_large_stays_as_it_is(
