@@ -27,7 +27,7 @@ class Press:
         structure: its name.
         size_mm: edges of the box along I, J and K; None: refused, since the box fills too much of the scan.
         voxels: of the box; None where it was refused.
-        seconds: until the first map of it was there, features included; None where it was refused.
+        seconds: until the first map of it was there, features included; None where it was refused, or not timed.
     """
 
     structure: str

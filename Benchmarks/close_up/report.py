@@ -31,8 +31,8 @@ and the structure stayed as it was. The first clicks of both ways are the same, 
 A structure lost where its Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path, which has other
 clicks by then: structures that nobody looked at closely lose and win as well."""
 HOW_LONG = """\
-Seconds from the press to the first map, the box's features and the maps of all structures included; the whole scan's features
-were there. Edges are the box's longest. Median (least to most) of all presses."""
+Median (least to most). Boxes: those of all paths, and of each its longest edge. Seconds: from the press to the first map, the
+box's features and the maps of all structures included, one close-up after the other, at the first clicks of path 1."""
 
 Run = dict[str, Any]
 
@@ -57,7 +57,7 @@ class Pair:
     @property
     def looked_at(self) -> list[str]:
         """The structures that were looked at closely on this path."""
-        return [press["structure"] for press in self.close["presses"] if press["size_mm"] is not None]
+        return [press["structure"] for press in _accepted(self.close["presses"])]
 
     @property
     def refused(self) -> list[str]:
@@ -95,7 +95,7 @@ CHOICES: dict[str, Chosen] = {
 def write_report(report: dict[str, Any], folder: Path) -> None:
     """Write close_up.json and close_up.md."""
     runs = report["runs"]
-    figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
+    figures = {**report, "summary": summary(runs, report["cases"]), "runs": single_runs(runs)}
     write_results(folder, "close_up", figures, text(report))
 
 
@@ -109,7 +109,7 @@ def pairs_of(runs: Sequence[Run]) -> dict[str, list[Pair]]:
     return pairs
 
 
-def summary(runs: Sequence[Run]) -> dict[str, Any]:
+def summary(runs: Sequence[Run], cases: dict[str, Any]) -> dict[str, Any]:
     """The figures that are tracked, by case."""
     return {
         case: {
@@ -121,8 +121,8 @@ def summary(runs: Sequence[Run]) -> dict[str, Any]:
             },
             "close_ups": sum(len(pair.looked_at) for pair in pairs),
             "refused": sum(len(pair.refused) for pair in pairs),
-            "seconds": median_of(pairs, "seconds"),
-            "voxels": median_of(pairs, "voxels"),
+            "seconds": _median([press["seconds"] for press in _accepted(cases[case]["timed"])]),
+            "voxels": _median([press["voxels"] for press in _close_ups(pairs)]),
         }
         for case, pairs in pairs_of(runs).items()
     }
@@ -140,12 +140,6 @@ def lost_share(pairs: Sequence[Pair], chosen: Chosen) -> float | None:
     return round(float(np.mean(np.array(changes) < -LOSS)), DIGITS) if changes else None
 
 
-def median_of(pairs: Sequence[Pair], what: str) -> float | None:
-    """Of all close-ups; None where there are none."""
-    values = _of_presses(pairs, what)
-    return round(float(np.median(values)), DIGITS) if values else None
-
-
 def text(report: dict[str, Any]) -> str:
     """For people."""
     pairs = pairs_of(report["runs"])
@@ -156,13 +150,9 @@ def text(report: dict[str, Any]) -> str:
         *(part for choice in CHOICES for part in (f"## Structures: {choice}", _means(pairs, choice))),
         HOW_TO_READ,
         "## Seconds and sizes",
-        _sizes(pairs),
+        _sizes(pairs, report["cases"]),
         HOW_LONG,
-        *(
-            part
-            for case, of_case in pairs.items()
-            for part in (f"## {case}", _structures(of_case, report["millilitres"][case]))
-        ),
+        *(part for case, of_case in pairs.items() for part in (f"## {case}", _structures(of_case, report["cases"][case]))),
     )
 
 
@@ -179,22 +169,19 @@ def _means(pairs: dict[str, list[Pair]], choice: str) -> str:
     return table(header, rows)
 
 
-def _sizes(pairs: dict[str, list[Pair]]) -> str:
-    rows = [
-        [
-            case,
-            sum(len(pair.looked_at) for pair in of_case),
-            sum(len(pair.refused) for pair in of_case),
-            _median(_of_presses(of_case, "seconds"), 1),
-            _median([max(edges) for edges in _of_presses(of_case, "size_mm")], 0),
-            _median([voxels / 1000.0 for voxels in _of_presses(of_case, "voxels")], 0),
-        ]
-        for case, of_case in pairs.items()
-    ]
-    return table(["volume", "close-ups", "refused", "seconds", "longest edge, mm", "thousand voxels"], rows)
+def _sizes(pairs: dict[str, list[Pair]], cases: dict[str, Any]) -> str:
+    header = ["volume", "close-ups", "refused", "longest edge, mm", "thousand voxels", "seconds", "timed", "on"]
+    rows = []
+    for case, of_case in pairs.items():
+        presses, timed = _close_ups(of_case), _accepted(cases[case]["timed"])
+        edges, voxels = [max(press["size_mm"]) for press in presses], [press["voxels"] / 1000.0 for press in presses]
+        sizes = _range_of(edges, 0), _range_of(voxels, 0), _range_of([press["seconds"] for press in timed], 1)
+        refused = sum(len(pair.refused) for pair in of_case)
+        rows.append([case, len(presses), refused, *sizes, len(timed), in_words(cases[case]["timed_on"])])
+    return table(header, rows)
 
 
-def _structures(pairs: Sequence[Pair], millilitres: dict[str, float]) -> str:
+def _structures(pairs: Sequence[Pair], case: dict[str, Any]) -> str:
     """Those that were looked at closely on more paths first."""
     header = [
         "structure",
@@ -208,15 +195,23 @@ def _structures(pairs: Sequence[Pair], millilitres: dict[str, float]) -> str:
     for name in sorted(times, key=lambda name: -times[name]):
         means = [np.mean([pair.dice(way, name, clicks) for pair in pairs]) for clicks in CLICKS for way in WAYS]
         change = f"{means[-1] - means[-2]:+.3f}"
-        rows.append([name, number(millilitres[name], 1), times[name], *(number(float(mean)) for mean in means), change])
+        rows.append([name, number(case["millilitres"][name], 1), times[name], *(number(float(mean)) for mean in means), change])
     return table(header, rows)
 
 
-def _of_presses(pairs: Sequence[Pair], what: str) -> list[Any]:
-    return [press[what] for pair in pairs for press in pair.close["presses"] if press[what] is not None]
+def _close_ups(pairs: Sequence[Pair]) -> list[Run]:
+    return [press for pair in pairs for press in _accepted(pair.close["presses"])]
 
 
-def _median(values: Sequence[float], digits: int) -> str:
+def _accepted(presses: Sequence[Run]) -> list[Run]:
+    return [press for press in presses if press["size_mm"] is not None]
+
+
+def _median(values: Sequence[float]) -> float | None:
+    return round(float(np.median(values)), DIGITS) if values else None
+
+
+def _range_of(values: Sequence[float], digits: int) -> str:
     if not values:
         return "–"
     return f"{np.median(values):.{digits}f} ({min(values):.{digits}f} to {max(values):.{digits}f})"

@@ -122,16 +122,24 @@ def run(way: str, path: int, dice: dict[str, float], presses: Sequence[Press] = 
 
 RUNS = [
     run(WHOLE, 1, {"gland": 0.2, "vein": 0.3, "liver": 0.9}),
-    run(CLOSE_UPS, 1, {"gland": 0.6, "vein": 0.3, "liver": 0.85}, [Press("gland", (9.0, 8.0, 7.0), 504, 2.0), Press("vein")]),
+    run(CLOSE_UPS, 1, {"gland": 0.6, "vein": 0.3, "liver": 0.85}, [Press("gland", (9.0, 8.0, 7.0), 504), Press("vein")]),
     run(WHOLE, 2, {"gland": 0.4, "vein": 0.5, "liver": 0.9}),
     run(CLOSE_UPS, 2, {"gland": 0.3, "vein": 0.9, "liver": 0.89},
-        [Press("gland", (9.0, 8.0, 7.0), 504, 4.0), Press("vein", (1.0, 2.0, 30.0), 60, 3.0)]),
+        [Press("gland", (9.0, 8.0, 7.0), 504), Press("vein", (1.0, 2.0, 30.0), 60)]),
     run(WHOLE, 3, {"gland": 0.4, "vein": 0.5, "liver": 0.9}),
 ]  # fmt: skip
+TIMED = [Press("gland", (9.0, 8.0, 7.0), 504, 2.0), Press("vein"), Press("duct", (9.0, 8.0, 7.0), 504, 4.0)]
+CASES = {
+    "scan": {
+        "millilitres": {"gland": 3.0, "vein": 20.0, "liver": 1500.0},
+        "timed": [asdict(press) for press in TIMED],
+        "timed_on": machine("cpu"),
+    }
+}
 
 
 def test_both_ways_are_compared_on_what_was_looked_at_on_the_same_path() -> None:
-    of_case = summary(RUNS)["scan"]
+    of_case = summary(RUNS, CASES)["scan"]
     # Path 3 was measured one way only.
     assert of_case["paths"] == 2
     # 0.2 and (0.4 + 0.5) / 2; 0.6 and (0.3 + 0.9) / 2.
@@ -149,11 +157,10 @@ def test_a_loss_is_what_a_user_would_see() -> None:
 
 
 def test_the_report_has_a_line_for_every_structure(tmp_path: Path) -> None:
-    millilitres = {"scan": {"gland": 3.0, "vein": 20.0, "liver": 1500.0}}
-    write_report({"model": "m", "machine": machine("cpu"), "millilitres": millilitres, "runs": RUNS}, tmp_path)
+    write_report({"model": "m", "machine": machine("cpu"), "cases": CASES, "runs": RUNS}, tmp_path)
     text = (tmp_path / "close_up.md").read_text(encoding="utf-8")
     assert "| gland | 3.0 | 2 | 0.300 | 0.450 | 0.300 | 0.450 | 0.300 | 0.450 | +0.150 |" in text
-    assert "| scan | 3 | 1 | 3.0 (2.0 to 4.0) | 9 (9 to 30) | 1 (0 to 1) |" in text
+    assert "| scan | 3 | 1 | 9 (9 to 30) | 1 (0 to 1) | 3.0 (2.0 to 4.0) | 2 |" in text
     figures = json.loads((tmp_path / "close_up.json").read_text(encoding="utf-8"))
     assert figures["summary"]["scan"]["refused"] == 1
     assert [run["way"] for run in figures["runs"]] == [run["way"] for run in RUNS]
