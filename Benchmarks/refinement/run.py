@@ -46,7 +46,8 @@ from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, SegmentationSession
+from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 NOISE = 0.01
 """Differences of Dice that say nothing: so much it changes with small changes of anything."""

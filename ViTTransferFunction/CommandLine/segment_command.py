@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from ViTTransferFunction.Logic.core.class_request import ClassRequest
     from ViTTransferFunction.Logic.core.geometry import Geometry
     from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
-    from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation
+    from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+    from ViTTransferFunction.Logic.session.segmentation_session import Segmentation
 
 
 def add_arguments(subparsers: Subparsers) -> None:

@@ -5,19 +5,24 @@
 
 from __future__ import annotations
 
+import logging
 import platform
 from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+
+logger = logging.getLogger(__name__)
 
 
 def segment_classes(
@@ -28,6 +33,7 @@ def segment_classes(
     progress: Progress = no_progress,
     on_features: Callable[[SegmentationSession], None] = lambda _: None,
     on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
+    on_warning: Callable[[str], None] = logger.warning,
 ) -> Segmentation:
     """Load the features of an opened volume, and segment it.
 
@@ -39,15 +45,17 @@ def segment_classes(
         progress: called with what is done of each step.
         on_features: is called when the features are there.
         on_map: is shown each class's full-resolution map.
+        on_warning: is told what was done otherwise than asked for.
 
     Raises:
         InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
     """
-    requests = [annotated.request for annotated in classes]
     # Before the features, which may take minutes.
-    check_requests(requests, session.volume.geometry)
+    check_requests([annotated.request for annotated in classes], session.volume.geometry)
+    check_close_ups(classes, session.volume.geometry)
     session.load_features(progress)
     on_features(session)
+    requests = requests_with_close_ups(session, classes, on_warning)
     return session.segment(requests, method, only_annotated_components, progress, on_map)
 
 

@@ -54,6 +54,8 @@ class Actions:
             "removeLast": self._remove_last,
             "smaller": lambda: self._step(-1),
             "larger": lambda: self._step(1),
+            "lookCloser": self._look_closer,
+            "lookAtWhole": self._look_at_whole,
             "sizeAsChosen": lambda: self._set_fields(size=0.0, iso=None),
             "previousClass": lambda: self._select_neighbour(-1),
             "nextClass": lambda: self._select_neighbour(1),
@@ -168,6 +170,16 @@ class Actions:
         selected = self._app.session.selected_class
         if selected is not None:
             self._app.session.annotations.step_size(selected.id, direction)
+
+    def _look_closer(self) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.look_closer(selected.id)
+
+    def _look_at_whole(self) -> None:
+        selected = self._app.session.selected_class
+        if selected is not None:
+            self._app.session.look_at_whole(selected.id)
 
     def _remove_last(self) -> None:
         selected = self._app.session.selected_class

@@ -18,6 +18,7 @@ from ViTTransferFunction.Widget.appearance_section import AppearanceSection
 from ViTTransferFunction.Widget.class_actions import ClassActions
 from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
+from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
@@ -53,6 +54,7 @@ class Panel:
         session: the session that is shown; None while the scene is being closed.
         tools: what places, brushes and erases.
         size: what makes structures smaller and larger.
+        close_up: what has structures looked at by themselves.
         shortcuts: the keys.
         shortcut_help: the list of the keys.
     """
@@ -67,6 +69,7 @@ class Panel:
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
         self._class_actions = ClassActions(ui, report)
         self.size = SizeControls(ui, report)
+        self.close_up = CloseUpControls(ui, report)
         self._sections = (
             PyTorchSection(ui, report, on_installed=self.refresh),
             VolumeSection(ui, report),
@@ -77,6 +80,7 @@ class Panel:
             AppearanceSection(ui, report),
             PicturesSection(ui, report),
             self.size,
+            self.close_up,
             OutputSection(ui, report),
             AdvancedSection(ui, report),
         )
@@ -196,6 +200,7 @@ class Panel:
             "removeLast": tools.remove_last,
             "smaller": self.size.make_smaller,
             "larger": self.size.make_larger,
+            "lookCloser": self.close_up.look_closer,
             "previousClass": lambda: self._table.select_neighbour(-1),
             "nextClass": lambda: self._table.select_neighbour(+1),
             "nextPoint": self._class_actions.show_next_point,

@@ -27,7 +27,8 @@ from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, crop_voxel_map, on_common_box, restricted
 from ..session.opening import open_session
-from ..session.segmentation_session import RefinedMap, Segmentation, SegmentationSession
+from ..session.refined_map import RefinedMap
+from ..session.segmentation_session import Segmentation, SegmentationSession
 from .requests import (
     ComputeMaps,
     Done,

@@ -16,6 +16,8 @@ LEAST_VOXELS = 16
 """Of a box along each axis, as far as the volume has so many."""
 
 _FARTHEST_MM = 1e9
+_ROUNDING = 1e-3
+"""Of a voxel: a box that was saved and read again is the same one, and its features are in the cache."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,8 @@ def box_of_voxels(low: np.ndarray, high: np.ndarray, shape: tuple[int, int, int]
     for first, last, size in zip(low, high, shape, strict=True):
         least = min(LEAST_VOXELS, size)
         widened = max(least - (last - first), 0.0) / 2.0
-        start = int(np.clip(np.floor(first - widened), 0, size - least))
-        extents.append(slice(start, int(np.clip(np.ceil(last + widened), start + least, size))))
+        start = int(np.clip(np.floor(first - widened + _ROUNDING), 0, size - least))
+        extents.append(slice(start, int(np.clip(np.ceil(last + widened - _ROUNDING), start + least, size))))
     k, j, i = extents
     return k, j, i
 

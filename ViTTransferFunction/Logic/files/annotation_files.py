@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, as_points, check_name, check_share, is_number, no_points
+from ..core.class_request import FARTHEST, ClassRequest, as_points, check_name, check_share, is_number, no_points
+from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
 from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from .json_files import read_json
 
-CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine"})
+CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine", "close_up"})
 
 NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}
 """Sizes of `ClassRequest` that have a name."""
@@ -29,6 +30,7 @@ class AnnotatedClass:
         request: points and settings; its id is the class's name.
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
+        close_up_from_map: whether the request's close-up is still to be chosen, from the class's map.
 
     Raises:
         InputError: the opacity is out of range.
@@ -37,6 +39,7 @@ class AnnotatedClass:
     request: ClassRequest
     color: Color
     opacity: float = 1.0
+    close_up_from_map: bool = False
 
     def __post_init__(self) -> None:
         check_share(self.opacity, "opacity", self.request.name)
@@ -124,7 +127,10 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
     fields["size"] = _as_size(fields.get("size", 0.0), name)
     if fields["size"] and "iso" in fields:
         raise InputError(f"Class '{name}' has an 'iso' and a 'size'; give one of them: a size changes the iso that is chosen.")
-    return AnnotatedClass(ClassRequest(name, **fields), color, opacity)
+    close_up = fields.pop("close_up", False)
+    if not isinstance(close_up, bool):
+        fields["close_up"] = _as_close_up(close_up, to_ras, name)
+    return AnnotatedClass(ClassRequest(name, **fields), color, opacity, close_up_from_map=close_up is True)
 
 
 def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np.ndarray:
@@ -153,6 +159,22 @@ def _as_size(size: Any, name: str) -> Any:
             f"{SMALLEST_SIZE:g} to {LARGEST_SIZE:g}."
         )
     return NAMED_SIZES[size]
+
+
+def _as_close_up(close_up: Any, to_ras: np.ndarray, name: str) -> CloseUp:
+    """Accepts a box by its centre, in the file's coordinate system, and its edges along the volume's axes."""
+    if not isinstance(close_up, dict) or close_up.keys() != {"center", "size_mm"}:
+        raise InputError(
+            f"'close_up' of class '{name}' is {shown(close_up)}; expected true, for a box that is chosen from the points, or "
+            'the box itself: {"center": [x, y, z], "size_mm": [i, j, k]}.'
+        )
+    for field, above, expected in (("center", -FARTHEST, "three numbers"), ("size_mm", 0.0, "three numbers above 0")):
+        values = close_up[field]
+        if not isinstance(values, list) or len(values) != 3 or not all(is_number(v) and above < v < FARTHEST for v in values):
+            raise InputError(
+                f"'{field}' of the close-up of class '{name}' is {shown(values)}; expected {expected}, below {FARTHEST:g}."
+            )
+    return CloseUp(tuple(transform_points(to_ras, np.array([close_up["center"]], float))[0].tolist()), close_up["size_mm"])
 
 
 def _as_color(color: Any, name: str) -> Color:

@@ -21,6 +21,7 @@ from ..core.errors import InputError
 from .class_size import stepped, turned
 from .classes import (
     ClassState,
+    CloseUpBox,
     Point,
     changed,
     class_id,
@@ -134,6 +135,11 @@ class SceneAnnotations:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
             write_class(self._scene, self._positive(id_), state)
+
+    def set_close_up(self, id_: str, close_up: CloseUpBox | None) -> None:
+        """Have a class looked at in a box of the volume, or in the whole (None); see `ClassState`."""
+        with self._edit():
+            write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
 
     def step_size(self, id_: str, direction: Literal[-1, 1]) -> None:
         """Make a class one step smaller (−1) or larger (1)."""

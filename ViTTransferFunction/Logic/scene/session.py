@@ -234,13 +234,13 @@ class SceneSession:
         volume, content, class_map = self.parameters.volume, self._volume.content, self._proxy.maps.get(id_)
         state = next(state for state in self.classes if state.id == id_)
         request = next((request for request in self._requests.requests if request.id == id_), None)
-        if volume is None or content is None or class_map is None or request is None or not self.up_to_date:
+        if volume is None or content is None or class_map is None or request is None:
             self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
         else:
             try:
                 close_up = close_up_of(class_map, request.positive, content.geometry)
                 centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
-                self.annotations.set_class(id_, close_up=(*centre, *close_up.size_mm))
+                self.annotations.set_close_up(id_, (*centre, *close_up.size_mm))
             except InputError as error:
                 self._problems.put("close-up", f"{state.name}: {error}")
         self._notify()
@@ -248,7 +248,7 @@ class SceneSession:
     def look_at_whole(self, id_: str) -> None:
         """Have a class looked at in the whole volume again: one step for undo."""
         self._problems.solve("close-up")
-        self.annotations.set_class(id_, close_up=None)
+        self.annotations.set_close_up(id_, None)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""

@@ -38,6 +38,14 @@ def size_in_steps(steps: float, fixed: bool) -> str:
     return _("{count} steps larger").format(count=count) if steps > 0.0 else _("{count} steps smaller").format(count=count)
 
 
+def close_up_text(state: ClassState) -> str:
+    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume."""
+    if state.close_up is None:
+        return ""
+    edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in state.close_up[3:])
+    return _("In a box of {edges} mm").format(edges=edges)
+
+
 def progress_text(progress: WorkProgress) -> str:
     """What is being done, and how long it will still take."""
     if progress.seconds_left is None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,14 +22,38 @@ from ..core.progress import Progress
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.settings import FeatureSettings
-
-if TYPE_CHECKING:
-    from .segmentation_session import SegmentationSession
+from ..refinement.refinement import RefinementMethod
+from .refined_map import RefinedMap
 
 MOST_PATCHES = 8_000
 """Of a close-up, in all slices together: 20 000 make it no better, and take more than twice as long."""
-_WITHIN_CELL = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64) / 2.0 - 0.25
-"""Places spread within a cell, (8, 3), in cells from its centre."""
+
+
+class PartSession(Protocol):
+    """What a part needs of the session on it; a `SegmentationSession`."""
+
+    @property
+    def volume(self) -> Volume:
+        """The part."""
+
+    def load_features(self, progress: Progress) -> Any:
+        """See `SegmentationSession`, as for the others."""
+
+    def prepare_clicks(self) -> None:
+        """See there."""
+
+    def low_resolution_maps(self, requests: Sequence[ClassRequest], between: Callable[[], None]) -> list[ClassMap]:
+        """See there."""
+
+    def refined_map(
+        self,
+        low: ClassMap,
+        requests: Sequence[ClassRequest],
+        index: int,
+        method: RefinementMethod,
+        between: Callable[[], None],
+    ) -> RefinedMap:
+        """See there."""
 
 
 class Part:
@@ -40,7 +64,7 @@ class Part:
         session: on it, with its features.
     """
 
-    def __init__(self, box: Box, session: SegmentationSession) -> None:
+    def __init__(self, box: Box, session: PartSession) -> None:
         self.box = box
         self.session = session
         self._last: tuple[ClassRequest, Geometry, ClassMap] | None = None
@@ -77,6 +101,20 @@ class Part:
             self._last = requests[index], cells, on_cells
         return self._last[2]
 
+    def refined_map(
+        self,
+        shape: tuple[int, int, int],
+        requests: Sequence[ClassRequest],
+        index: int,
+        method: RefinementMethod,
+        between: Callable[[], None],
+    ) -> RefinedMap:
+        """S_H of the index-th class on the whole volume of `shape` (K, J, I); 0 beyond the part. See `SegmentationSession`."""
+        asked, place = self.requests(requests, index)
+        low = self.session.low_resolution_maps(asked, between)[place]
+        refined = self.session.refined_map(low, asked, place, method, between)
+        return RefinedMap(refined.voxels.placed(shape, self.box), refined.iso)
+
 
 class CloseUps:
     """The parts of a volume in which classes are looked at.
@@ -86,7 +124,7 @@ class CloseUps:
         open_part: a session on a part of it; None: there are no close-ups, and every class is looked at in the whole.
     """
 
-    def __init__(self, volume: Volume, open_part: Callable[[Volume], SegmentationSession] | None) -> None:
+    def __init__(self, volume: Volume, open_part: Callable[[Volume], PartSession] | None) -> None:
         self._volume = volume
         self._open_part = open_part
         self._parts: dict[str, Part | None] = {}
@@ -148,24 +186,20 @@ def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSetti
 def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
     """The largest value of a map of a part of a volume within each cell of another grid, (K', J', I'); 0 beyond the part.
 
-    Their mean would be below the iso value throughout, where a structure is thinner than a cell.
+    Their mean would be below the iso value throughout, where a structure is thinner than a cell. Where the cells are the
+    smaller ones, they have the value at their centre.
     """
-    corners = np.array(list(np.ndindex(2, 2, 2))) * np.array(part.geometry.shape[::-1]) - 0.5
-    kji = cells.ras_to_ijk(part.geometry.ijk_to_ras_points(corners))[:, ::-1] + 0.5
-    first = np.clip(np.floor(kji.min(axis=0)).astype(int), 0, cells.shape)
-    last = np.clip(np.ceil(kji.max(axis=0)).astype(int), 0, cells.shape)
-    k, j, i = (slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
-    covered = cells.part((k, j, i))
-    centres = np.indices(covered.shape[::-1]).reshape(3, -1).T
-    largest = np.zeros(len(centres), dtype=np.float32)
-    for offset in _WITHIN_CELL:
-        points = covered.ijk_to_ras_points(centres + offset)
-        inside = part.geometry.contains(points)
-        values = sample_at(part.array[..., None], part.geometry, points[inside])[:, 0]
-        largest[inside] = np.maximum(largest[inside], values)
-    array = np.zeros(cells.shape, dtype=np.float32)
-    array[k, j, i] = largest.reshape(covered.shape[::-1]).transpose()
-    return array
+    largest = np.zeros(cells.shape, dtype=np.float32)
+    within = np.floor(cells.ras_to_ijk(part.geometry.voxel_centres_ras())[:, ::-1] + 0.5).astype(int)
+    np.maximum.at(largest, tuple(np.clip(within, 0, np.array(cells.shape) - 1).T), part.array.ravel())
+    corners = part.geometry.ijk_to_ras_points(np.array([np.zeros(3), part.geometry.shape[::-1]]) - 0.5)
+    first, last = np.sort(cells.ras_to_ijk(corners)[:, ::-1] + 0.5, axis=0)
+    covered = tuple(slice(max(int(np.floor(a)), 0), int(np.ceil(b))) for a, b in zip(first, last, strict=True))
+    centres = cells.voxel_centres_ras().reshape(*cells.shape, 3)[covered]
+    inside = part.geometry.contains(centres.reshape(-1, 3))
+    values = np.where(inside, sample_at(part.array[..., None], part.geometry, centres.reshape(-1, 3))[:, 0], 0.0)
+    largest[covered] = np.maximum(largest[covered], values.reshape(centres.shape[:3]))
+    return largest
 
 
 def _inside(points_ras: np.ndarray, geometry: Geometry) -> np.ndarray:

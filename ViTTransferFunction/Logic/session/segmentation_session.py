@@ -22,19 +22,19 @@ from ..core.point_thinning import thinned
 from ..core.progress import SEGMENTING, Progress, no_progress
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
-from ..core.voxel_map import VoxelMap
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine
 from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
-from .close_ups import CloseUps, Part
+from .close_ups import CloseUps, Part, PartSession
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
 from .labels import Competition, count_labels, keep_annotated_components
 from .memory_need import check_memory_for_refinement
 from .presets import Preset
+from .refined_map import RefinedMap
 
 
 @dataclass(frozen=True)
@@ -67,19 +67,6 @@ class Segmentation:
     classes: tuple[ClassResult, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class RefinedMap:
-    """S_H of a class, and its threshold.
-
-    Attributes:
-        voxels: S_H.
-        iso: threshold that selects the class, in [0, 1].
-    """
-
-    voxels: VoxelMap
-    iso: float
-
-
 _Asked = tuple[tuple[ClassRequest, Part | None], ...]
 """Classes, and the parts in which they are looked at."""
 
@@ -102,7 +89,7 @@ class SegmentationSession:
         volume: Volume,
         preset: Preset,
         source: FeatureSource | None = None,
-        open_part: Callable[[Volume], SegmentationSession] | None = None,
+        open_part: Callable[[Volume], PartSession] | None = None,
     ) -> None:
         self.volume = volume
         self.preset = preset
@@ -247,9 +234,9 @@ class SegmentationSession:
         requests = thinned(requests, self.volume.geometry)
         request = requests[index]
         part = self._close_ups.of(request)
-        if part is not None:
-            return self._refined_within(part, requests, index, method, between)
         with self.watch.step("refinement"):
+            if part is not None:
+                return part.refined_map(self.volume.shape, requests, index, method, between)
             wanted, usual = _refinement(low, request, method)
             voxels = refine(
                 low.array, self.volume, self.display_window, request.positive, usual, wanted, between, lowest_iso=low.iso
@@ -258,21 +245,6 @@ class SegmentationSession:
             if wanted == "none":
                 return RefinedMap(voxels, low.iso)
             return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index, between)))
-
-    def _refined_within(
-        self,
-        part: Part,
-        requests: Sequence[ClassRequest],
-        index: int,
-        method: RefinementMethod,
-        between: Callable[[], None],
-    ) -> RefinedMap:
-        """S_H of the index-th class from the part of the volume in which it is looked at; 0 beyond."""
-        asked, place = part.requests(requests, index)
-        low = part.session.low_resolution_maps(asked, between)[place]
-        with self.watch.step("refinement"):
-            refined = part.session.refined_map(low, asked, place, method, between)
-            return RefinedMap(refined.voxels.placed(self.volume.shape, part.box), refined.iso)
 
     def segment(
         self,

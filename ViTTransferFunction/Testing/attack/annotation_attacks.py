@@ -106,7 +106,8 @@ def full_annotations(scan: Scan) -> dict[str, Any]:
     """An annotation file's content with every field that there is."""
     content = annotated(scan)
     content["classes"][0] |= {"color": [1.0, 0.5, 0.0], "opacity": 0.5, "size": 0.5, "proximity": 0.3, "refine": True}
-    content["classes"][1] |= {"color": "#10ff20", "iso": 0.4}
+    content["classes"][1] |= {"color": "#10ff20", "iso": 0.4, "close_up": {"center": scan.inside[1], "size_mm": [9, 8.5, 7]}}
+    content["classes"][0]["close_up"] = True
     return content
 
 

@@ -27,6 +27,8 @@ anything = st.recursive(
 )
 coordinates = st.floats(-5.0, 5.0) | st.integers(0, 3) | st.floats()
 points = st.lists(st.tuples(*[coordinates] * 3), max_size=4) | anything
+edges = st.lists(st.floats(0.0, 100.0) | st.integers(1, 9), min_size=3, max_size=3)
+boxes = st.fixed_dictionaries({"center": st.lists(coordinates, min_size=3, max_size=3), "size_mm": edges | anything})
 classes = st.fixed_dictionaries(
     {"name": st.text(max_size=5) | anything, "positive": points},
     optional={
@@ -37,6 +39,7 @@ classes = st.fixed_dictionaries(
         "size": st.sampled_from(["smaller", "larger"]) | st.floats(-3.0, 3.0) | anything,
         "proximity": st.floats(0.0, 1.0) | anything,
         "refine": st.booleans() | anything,
+        "close_up": st.booleans() | boxes | anything,
     },
 )
 files = st.fixed_dictionaries(

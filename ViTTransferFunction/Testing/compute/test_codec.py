@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.compute.codec import from_message, holds, to_mess
 from ViTTransferFunction.Logic.compute.messages import Message, read_message, write_message
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
@@ -31,6 +32,7 @@ BODIES = [
     requests.TakeVolume(ARRAY, GEOMETRY, "CT"),
     requests.Prepare(SessionSettings(grid=16, window=(-100.0, 200.0), weights_path="/a b/c.pt")),
     requests.Extract(),
+    requests.LookCloser((replace(LIVER, close_up=CloseUp((1.0, 2.5, -3.0), (40.0, 50.0, 60.5))), SPLEEN)),
     requests.ComputeMaps((LIVER, SPLEEN)),
     requests.MeasureMaps((LIVER, SPLEEN), only_annotated_components=False),
     requests.RefineMaps((LIVER,), REFINEMENT),

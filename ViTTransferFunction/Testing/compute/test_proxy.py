@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Failed,
     GivenUp,
     Labels,
+    LookCloser,
     Maps,
     MeasureMaps,
     Prepare,
@@ -33,6 +34,7 @@ from ViTTransferFunction.Logic.compute.requests import (
 )
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
@@ -45,6 +47,7 @@ VOLUME = TakeVolume(np.zeros((2, 2, 2)), GEOMETRY, "CT")
 SETTINGS = SessionSettings(grid=16)
 COSTLY = FeatureEstimate(cached=False, seconds=5.0, memory_bytes=10**9)
 LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
+CLOSER = replace(LIVER, close_up=CloseUp((0.0,) * 3, (1.0,) * 3))
 MAP = ClassMap(np.zeros((2, 2, 2), dtype=np.float32), GEOMETRY, 0.4)
 RENDERING = StructureVolume(np.zeros((2, 2, 2, 4), dtype=np.uint8), np.zeros((1, 2)), np.arange(256.0), False, 1.0, GEOMETRY)
 
@@ -152,6 +155,89 @@ def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationPr
     client.answer(ComputeMaps, Maps((MAP,)))
     ready.poll()
     assert client.asked[sent:] == [ComputeMaps((SPLEEN,))]
+
+
+@pytest.fixture
+def looked_at(ready: SegmentationProxy, client: Client) -> SegmentationProxy:
+    """With one class that is to be looked at by itself; its features are being computed."""
+    ready.update([CLOSER, SPLEEN], Refinement())
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    ready.poll()
+    return ready
+
+
+def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(looked_at: SegmentationProxy, client: Client) -> None:
+    assert client.asked[-1] == LookCloser((CLOSER, SPLEEN))
+    assert set(looked_at.maps) == {"liver", "spleen"}
+    client.answer(LookCloser, Progressed(1, 4, "Looking closer at liver"))
+    assert looked_at.poll() == {"state"}
+    assert looked_at.progress is not None
+    assert looked_at.progress.what == "Looking closer at liver"
+    client.answer(LookCloser, Done())
+    looked_at.poll()
+    assert looked_at.progress is None
+    assert client.asked[-1] == ComputeMaps((CLOSER, SPLEEN))
+    client.answer(ComputeMaps, Maps((MAP, MAP)))
+    looked_at.poll()
+    assert client.kinds()[-1] == "MeasureMaps"
+
+
+def test_clicks_are_answered_while_a_close_up_is_being_made(looked_at: SegmentationProxy, client: Client) -> None:
+    looked_at.update([replace(CLOSER, negative=np.ones((1, 3))), SPLEEN], None)
+    assert client.kinds()[-2:] == ["LookCloser", "ComputeMaps"]
+    assert client.cancelled == []
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    assert "maps" in looked_at.poll()
+    # It is not asked for twice.
+    assert client.kinds()[-1] == "ComputeMaps"
+
+
+def test_a_close_up_that_nobody_wants_any_more_is_given_up(looked_at: SegmentationProxy, client: Client) -> None:
+    number = len(client.asked)
+    looked_at.update([LIVER, SPLEEN], None)
+    assert client.cancelled == [number]
+    assert looked_at.progress is None
+
+
+@pytest.mark.parametrize("by", ["cancelling", "failing"])
+def test_a_close_up_that_is_cancelled_or_fails_is_not_begun_again_by_itself(
+    looked_at: SegmentationProxy, client: Client, by: str
+) -> None:
+    if by == "cancelling":
+        looked_at.cancel()
+    else:
+        client.answer(LookCloser, Failed("no weights"))
+        looked_at.poll()
+        assert looked_at.take_error() == "no weights"
+    assert looked_at.progress is None
+    looked_at.update([CLOSER, replace(SPLEEN, negative=np.ones((1, 3)))], None)
+    looked_at.poll()
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    looked_at.poll()
+    assert client.kinds()[-1] == "MeasureMaps"
+    # Another box is another wish.
+    other = replace(CLOSER, close_up=CloseUp((0.0,) * 3, (2.0,) * 3))
+    client.answer(MeasureMaps, Volumes((1.0, 1.0)))
+    looked_at.poll()
+    looked_at.update([other, SPLEEN], None)
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    looked_at.poll()
+    assert client.asked[-1] == LookCloser((other, SPLEEN))
+
+
+def test_close_ups_wait_for_the_features_of_the_whole(proxy: SegmentationProxy, client: Client) -> None:
+    proxy.update([CLOSER], None)
+    proxy.extract()
+    client.answer(Extract, CoarseFeatures())
+    proxy.poll()
+    client.answer(ComputeMaps, Maps((MAP,), awaits_close_ups=True))
+    proxy.poll()
+    assert "LookCloser" not in client.kinds()
+    client.answer(Extract, Done())
+    proxy.poll()
+    client.answer(ComputeMaps, Maps((MAP,), awaits_close_ups=True))
+    proxy.poll()
+    assert client.kinds()[-1] == "LookCloser"
 
 
 def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(

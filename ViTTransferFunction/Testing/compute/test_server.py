@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Failed,
     GivenUp,
     Labels,
+    LookCloser,
     Maps,
     MeasureMaps,
     Prepare,
@@ -29,9 +31,10 @@ from ViTTransferFunction.Logic.compute.requests import (
     Volumes,
 )
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
@@ -165,3 +168,39 @@ def test_the_answer_to_many_points_at_once_can_be_given_up_for_the_next_one(clie
     client.cancel([many])
     assert reply_to(client, many) == GivenUp()
     assert isinstance(reply_to(client, client.request(ComputeMaps(requests_of(spheres)))), Maps)
+
+
+def test_a_class_is_looked_at_closely_between_one_answer_and_the_next(client: ComputeClient, spheres: Spheres) -> None:
+    open_spheres(client, spheres)
+    first, *others = requests_of(spheres)
+    low = reply_to(client, client.request(ComputeMaps((first, *others)))).maps[0]
+    close_up = close_up_of(low, first.positive, spheres[0].geometry)
+    cache_known_close_up(*spheres, close_up, first.positive)
+    requests = (replace(first, close_up=close_up), *others)
+    before = reply_to(client, client.request(ComputeMaps(requests)))
+    refined_before = reply_to(client, client.request(RefineMaps(requests, Refinement())))
+    assert before.awaits_close_ups
+    assert np.array_equal(before.maps[0].array, low.array)
+    assert reply_to(client, client.request(LookCloser(requests))) == Done()
+    after = reply_to(client, client.request(ComputeMaps(requests)))
+    assert not after.awaits_close_ups
+    assert not np.array_equal(after.maps[0].array, low.array)
+    # What was refined before does not answer for what is looked at closely.
+    refined = reply_to(client, client.request(RefineMaps(requests, Refinement())))
+    assert not np.array_equal(refined.maps[0].array, refined_before.maps[0].array)
+    assert np.array_equal(refined.maps[2].array, refined_before.maps[2].array)
+
+
+def test_labels_are_those_of_close_ups_even_where_nobody_asked_for_these_before(
+    client: ComputeClient, spheres: Spheres
+) -> None:
+    open_spheres(client, spheres)
+    first, *others = requests_of(spheres)
+    low = reply_to(client, client.request(ComputeMaps((first, *others)))).maps[0]
+    close_up = close_up_of(low, first.positive, spheres[0].geometry)
+    cache_known_close_up(*spheres, close_up, first.positive)
+    requests = (replace(first, close_up=close_up), *others)
+    reply_to(client, client.request(RefineMaps(requests, Refinement())))
+    labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
+    assert isinstance(labels, Labels)
+    assert not reply_to(client, client.request(ComputeMaps(requests))).awaits_close_ups

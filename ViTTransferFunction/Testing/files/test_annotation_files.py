@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.files.annotation_files import classes_from_markup
 GEOMETRY = Geometry((20, 30, 40), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 POINTS_IJK = np.array([[3.0, 4.0, 5.0], [10.5, 20.25, 15.0]])
 POINTS_RAS = GEOMETRY.ijk_to_ras_points(POINTS_IJK)
+BOX: dict[str, Any] = {"center": [1, 2, 3], "size_mm": [30, 20, 25.5]}
 
 
 def write(path: Path, content: Any) -> Path:
@@ -53,11 +54,30 @@ def test_a_size_is_a_name_or_a_number(tmp_path: Path, given: Any, size: float) -
     assert annotated.request.size == size
 
 
+def test_the_centre_of_a_close_up_is_a_position_as_points_are_and_its_size_is_along_the_volumes_axes(tmp_path: Path) -> None:
+    systems = {"RAS": POINTS_RAS, "LPS": POINTS_RAS * [-1, -1, 1], "IJK": POINTS_IJK}
+    for system, points in systems.items():
+        close_up = {"center": points[1].tolist(), "size_mm": [12, 30.5, 20]}
+        content = {**one_class(close_up=close_up), "coordinate_system": system}
+        (annotated,) = read_annotations(write(tmp_path / f"{system}.json", content), GEOMETRY)
+        assert annotated.request.close_up is not None
+        assert annotated.request.close_up.centre_ras == pytest.approx(POINTS_RAS[1])
+        assert annotated.request.close_up.size_mm == (12.0, 30.5, 20.0)
+        assert not annotated.close_up_from_map
+
+
+@pytest.mark.parametrize(("given", "chosen"), [(True, True), (False, False), (None, False)])
+def test_a_close_up_without_a_box_is_to_be_chosen_or_there_is_none(tmp_path: Path, given: Any, chosen: bool) -> None:
+    (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(close_up=given)), GEOMETRY)
+    assert (annotated.request.close_up, annotated.close_up_from_map) == (None, chosen)
+
+
 def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
     (annotated,) = read_annotations(write(tmp_path / "a.json", one_class(iso=None)), GEOMETRY)
     request = annotated.request
     assert (annotated.opacity, request.iso, request.proximity, request.refine) == (1.0, None, 0.0, True)
     assert len(request.negative) == 0
+    assert (request.close_up, annotated.close_up_from_map) == (None, False)
 
 
 @pytest.mark.parametrize(
@@ -83,6 +103,28 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(size="larger", iso=0.2), "'liver' has an 'iso' and a 'size'"),
         (one_class(proximity="near"), "'proximity' of class 'liver'"),
         (one_class(refine="yes"), "'refine' of class 'liver'"),
+        (one_class(close_up="yes"), "'close_up' of class 'liver' is 'yes'; expected true, for a box that is chosen from the"),
+        (one_class(close_up=1), "'close_up' of class 'liver' is 1"),
+        (one_class(close_up=[1, 2, 3]), "'close_up' of class 'liver'"),
+        (one_class(close_up={}), "'close_up' of class 'liver' is {}"),
+        (one_class(close_up={"center": [1, 2, 3]}), "'close_up' of class 'liver'"),
+        (one_class(close_up={**BOX, "margin": 1}), "'close_up' of class 'liver'"),
+        (one_class(close_up={"centre": [1, 2, 3], "size_mm": [1, 2, 3]}), "'close_up' of class 'liver'"),
+        (
+            one_class(close_up={**BOX, "center": [1, 2]}),
+            "'center' of the close-up of class 'liver' is \\[1, 2\\]; expected three",
+        ),
+        (one_class(close_up={**BOX, "center": [1, 2, "3"]}), "'center' of the close-up of class 'liver'"),
+        (one_class(close_up={**BOX, "center": [1, 2, float("nan")]}), "'center' of the close-up of class 'liver'"),
+        (one_class(close_up={**BOX, "center": [1, 2, 10**400]}), "'center' of the close-up of class 'liver'"),
+        (
+            one_class(close_up={**BOX, "size_mm": 30}),
+            "'size_mm' of the close-up of class 'liver' is 30; expected three numbers ab",
+        ),
+        (one_class(close_up={**BOX, "size_mm": [30, 0, 30]}), "'size_mm' of the close-up of class 'liver'"),
+        (one_class(close_up={**BOX, "size_mm": [30, -1, 30]}), "'size_mm' of the close-up of class 'liver'"),
+        (one_class(close_up={**BOX, "size_mm": [30, True, 30]}), "'size_mm' of the close-up of class 'liver'"),
+        (one_class(close_up={**BOX, "size_mm": [30, 1e300, 30]}), "'size_mm' of the close-up of class 'liver'"),
         (one_class(colour="red"), "unknown field 'colour'"),
         (one_class(name=" "), "empty name"),
         (one_class(name=7), "class 1 has no name"),

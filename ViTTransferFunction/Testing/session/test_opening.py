@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
 
 
 class Calls:
@@ -36,15 +35,6 @@ class Calls:
             return function(*arguments, **named)
 
         monkeypatch.setattr(module, name, counted)
-
-
-@pytest.fixture
-def tiny_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSettings:
-    """Settings that name the weights file of a tiny model, and a small grid."""
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    path = tmp_path / "tiny.pth"
-    torch.save(random_state_dict(TINY_MODEL), path)
-    return SessionSettings(grid=8, model="tiny", weights_path=str(path), device="cpu")
 
 
 @pytest.mark.parametrize(

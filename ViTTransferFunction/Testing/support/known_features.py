@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.settings import feature_key
+from ViTTransferFunction.Logic.features.settings import feature_key, grid_shape
+from ViTTransferFunction.Logic.session.close_ups import close_up_settings
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 
@@ -28,4 +30,24 @@ def cache_known_features(volume: Volume, labels: np.ndarray) -> None:
     array = array[:, rows] + np.random.default_rng(0).normal(0.0, 0.01, (16, 13, 16, 4))
     model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
     key = feature_key(volume, model.name, model.sha256 or "", SETTINGS, choose_device("auto"))
+    FeatureCache().put(FeatureVolume(array.astype(np.float16), geometry, key))
+
+
+def cache_known_close_up(volume: Volume, labels: np.ndarray, close_up: CloseUp, points_ras: np.ndarray) -> None:
+    """Put features of a close-up of the spheres into the cache: which label is at a cell's centre.
+
+    Args:
+        volume: the spheres of conftest.
+        labels: their labels.
+        close_up: what is looked at.
+        points_ras: the class's positive points, (N, 3).
+    """
+    part = volume.part(close_up.box_in(volume.geometry, points_ras))
+    settings = close_up_settings(SETTINGS, part.geometry)
+    geometry = part.geometry.resized(grid_shape(part.geometry, settings))
+    k, j, i = np.round(volume.geometry.ras_to_ijk(geometry.voxel_centres_ras()))[:, ::-1].astype(int).T
+    one_hot = np.eye(4)[labels[k, j, i]].reshape(*geometry.shape, 4)
+    array = one_hot + np.random.default_rng(0).normal(0.0, 0.01, one_hot.shape)
+    model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
+    key = feature_key(part, model.name, model.sha256 or "", settings, choose_device("auto"))
     FeatureCache().put(FeatureVolume(array.astype(np.float16), geometry, key))

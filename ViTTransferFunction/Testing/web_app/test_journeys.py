@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -199,6 +200,38 @@ def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volum
     page.wait_for_picture("Red", lambda picture: change_near(before, picture, *clicked) > 15)
     page.keep_picture("after a reload")
     assert page.page.evaluate("window.owned") is None
+
+
+def test_a_small_structure_is_looked_at_closer_and_in_the_whole_again_by_keys(at_app: AppPage, folder: Path) -> None:
+    import SimpleITK as sitk  # noqa: N813
+
+    page = at_app
+    voxels = np.random.default_rng(0).normal(0.0, 8.0, (40, 48, 56))
+    voxels[14:26, 18:30, 12:24] += 200
+    image = sitk.GetImageFromArray(voxels.astype(np.int16))
+    image.SetSpacing([4.0] * 3)
+    sitk.WriteImage(image, str(folder / "small.nrrd"))
+    open_volume(page, folder / "small.nrrd")
+    extract(page)
+    extent = page.extent_in("Red")
+    add_structure(page, 0)
+    click_at(page, extent, 18, 24)
+    page.wait_for_state("classes[0].positive === 1 && up_to_date && !busy")
+    page["look-closer"].focus()
+    page.page.keyboard.press("Enter")
+    page["close-up-text"].wait_for()
+    assert re.fullmatch(r"In a box of \d+ × \d+ × \d+ mm", page["close-up-text"].inner_text())
+    page.keep_picture("a closer look")
+    assert page.page.evaluate("(box => box.scrollWidth - box.clientWidth)(document.querySelector('.sections'))") <= 0
+    page.page.keyboard.press("z")
+    page["close-up-text"].wait_for(state="detached")
+    page.wait_for_state("up_to_date && !busy")
+    assert page["look-at-whole"].is_disabled()
+    page.page.keyboard.press("c")
+    page["close-up-text"].wait_for()
+    page["look-at-whole"].focus()
+    page.page.keyboard.press("Space")
+    page["close-up-text"].wait_for(state="detached")
 
 
 def test_what_is_typed_stays_while_the_page_changes(at_app: AppPage, volume: Path) -> None:

@@ -1,0 +1,111 @@
+"""Looking closer at a structure, from the scene: its box goes into the class, and its segment follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.close_up import CloseUp
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.known_features import cache_known_close_up
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres, put_under, segment_masks
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+
+@pytest.fixture
+def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
+    session = open_spheres(slicer_app, spheres)
+    yield session
+    session.close()
+
+
+def know_close_up(session: SceneSession, spheres: Spheres) -> None:
+    """Put the features of the first class's close-up into the cache."""
+    box = session.classes[0].close_up
+    assert box is not None
+    cache_known_close_up(*spheres, CloseUp(box[:3], box[3:]), np.array(session.classes[0].positive))
+
+
+def test_a_structure_is_looked_at_closely_and_written_so(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    know_close_up(session, spheres)
+    session.wait()
+    session.write_segments()
+    session.wait()
+    assert session.take_error() is None
+    masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    for name, mask in masks.items():
+        assert dice(mask, spheres[1] == int(name[-1])) > 0.9
+
+
+def test_looking_closer_and_at_the_whole_again_are_steps_of_undo(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    closer = session.classes[0].close_up
+    session.look_at_whole(id_)
+    assert session.classes[0].close_up is None
+    session.annotations.undo()
+    assert session.classes[0].close_up == closer is not None
+    session.annotations.undo()
+    assert session.classes[0].close_up is None
+    assert len(session.classes) == 3
+
+
+def test_a_moved_volume_takes_the_box_of_a_later_look_along(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    before = session.classes[0].close_up
+    assert before is not None
+    session.look_at_whole(id_)
+    put_under(session.parameters.volume, np.array([[1, 0, 0, 100.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + np.array([100.0, 0.0, 0.0]), positive=True)
+    session.wait()
+    session.look_closer(id_)
+    after = session.classes[0].close_up
+    assert after is not None
+    assert after[0] == pytest.approx(before[0] + 100.0, abs=5.0)
+
+
+def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session: SceneSession, spheres: Spheres) -> None:
+    ids = annotate(session, spheres)
+    for id_ in ids:
+        session.look_closer(id_)
+    assert all(state.close_up is not None for state in session.classes)
+    assert session.take_error() is None
+
+
+def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
+    state = session.annotations.add_class("adrenal gland")
+    session.look_closer(state.id)
+    assert session.classes[0].close_up is None
+    assert "Place a point on adrenal gland first" in (session.take_error() or "")
+
+
+def test_a_structure_that_fills_the_scan_is_refused_by_name(
+    session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 0.01)
+    session.look_closer(id_)
+    assert session.classes[0].close_up is None
+    error = session.take_error() or ""
+    assert "sphere 1: This structure's box fills" in error
+    session.look_at_whole(id_)
+    assert session.errors == ()
+
+
+def test_a_garbled_box_in_a_saved_scene_is_none(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    node = session.annotations.points_node(id_, positive=True)
+    for text in ("1 2 3", "a b c d e f", "0 0 0 -1 1 1", "0 0 0 nan 1 1"):
+        node.SetAttribute("ViTTransferFunction.closeUp", text)
+        session.annotations.refresh()
+        assert session.classes[0].close_up is None
+    node.SetAttribute("ViTTransferFunction.closeUp", "1 2 3 40.5 50 60")
+    session.annotations.refresh()
+    assert session.classes[0].close_up == (1.0, 2.0, 3.0, 40.5, 50.0, 60.0)

@@ -1,0 +1,218 @@
+"""Classes that are looked at by themselves, in a box with features of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.class_map import ClassMap
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up import CloseUp
+from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.errors import Cancelled
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window, network_windows
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, close_up_settings, largest_within
+from ViTTransferFunction.Logic.session.opening import open_session
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
+
+
+@pytest.fixture
+def session(spheres: Spheres) -> SegmentationSession:
+    """A session on the spheres, whose features are known."""
+    cache_known_features(*spheres)
+    session = open_session(spheres[0], SessionSettings(grid=GRID))
+    assert session.load_features().cached
+    return session
+
+
+@pytest.fixture
+def looked_at(session: SegmentationSession, spheres: Spheres) -> list[ClassRequest]:
+    """Requests for the spheres, the first of which is looked at by itself; the features of its box are known."""
+    first, *others = requests_of(spheres)
+    close_up = close_up_of(session.low_resolution_maps([first, *others])[0], first.positive, spheres[0].geometry)
+    cache_known_close_up(*spheres, close_up, first.positive)
+    return [replace(first, close_up=close_up), *others]
+
+
+def within_box(request: ClassRequest, geometry: Geometry) -> np.ndarray:
+    """(K, J, I) bool: the voxels that a class is looked at in."""
+    assert request.close_up is not None
+    inside = np.zeros(geometry.shape, dtype=bool)
+    inside[request.close_up.box_in(geometry, request.positive)] = True
+    return inside
+
+
+def test_a_class_is_shown_in_the_whole_volume_until_its_close_up_is_there(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    whole = session.low_resolution_maps(requests_of(spheres))
+    assert session.awaits_close_ups(looked_at)
+    before = session.low_resolution_maps(looked_at)
+    session.look_closer(looked_at)
+    assert not session.awaits_close_ups(looked_at)
+    after = session.low_resolution_maps(looked_at)
+    assert np.array_equal(before[0].array, whole[0].array)
+    assert not np.array_equal(after[0].array, whole[0].array)
+    for index in (1, 2):
+        assert np.array_equal(after[index].array, whole[index].array)
+
+
+def test_a_class_reaches_no_further_than_its_close_up(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    segmentation = session.segment(looked_at)
+    of_first = segmentation.labels == 1
+    assert dice(of_first, spheres[1] == 1) > 0.9
+    assert not (of_first & ~within_box(looked_at[0], spheres[0].geometry)).any()
+    for label in (2, 3):
+        assert dice(segmentation.labels == label, spheres[1] == label) > 0.9
+
+
+def test_finer_cells_follow_a_surface_more_closely_without_refinement(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    whole = session.segment(requests_of(spheres), "none").labels == 1
+    closer = session.segment(looked_at, "none").labels == 1
+    truth = spheres[1] == 1
+    assert dice(closer, truth) > dice(whole, truth) + 0.02
+
+
+def test_segmenting_does_not_wait_for_close_ups_where_nobody_wants_it_to(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    whole = session.segment(requests_of(spheres)).labels
+    assert np.array_equal(session.segment(looked_at, closer=False).labels, whole)
+    assert session.awaits_close_ups(looked_at)
+
+
+def test_a_positive_point_beyond_the_box_has_a_larger_box_looked_at(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    session.look_closer(looked_at)
+    beyond = replace(looked_at[0], positive=np.concatenate([looked_at[0].positive, centre_ras(spheres, 2)]))
+    assert session.awaits_close_ups([beyond])
+    negative = replace(looked_at[0], negative=centre_ras(spheres, 2))
+    assert not session.awaits_close_ups([negative])
+    assert len(session.low_resolution_maps([negative])) == 1
+
+
+def test_an_answer_of_a_class_stays_where_other_classes_alone_have_changed(
+    session: SegmentationSession, looked_at: list[ClassRequest]
+) -> None:
+    session.look_closer(looked_at)
+    first = session.low_resolution_maps(looked_at)[0]
+    moved = [looked_at[0], replace(looked_at[1], positive=looked_at[1].positive + 1.0), looked_at[2]]
+    assert session.low_resolution_maps(moved)[0] is first
+    moved = [replace(looked_at[0], positive=looked_at[0].positive + 1.0), *looked_at[1:]]
+    assert session.low_resolution_maps(moved)[0] is not first
+
+
+def test_a_fixed_iso_value_and_a_size_count_in_a_close_up_as_well(
+    session: SegmentationSession, looked_at: list[ClassRequest]
+) -> None:
+    first, *others = looked_at
+    asked = (replace(first, iso=0.9), first, replace(first, size=1.0))
+    isos = [session.segment([of_first, *others]).classes[0] for of_first in asked]
+    assert isos[0].iso == 0.9
+    assert isos[0].voxels < isos[1].voxels <= isos[2].voxels
+
+
+def test_a_cancelled_close_up_leaves_the_class_in_the_whole_volume(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SegmentationSession, "load_features", lambda self, progress: progress(0, 1, "Computing features"))
+    with pytest.raises(Cancelled):
+        session.look_closer(looked_at, cancel_at_once)
+    assert session.awaits_close_ups(looked_at)
+    whole = session.low_resolution_maps(requests_of(spheres))
+    assert np.array_equal(session.low_resolution_maps(looked_at)[0].array, whole[0].array)
+
+
+def test_progress_says_which_structure_is_looked_at(
+    session: SegmentationSession, looked_at: list[ClassRequest], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = SegmentationSession.load_features
+
+    def load(self: SegmentationSession, progress: object) -> object:
+        progress(1, 2, "Computing features")  # type: ignore[operator]
+        return loaded(self)
+
+    monkeypatch.setattr(SegmentationSession, "load_features", load)
+    told: list[tuple[int, int, str]] = []
+    session.look_closer(looked_at, lambda done, total, what: told.append((done, total, what)))
+    assert told == [(1, 2, "Looking closer at sphere 1")]
+
+
+def test_where_nothing_in_the_box_differs_the_class_is_looked_at_in_the_whole(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    volume, labels = spheres
+    plain = Volume(np.where(labels > 0, 100.0, 0.0).astype(np.float32), volume.geometry, "plain")
+    cache_known_features(plain, labels)
+    other = open_session(plain, SessionSettings(grid=GRID))
+    other.load_features()
+    within = ClassRequest("middle", centre_ras(spheres, 1), close_up=CloseUp(tuple(centre_ras(spheres, 1)[0]), (4.0, 4.0, 4.0)))
+    box = within.close_up.box_in(volume.geometry, within.positive)  # type: ignore[union-attr]
+    plain.array[box] = 100.0
+    other.look_closer([within])
+    assert not other.awaits_close_ups([within])
+    assert other.segment([within]).classes[0].voxels > 0
+
+
+def test_a_part_is_looked_at_in_the_windows_of_its_whole() -> None:
+    array = np.full((40, 40, 40), -1000.0, dtype=np.float32)
+    array[10:30, 10:30, 10:30] = np.random.default_rng(0).normal(50.0, 10.0, (20, 20, 20))
+    whole = Volume(array, Geometry((40, 40, 40), np.eye(4)), "CT")
+    part = whole.part((slice(12, 28),) * 3)
+    assert part.array.min() > -500.0
+    assert display_window(part) == CT_SOFT_TISSUE == display_window(whole)
+    assert network_windows(part) == network_windows(whole)
+    assert part.digest != Volume(part.array, part.geometry).digest
+
+
+def test_cells_of_a_close_up_are_no_smaller_than_voxels_and_its_patches_are_few() -> None:
+    settings = close_up_settings(FeatureSettings(grid=64, most_patches=20_000), Geometry((20, 20, 90), np.diag([1, 1, 3, 1])))
+    assert (settings.grid, settings.most_patches) == (64, MOST_PATCHES)
+    assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.eye(4))).grid == 40
+    assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.diag([1, 1, 3, 1]))).grid == 30
+
+
+def test_a_thin_structure_is_not_lost_on_coarser_cells() -> None:
+    whole = Geometry((40, 40, 40), np.diag([1.0, 2.0, 1.0, 1.0]))
+    cells = whole.resized((10, 10, 10))
+    box = slice(8, 32), slice(10, 30), slice(4, 36)
+    part = whole.part(box)
+    array = np.zeros(part.shape, dtype=np.float32)
+    array[:, 9:11, 15:17] = 1.0
+    largest = largest_within(ClassMap(array, part, 0.5), cells)
+    assert largest.shape == cells.shape
+    # Along K from voxel 8 to 31, in the cells 2 to 7; across, at the voxels 19 to 21 of 40.
+    reached = np.argwhere(largest >= 0.5)
+    assert sorted(set(reached[:, 0])) == [2, 3, 4, 5, 6, 7]
+    assert set(map(tuple, reached[:, 1:])) <= {(4, 4), (4, 5), (5, 4), (5, 5)}
+    assert len(reached) >= 6
+
+
+@pytest.mark.slow
+def test_features_of_a_close_up_are_computed_once_and_kept(
+    spheres: Spheres, tiny_weights: SessionSettings, looked_at: list[ClassRequest]
+) -> None:
+    told: list[str] = []
+    steps = []
+    for _ in range(2):
+        session = open_session(spheres[0], tiny_weights)
+        session.load_features()
+        session.look_closer(looked_at, lambda done, total, what: told.append(what))
+        steps.append(len(told))
+        assert session.low_resolution_maps(looked_at)[0].array.any()
+    assert steps[0] == steps[1] > 0

@@ -1,0 +1,106 @@
+"""A closer look on the page: what its buttons ask of the session, when they can be pressed, and the words below them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer")
+
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.WebApp.app import WebApp
+from ViTTransferFunction.WebApp.panel_form import panel_form
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+
+BOX = (1.0, -2.0, 3.0, 64.4, 79.6, 9.5)
+
+
+@pytest.fixture
+def ready(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> Callable[[Journey], None]:
+    """Runs a journey on an app that takes its volume for one with features, and in which every structure is in the same box."""
+    monkeypatch.setattr(SceneSession, "phase", "ready")
+    monkeypatch.setattr(SceneSession, "look_closer", lambda self, id_: self.annotations.set_class(id_, close_up=BOX))
+    return opened
+
+
+def add_structure(app: WebApp, *, positive: bool) -> None:
+    """Add a structure with a point inside or outside, and select it."""
+    app.actions("addClass")
+    app.session.annotations.add_points(app.session.classes[-1].id, np.zeros((1, 3)), positive=positive)
+    app.refresh()
+
+
+def shown(app: WebApp) -> tuple[bool, bool, str]:
+    """Which of both buttons can be pressed, and the words."""
+    settings = app.server.state.settings
+    return settings["can_look_closer"], settings["can_look_at_whole"], settings["close_up"]
+
+
+def test_the_selected_structure_is_looked_at_closer_and_in_the_whole_again(ready: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        add_structure(app, positive=True)
+        assert shown(app) == (True, False, "")
+        app.actions("lookCloser")
+        assert [state.close_up for state in app.session.classes] == [None, BOX]
+        assert shown(app) == (True, True, "In a box of 64 × 80 × 9.5 mm")
+        app.actions("lookAtWhole")
+        assert [state.close_up for state in app.session.classes] == [None, None]
+        assert shown(app) == (True, False, "")
+
+    ready(journey)
+
+
+def test_undo_and_redo_bring_the_buttons_along(ready: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        app.actions("lookCloser")
+        app.actions("undo")
+        assert shown(app) == (True, False, "")
+        app.actions("redo")
+        assert shown(app) == (True, True, "In a box of 64 × 80 × 9.5 mm")
+
+    ready(journey)
+
+
+def test_a_structure_without_a_point_inside_cannot_be_looked_at_closer(ready: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=False)
+        assert shown(app) == (False, False, "")
+
+    ready(journey)
+
+
+def test_without_features_the_page_says_why_there_is_no_closer_look(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        assert shown(app) == (False, False, "")
+        app.actions("lookCloser")
+        assert "Place a point on Structure 1 first" in app.server.state.message
+        assert shown(app) == (False, False, "")
+        app.close_messages()
+
+    opened(journey)
+
+
+def test_without_a_structure_nothing_happens(ready: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("lookCloser")
+        app.actions("lookAtWhole")
+        assert (app.server.state.settings, app.server.state.message) == (None, "")
+
+    ready(journey)
+
+
+def test_the_words_and_the_key_are_those_of_the_panel(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        form = panel_form()
+        assert form["closeUpLayoutLabel"]["label"] == "Close-up"
+        assert [form[f"{name}Button"]["text"] for name in ("lookCloser", "lookAtWhole")] == ["Look closer", "Look at whole"]
+        assert {"key": "C", "action": "lookCloser", "meaning": "look closer at the structure"} in app.server.state["keys"]
+
+    opened(journey)

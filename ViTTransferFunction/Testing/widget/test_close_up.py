@@ -1,0 +1,122 @@
+"""A closer look in the panel: its buttons, its key, and the words beside them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+BOX = (1.0, -2.0, 3.0, 64.4, 79.6, 9.5)
+WHOLE, CLOSER = "", "In a box of 64 × 80 × 9.5 mm"
+
+
+@pytest.fixture
+def clicked(ready: Any, spheres: Spheres) -> Any:
+    """The module's widget with a click on a sphere, and a map of it."""
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: ready.panel.session.up_to_date and not ready.panel.session.busy)
+    return ready
+
+
+def close_up(widget: Any) -> Any:
+    return widget.panel.session.selected_class.close_up
+
+
+def enabled(widget: Any) -> tuple[bool, bool]:
+    return widget.ui.lookCloserButton.isEnabled(), widget.ui.lookAtWholeButton.isEnabled()
+
+
+def test_one_button_looks_closer_and_the_other_leads_back(clicked: Any, spheres: Spheres) -> None:
+    ui = clicked.ui
+    assert (enabled(clicked), ui.closeUpLabel.text()) == ((True, False), WHOLE)
+    assert ui.closeUpLabel.isHidden()
+    ui.lookCloserButton.click()
+    assert close_up(clicked)[:3] == pytest.approx(centre_ras(spheres, 1)[0], abs=10.0)
+    assert enabled(clicked) == (True, True)
+    assert ui.closeUpLabel.text().startswith("In a box of ")
+    assert not ui.closeUpLabel.isHidden()
+    ui.lookAtWholeButton.click()
+    assert (close_up(clicked), enabled(clicked), ui.closeUpLabel.text()) == (None, (True, False), WHOLE)
+    assert not ui.messageFrame.isVisible()
+
+
+def test_a_closer_look_is_one_step_for_undo_and_the_buttons_follow(clicked: Any) -> None:
+    ui = clicked.ui
+    ui.lookCloserButton.click()
+    box, words = close_up(clicked), ui.closeUpLabel.text()
+    ui.undoButton.click()
+    assert (close_up(clicked), enabled(clicked), ui.closeUpLabel.text()) == (None, (True, False), WHOLE)
+    ui.redoButton.click()
+    assert (close_up(clicked), enabled(clicked), ui.closeUpLabel.text()) == (box, (True, True), words)
+
+
+def test_the_words_say_how_large_the_box_is(widget: Any) -> None:
+    state = add_class(widget)
+    widget.panel.session.annotations.set_class(state.id, close_up=BOX)
+    assert widget.ui.closeUpLabel.text() == CLOSER
+
+
+def test_a_closer_look_takes_a_point_inside_and_features(widget: Any, clicked: Any, spheres: Spheres) -> None:
+    assert enabled(clicked) == (True, False)
+    add_class(clicked, "without a point")
+    assert enabled(clicked) == (False, False)
+    widget.ui.pointOffButton.click()
+    place(clicked, tuple(centre_ras(spheres, 2)[0]))
+    assert enabled(clicked) == (False, False)
+    widget.ui.classTable.setCurrentCell(0, 1)
+    assert enabled(clicked) == (True, False)
+    widget.ui.volumeSelector.setCurrentNode(None)
+    assert enabled(clicked) == (False, False)
+
+
+def test_without_features_only_the_way_back_is_open(widget: Any) -> None:
+    assert (enabled(widget), widget.ui.closeUpLabel.text()) == ((False, False), "")
+    state = add_class(widget)
+    place(widget, (1.0, 2.0, 3.0))
+    assert enabled(widget) == (False, False)
+    widget.panel.session.annotations.set_class(state.id, close_up=BOX)
+    assert enabled(widget) == (False, True)
+    widget.ui.lookAtWholeButton.click()
+    assert close_up(widget) is None
+
+
+def test_the_key_looks_closer_and_says_why_where_it_cannot(clicked: Any, host: Host) -> None:
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_C)
+    assert close_up(clicked) is not None
+    add_class(clicked, "liver")
+    QTest.keyClick(host.window, Qt.Key.Key_C)
+    assert close_up(clicked) is None
+    assert "Place a point on liver first" in clicked.ui.messageLabel.text()
+
+
+def test_without_a_structure_nothing_happens(widget: Any) -> None:
+    widget.panel.close_up.look_closer()
+    widget.panel.close_up.look_at_whole()
+    assert widget.panel.session.classes == ()
+
+
+def test_a_saved_scene_brings_the_close_up_back(widget: Any, tmp_path: Any) -> None:
+    state = add_class(widget, "gland")
+    widget.panel.session.annotations.set_class(state.id, close_up=BOX)
+    path = str(tmp_path / "scene.mrml")
+    slicer.mrmlScene.SetURL(path)
+    slicer.mrmlScene.Commit(path)
+    slicer.mrmlScene.Clear()
+    slicer.mrmlScene.Import()
+    assert widget.ui.closeUpLabel.text() == CLOSER

@@ -1,0 +1,38 @@
+"""Where the selected structure is looked at: in the whole volume, or by itself in a box around it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ViTTransferFunction.Logic.scene.wording import close_up_text
+from ViTTransferFunction.Widget.section import Report, Section
+
+
+class CloseUpControls(Section):
+    """A closer look, and the way back."""
+
+    def __init__(self, ui: Any, report: Report) -> None:
+        super().__init__(ui, report)
+        ui.lookCloserButton.clicked.connect(self.look_closer)
+        ui.lookAtWholeButton.clicked.connect(self.look_at_whole)
+
+    def refresh(self) -> None:
+        """Say in what the selected class is looked at, and enable what can be done about it."""
+        ui, session, selected = self.ui, self.session, self.selected
+        ready = session is not None and session.phase == "ready"
+        words = "" if selected is None else close_up_text(selected)
+        ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
+        ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
+        ui.closeUpLabel.text = words
+
+    def look_closer(self) -> None:
+        """Look at a box around the structure, fitted to what is shown of it now."""
+        selected = self.selected
+        if self.session is not None and selected is not None:
+            self.session.look_closer(selected.id)
+
+    def look_at_whole(self) -> None:
+        """Look at the whole volume again."""
+        selected = self.selected
+        if self.session is not None and selected is not None:
+            self.session.look_at_whole(selected.id)
