@@ -30,9 +30,10 @@ clicks were answered, "Look closer" was pressed on every structure that a user w
 and the structure stayed as it was. The first clicks of both ways are the same, later ones correct each way's own errors.
 A structure lost where its Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path, which has other
 clicks by then: structures that nobody looked at closely lose and win as well."""
+HOW_LARGE = "Median (least to most) of all paths; of each box, its longest edge."
 HOW_LONG = """\
-Median (least to most). Boxes: those of all paths, and of each its longest edge. Seconds: from the press to the first map, the
-box's features and the maps of all structures included, one close-up after the other, at the first clicks of path 1."""
+Median (least to most): from the press to the first map, the box's features and the maps of all structures included, one
+close-up after the other, at the first clicks of path 1."""
 
 Run = dict[str, Any]
 
@@ -121,7 +122,7 @@ def summary(runs: Sequence[Run], cases: dict[str, Any]) -> dict[str, Any]:
             },
             "close_ups": sum(len(pair.looked_at) for pair in pairs),
             "refused": sum(len(pair.refused) for pair in pairs),
-            "seconds": _median([press["seconds"] for press in _accepted(cases[case]["timed"])]),
+            "seconds": _median([press["seconds"] for press in _accepted(cases[case].get("timed", []))]),
             "voxels": _median([press["voxels"] for press in _close_ups(pairs)]),
         }
         for case, pairs in pairs_of(runs).items()
@@ -143,15 +144,17 @@ def lost_share(pairs: Sequence[Pair], chosen: Chosen) -> float | None:
 def text(report: dict[str, Any]) -> str:
     """For people."""
     pairs = pairs_of(report["runs"])
+    timed = {case: figures for case, figures in report["cases"].items() if "timed" in figures}
     return paragraphs(
         "# Close-ups",
         f"Features of {report['model']}, default preset. {in_words(report['machine'])}. "
         "Command: `python dev.py bench close_up --volumes DIR`. Each path by itself is in `close_up.json`.",
         *(part for choice in CHOICES for part in (f"## Structures: {choice}", _means(pairs, choice))),
         HOW_TO_READ,
-        "## Seconds and sizes",
-        _sizes(pairs, report["cases"]),
-        HOW_LONG,
+        "## Boxes",
+        _sizes(pairs),
+        HOW_LARGE,
+        *(("## Seconds", _seconds(timed), HOW_LONG) if timed else ()),
         *(part for case, of_case in pairs.items() for part in (f"## {case}", _structures(of_case, report["cases"][case]))),
     )
 
@@ -169,16 +172,21 @@ def _means(pairs: dict[str, list[Pair]], choice: str) -> str:
     return table(header, rows)
 
 
-def _sizes(pairs: dict[str, list[Pair]], cases: dict[str, Any]) -> str:
-    header = ["volume", "close-ups", "refused", "longest edge, mm", "thousand voxels", "seconds", "timed", "on"]
+def _sizes(pairs: dict[str, list[Pair]]) -> str:
     rows = []
     for case, of_case in pairs.items():
-        presses, timed = _close_ups(of_case), _accepted(cases[case]["timed"])
+        presses, refused = _close_ups(of_case), sum(len(pair.refused) for pair in of_case)
         edges, voxels = [max(press["size_mm"]) for press in presses], [press["voxels"] / 1000.0 for press in presses]
-        sizes = _range_of(edges, 0), _range_of(voxels, 0), _range_of([press["seconds"] for press in timed], 1)
-        refused = sum(len(pair.refused) for pair in of_case)
-        rows.append([case, len(presses), refused, *sizes, len(timed), in_words(cases[case]["timed_on"])])
-    return table(header, rows)
+        rows.append([case, len(presses), refused, _range_of(edges, 0), _range_of(voxels, 0)])
+    return table(["volume", "close-ups", "refused", "longest edge, mm", "thousand voxels"], rows)
+
+
+def _seconds(cases: dict[str, Any]) -> str:
+    rows = []
+    for case, figures in cases.items():
+        seconds = [press["seconds"] for press in _accepted(figures["timed"])]
+        rows.append([case, len(seconds), _range_of(seconds, 1), in_words(figures["timed_on"])])
+    return table(["volume", "close-ups", "seconds", "on"], rows)
 
 
 def _structures(pairs: Sequence[Pair], case: dict[str, Any]) -> str:

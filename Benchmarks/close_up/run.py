@@ -4,8 +4,8 @@ A simulated user annotates all labelled structures of a scan together, on severa
 by the whole scan alone; and once as a user who, as soon as the first clicks are answered, presses "Look closer" on every
 structure that they would call small or thin (`who_presses`), where the box is not refused as too large. Boxes are not fitted
 again. Round 1 is measured after the presses. Each way has clicks of its own, which correct its own errors; the first click is
-the same. How long a close-up takes to be ready is measured apart, at the first clicks of path 1, so that only this needs the
-machine for itself.
+the same. With `--times`, how long each close-up takes to be ready is measured as well, apart, at the first clicks of path 1:
+only this needs the machine for itself.
 
 Left out: users who press later, or again, or where it does not help. With `--keep`, all that was measured is kept in a folder
 and not measured again. Writes `close_up.json` and `close_up.md`.
@@ -57,10 +57,8 @@ def main() -> None:
         if name in options.cases:
             labelled = cases[name].read(options.volumes)
             bench = CaseBench(name, labelled, weights, KeptResults(options.keep))
-            of_cases[name] = {
-                "millilitres": {structure: round(ml, 1) for structure, ml in volumes_ml(labelled)},
-                **bench.times(),
-            }
+            of_cases[name] = {"millilitres": {structure: round(ml, 1) for structure, ml in volumes_ml(labelled)}}
+            of_cases[name] |= bench.times() if options.times else {}
             runs += bench.measure(paths[name])
     write_report({"model": weights.model.name, "machine": machine(), "cases": of_cases, "runs": runs}, options.results)
 
@@ -71,6 +69,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--paths", nargs="+", type=int, default=[PATHS], help=f"paths of clicks, or so many for each case (default {PATHS})"
     )
+    parser.add_argument("--times", action="store_true", help="also how long close-ups take; with nothing beside")
     options = parser.parse_args()
     if len(options.paths) == 1:
         options.paths *= len(options.cases)
