@@ -16,7 +16,8 @@ from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.session.map_crop import MapCrop, crop_voxel_map, restricted
-from ViTTransferFunction.Logic.session.segmentation_session import RefinedMap, SegmentationSession
+from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 
 @dataclass(frozen=True)
