@@ -28,8 +28,9 @@ each round every structure gets a click. *Whole*: by the whole scan alone, as in
 clicks were answered, "Look closer" was pressed on every structure that a user would call small or thin
 (`Benchmarks/close_up/who_presses.py`); @1 is after that. Where the box would have filled too much of the scan, it was refused,
 and the structure stayed as it was. The first clicks of both ways are the same, later ones correct each way's own errors.
-A structure lost where its Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path, which has other
-clicks by then: structures that nobody looked at closely lose and win as well."""
+Nobody looks whether a press helped; a person would take back one that did not.
+*Lost*: the share of structures whose Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path. Clicks
+are others by then, so that structures which nobody looked at closely lose and win as well."""
 HOW_LARGE = "Median (least to most) of all paths; of each box, its longest edge."
 HOW_LONG = """\
 Median (least to most): from the press to the first map, the box's features and the maps of all structures included, one
