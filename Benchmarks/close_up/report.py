@@ -29,8 +29,13 @@ clicks were answered, "Look closer" was pressed on every structure that a user w
 (`Benchmarks/close_up/who_presses.py`); @1 is after that. Where the box would have filled too much of the scan, it was refused,
 and the structure stayed as it was. The first clicks of both ways are the same, later ones correct each way's own errors.
 Nobody looks whether a press helped; a person would take back one that did not.
-*Lost*: the share of structures whose Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path. Clicks
-are others by then, so that structures which nobody looked at closely lose and win as well."""
+*Lost*: the share of structures whose Dice @{LAST} is more than {LOSS} below what it is by the whole scan on the same path.
+Clicks are others by then, so that structures which nobody looked at closely lose and win as well."""
+BANDS = ((0.0, 0.2), (0.2, 0.4), (0.4, 1.01))
+"""Of Dice by the whole scan at the first click."""
+WHO_GAINS = """\
+The structures that were looked at closely, of all paths, by their Dice by the whole scan at the first click: how much more it
+is with close-ups. A structure counts once on each path."""
 HOW_LARGE = "Median (least to most) of all paths; of each box, its longest edge."
 HOW_LONG = """\
 Median (least to most): from the press to the first map, the box's features and the maps of all structures included, one
@@ -80,9 +85,13 @@ class Pair:
         """Mean Dice of some structures."""
         return float(np.mean([self.dice(way, name, clicks) for name in names]))
 
-    def changes(self, names: Sequence[str]) -> list[float]:
-        """What close-ups changed at the last round, of some structures."""
-        return [round(self.dice(CLOSE_UPS, name, LAST) - self.dice(WHOLE, name, LAST), DIGITS) for name in names]
+    def changes(self, names: Sequence[str], clicks: str = LAST) -> list[float]:
+        """What close-ups changed, of some structures."""
+        return [round(self.dice(CLOSE_UPS, name, clicks) - self.dice(WHOLE, name, clicks), DIGITS) for name in names]
+
+    def looked_at_in(self, band: tuple[float, float]) -> list[str]:
+        """Those looked at closely that the whole scan shows so well at the first click."""
+        return [name for name in self.looked_at if band[0] <= self.dice(WHOLE, name, CLICKS[0]) < band[1]]
 
 
 Chosen = Callable[[Pair], Sequence[str]]
@@ -152,6 +161,9 @@ def text(report: dict[str, Any]) -> str:
         "Command: `python dev.py bench close_up --volumes DIR`. Each path by itself is in `close_up.json`.",
         *(part for choice in CHOICES for part in (f"## Structures: {choice}", _means(pairs, choice))),
         HOW_TO_READ,
+        "## Whom it helps",
+        _gains(pairs),
+        WHO_GAINS,
         "## Boxes",
         _sizes(pairs),
         HOW_LARGE,
@@ -171,6 +183,20 @@ def _means(pairs: dict[str, list[Pair]], choice: str) -> str:
         share = "–" if lost is None else f"{lost:.0%}"
         rows.append([case, _range(counts), len(of_case), *("–" if mean is None else str(mean) for mean in means), share])
     return table(header, rows)
+
+
+def _gains(pairs: dict[str, list[Pair]]) -> str:
+    rows = []
+    for case, of_case in pairs.items():
+        for band in BANDS:
+            chosen = [(pair, pair.looked_at_in(band)) for pair in of_case]
+            changes = [[change for pair, names in chosen for change in pair.changes(names, clicks)] for clicks in CLICKS]
+            if changes[0]:
+                means = (f"{np.mean(of_round):+.3f}" for of_round in changes)
+                lost = np.mean(np.array(changes[-1]) < -LOSS)
+                rows.append([case, f"{band[0]} to {min(band[1], 1.0)}", len(changes[0]), *means, f"{lost:.0%}"])
+    header = ["volume", f"Dice by the whole @{CLICKS[0]}", "structures", *(f"change @{clicks}" for clicks in CLICKS)]
+    return table([*header, f"lost @{LAST}"], rows)
 
 
 def _sizes(pairs: dict[str, list[Pair]]) -> str:

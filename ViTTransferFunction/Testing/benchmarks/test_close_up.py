@@ -162,6 +162,9 @@ def test_the_report_has_a_line_for_every_structure(tmp_path: Path) -> None:
     assert "| gland | 3.0 | 2 | 0.300 | 0.450 | 0.300 | 0.450 | 0.300 | 0.450 | +0.150 |" in text
     assert "| scan | 3 | 1 | 9 (9 to 30) | 1 (0 to 1) |" in text
     assert "| scan | 2 | 3.0 (2.0 to 4.0) |" in text
+    # The gland of the first path; the gland and the vein of the second one.
+    assert "| scan | 0.2 to 0.4 | 1 | +0.400 | +0.400 | +0.400 | 0% |" in text
+    assert "| scan | 0.4 to 1.0 | 2 | +0.150 | +0.150 | +0.150 | 50% |" in text
     figures = json.loads((tmp_path / "close_up.json").read_text(encoding="utf-8"))
     assert figures["summary"]["scan"]["refused"] == 1
     assert [run["way"] for run in figures["runs"]] == [run["way"] for run in RUNS]
