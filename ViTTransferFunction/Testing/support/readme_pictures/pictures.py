@@ -25,6 +25,9 @@ STEP_VIEW = 400
 TURNS = 16
 START = -0.3
 CLICKS_LOOK = replace(ABDOMEN_CT.look, width_mm=360.0, centre_3d_ras=(8.0, -245.0, 1150.0), height_3d_mm=300.0)
+CLOSER_LOOK = replace(
+    ABDOMEN_CT.look, centre_ras=(30.0, -250.0, 1115.0), width_mm=220.0, centre_3d_ras=(30.0, -250.0, 1120.0), height_3d_mm=260.0
+)
 
 Dice = dict[str, float]
 
@@ -72,6 +75,25 @@ def three_clicks(data: Path, out: Path) -> Dice:
         animation.show(frame("Three organs, one click each"), 120)
     animation.show(frame("Three organs, one click each"), 2500)
     animation.save(out / "three_clicks.gif")
+    return _finish(desk, ABDOMEN_CT, data)
+
+
+def closer_look(data: Path, out: Path) -> Dice:
+    """Three structures that are small or thin, one click each: in the whole scan, and looked at closely."""
+    desk, classes = _ready_desk(ABDOMEN_CT, "amos_0336_closer.json", data)
+    desk.look = CLOSER_LOOK
+    desk.annotate(classes)
+    desk.look_at(classes[1].request.positive[0])
+    desk.settle()
+    size = STEP_VIEW
+    before = captioned("One or two clicks each", column(desk.view("coronal", size, size), desk.view("3d", size, size)))
+    for state in desk.session.classes:
+        desk.session.look_closer(state.id)
+    desk.settle()
+    after = captioned(
+        "The same clicks, looked at closely", column(desk.view("coronal", size, size), desk.view("3d", size, size))
+    )
+    save_small(row(before, after), out / "closer_look.png")
     return _finish(desk, ABDOMEN_CT, data)
 
 
@@ -140,6 +162,7 @@ def app(data: Path, out: Path) -> Dice:
 DRAWINGS: dict[str, Callable[[Path, Path], Dice]] = {
     "opening": opening,
     "clicks": three_clicks,
+    "closer": closer_look,
     "estimate": estimate,
     "ct": ct_tutorial,
     "mr": mr_tutorial,

@@ -59,8 +59,11 @@ ABDOMEN_CT = Scan(
     "amos_0336_ct.nii.gz",
     Look(IntensityWindow(-120.0, 220.0), (5.0, -258.0, 1050.0), 385.0, (5.0, -250.0, 1045.0), 470.0, (-0.3, 1.0, 0.1)),
     "amos_0336_labels.nii.gz",
-    {"liver": (6,), "spleen": (1,), "right kidney": (2,), "left kidney": (3,), "stomach": (7,), "bladder": (14,)},
-)
+    {
+        "liver": (6,), "spleen": (1,), "right kidney": (2,), "left kidney": (3,), "stomach": (7,), "bladder": (14,),
+        "gallbladder": (4,), "left adrenal gland": (12,), "aorta": (8,),
+    },
+)  # fmt: skip
 """Case 336 of AMOS."""
 
 TORSO = Scan(
