@@ -35,7 +35,8 @@ BANDS = ((0.0, 0.2), (0.2, 0.4), (0.4, 1.01))
 """Of Dice by the whole scan at the first click."""
 WHO_GAINS = """\
 The structures that were looked at closely, of all paths, by their Dice by the whole scan at the first click: how much more it
-is with close-ups. A structure counts once on each path."""
+is with close-ups. A structure counts once on each path. Part of it is chance: a first click that the whole scan happens to do
+badly with lifts the change in the first row, one that it does well with lowers it in the last."""
 HOW_LARGE = "Median (least to most) of all paths; of each box, its longest edge."
 HOW_LONG = """\
 Median (least to most): from the press to the first map, the box's features and the maps of all structures included, one
