@@ -80,6 +80,7 @@ class SegmentationProxy:
         progress: of the running work; None where nothing runs that takes long.
         maps: by class id; S_H where `refined`, else S_L.
         low_maps: by class id, S_L, also where `maps` are refined.
+        awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
         volumes_ml: by class id, of the segment that the class gets by these maps, millilitres; a moment later than the maps.
         rendering: for the 3D views; None until there is one.
         rendered: ids of the classes in it, in the order of their numbers.
@@ -133,6 +134,7 @@ class SegmentationProxy:
         self.labels: tuple[Labels, list[str]] | None = None
         self._pending.clear()
         self._maps_due, self._volumes_due, self._refine_due_s = True, False, None
+        self.awaiting_close_ups: tuple[str, ...] = ()
         self._close_ups_due, self._declined = False, ()
         self._refused = False
 
@@ -165,15 +167,13 @@ class SegmentationProxy:
         self._ask(Extract())
 
     def cancel(self) -> None:
-        """Stop what runs: the extraction; a segmentation, whose labels are dropped even if on their way already; close-ups.
+        """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already.
 
-        Without its close-up, a class is shown until its box changes or it is segmented.
+        Close-ups stop where the classes of an `update` no longer ask for them.
         """
         if self._is_pending(SegmentClasses):
             self._give_up(SegmentClasses)
             self.progress = None
-        elif self._is_pending(LookCloser):
-            self._decline_close_ups()
         elif self._client is not None:
             self._client.cancel(number for number, request in self._pending.items() if isinstance(request, Extract))
 
@@ -182,9 +182,9 @@ class SegmentationProxy:
 
         Where they differ in iso values and sizes alone, `maps` follow at once.
         """
-        if _close_ups(classes) != _close_ups(self._classes):
+        if not set(_close_ups(self._classes)) <= set(_close_ups(classes)) and self._is_pending(LookCloser):
             self._give_up(LookCloser)
-            self.progress = None if not self._is_pending(*_WAITED_FOR) else self.progress
+            self.progress = None
         self._classes, self._refinement = tuple(classes), refinement
         self._maps_due, self._refine_due_s = True, None
         self._resize()
@@ -206,7 +206,7 @@ class SegmentationProxy:
     @property
     def looks_closer(self) -> bool:
         """Whether it is close-ups that `progress` is of."""
-        return self.progress is not None and self._is_pending(LookCloser) and not self._is_pending(SegmentClasses)
+        return self._is_pending(LookCloser) and not self._is_pending(SegmentClasses)
 
     @property
     def busy(self) -> bool:
@@ -301,6 +301,7 @@ class SegmentationProxy:
             return
         elif self._close_ups_due:
             self._close_ups_due = False
+            self.progress = WorkProgress(0, 0, "Looking closer", None)
             self._ask(LookCloser(self._low))
         elif self._volumes_due:
             self._volumes_due = False
@@ -394,11 +395,6 @@ class SegmentationProxy:
         self.usable = self._maps_due = True
         return {"state"}
 
-    def _decline_close_ups(self) -> None:
-        self._declined = _close_ups(self._classes)
-        self._give_up(LookCloser)
-        self.progress = None
-
     def _on_close_ups(self, request: LookCloser, reply: Done) -> set[Event]:
         self._maps_due = True
         return {"state"}
@@ -407,7 +403,8 @@ class SegmentationProxy:
         self._take_maps(request.classes, reply.maps)
         self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True
-        wanted = reply.awaits_close_ups and self.phase == "ready"
+        self.awaiting_close_ups = reply.awaiting_close_ups
+        wanted = bool(reply.awaiting_close_ups) and self.phase == "ready"
         self._close_ups_due = wanted and _close_ups(request.classes) != self._declined
         # It may be the answer to what the user has scrolled past.
         self._resize()

@@ -142,11 +142,11 @@ class Maps:
 
     Attributes:
         maps: S_L.
-        awaits_close_ups: whether some are of the whole volume only until `LookCloser`.
+        awaiting_close_ups: ids of the classes that are looked at in the whole volume only until `LookCloser`.
     """
 
     maps: tuple[ClassMap, ...]
-    awaits_close_ups: bool = False
+    awaiting_close_ups: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ from .requests import (
 class _Segmented:
     """A segmentation, what it was asked for, and its maps where they matter; see `_segment`."""
 
-    asked: tuple[tuple[ClassRequest, ...], Refinement, bool]
+    asked: tuple[tuple[ClassRequest, ...], Refinement, tuple[str, ...]]
     segmentation: Segmentation
     crops: tuple[MapCrop, ...]
 
@@ -147,9 +147,9 @@ class SegmentationService:
     def _compute_maps(self, request: ComputeMaps) -> Maps:
         session = self._the_session
         # Asked before: what is loaded meanwhile is not in these maps.
-        awaits_close_ups = session.awaits_close_ups(request.classes)
+        awaiting = session.awaiting_close_ups(request.classes)
         self._maps = session.low_resolution_maps(request.classes, self._between_points)
-        return Maps(tuple(self._maps), awaits_close_ups)
+        return Maps(tuple(self._maps), awaiting)
 
     def _measure_maps(self, request: MeasureMaps) -> Volumes:
         maps = self._maps
@@ -211,7 +211,7 @@ class SegmentationService:
 
     def _segment(self, classes: tuple[ClassRequest, ...], refinement: Refinement) -> _Segmented:
         """The segmentation of these classes, made once for the same request; close-ups count that there are by now."""
-        known, asked = self._segmented, (classes, refinement, self._the_session.awaits_close_ups(classes))
+        known, asked = self._segmented, (classes, refinement, self._the_session.awaiting_close_ups(classes))
         if known is None or known.asked != asked:
             crops: list[MapCrop] = []
 

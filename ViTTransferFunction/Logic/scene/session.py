@@ -281,8 +281,14 @@ class SceneSession:
         self._notify()
 
     def cancel(self) -> None:
-        """Stop the extraction or segmentation that runs; what was there before stays."""
-        self._proxy.cancel()
+        """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
+        if self.looks_closer:
+            # Taken back altogether, or the class would be said to be looked at in a box, and be shown as in the whole.
+            for state in self.classes:
+                if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
+                    self.annotations.set_close_up(state.id, None)
+        else:
+            self._proxy.cancel()
         self._output.cancel()
         self._notify()
 

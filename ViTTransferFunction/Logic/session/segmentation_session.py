@@ -143,9 +143,9 @@ class SegmentationSession:
         elif self.preset.similarity in NEEDS_INTENSITIES:
             self._intensities.on(self._the_source.cells)
 
-    def awaits_close_ups(self, requests: Sequence[ClassRequest]) -> bool:
-        """Whether a class is to be looked at by itself, and is in the whole until `look_closer`."""
-        return bool(self._close_ups.missing(requests))
+    def awaiting_close_ups(self, requests: Sequence[ClassRequest]) -> tuple[str, ...]:
+        """Ids of the classes that are to be looked at by themselves, and are in the whole until `look_closer`."""
+        return tuple(request.id for request in self._close_ups.missing(requests))
 
     def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
         """Have the features of all classes' close-ups, from the cache or by computing them.

@@ -161,7 +161,7 @@ def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationPr
 def looked_at(ready: SegmentationProxy, client: Client) -> SegmentationProxy:
     """With one class that is to be looked at by itself; its features are being computed."""
     ready.update([CLOSER, SPLEEN], Refinement())
-    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
     ready.poll()
     return ready
 
@@ -196,7 +196,7 @@ def test_clicks_are_answered_while_a_close_up_is_being_made(looked_at: Segmentat
     looked_at.update([replace(CLOSER, negative=np.ones((1, 3))), SPLEEN], None)
     assert client.kinds()[-2:] == ["LookCloser", "ComputeMaps"]
     assert client.cancelled == []
-    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
     assert "maps" in looked_at.poll()
     # It is not asked for twice.
     assert client.kinds()[-1] == "ComputeMaps"
@@ -209,20 +209,14 @@ def test_a_close_up_that_nobody_wants_any_more_is_given_up(looked_at: Segmentati
     assert looked_at.progress is None
 
 
-@pytest.mark.parametrize("by", ["cancelling", "failing"])
-def test_a_close_up_that_is_cancelled_or_fails_is_not_begun_again_by_itself(
-    looked_at: SegmentationProxy, client: Client, by: str
-) -> None:
-    if by == "cancelling":
-        looked_at.cancel()
-    else:
-        client.answer(LookCloser, Failed("no weights"))
-        looked_at.poll()
-        assert looked_at.take_error() == "no weights"
+def test_a_close_up_that_fails_is_not_begun_again_by_itself(looked_at: SegmentationProxy, client: Client) -> None:
+    client.answer(LookCloser, Failed("no weights"))
+    looked_at.poll()
+    assert looked_at.take_error() == "no weights"
     assert looked_at.progress is None
     looked_at.update([CLOSER, replace(SPLEEN, negative=np.ones((1, 3)))], None)
     looked_at.poll()
-    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
     looked_at.poll()
     assert client.kinds()[-1] == "MeasureMaps"
     # Another box is another wish.
@@ -230,9 +224,23 @@ def test_a_close_up_that_is_cancelled_or_fails_is_not_begun_again_by_itself(
     client.answer(MeasureMaps, Volumes((1.0, 1.0)))
     looked_at.poll()
     looked_at.update([other, SPLEEN], None)
-    client.answer(ComputeMaps, Maps((MAP, MAP), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
     looked_at.poll()
     assert client.asked[-1] == LookCloser((other, SPLEEN))
+
+
+def test_another_close_up_waits_for_the_one_that_is_being_made(looked_at: SegmentationProxy, client: Client) -> None:
+    both = [CLOSER, replace(SPLEEN, close_up=CloseUp((0.0,) * 3, (2.0,) * 3))]
+    looked_at.update(both, None)
+    assert client.cancelled == []
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver", "spleen")))
+    looked_at.poll()
+    client.answer(LookCloser, Done())
+    looked_at.poll()
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("spleen",)))
+    looked_at.poll()
+    assert looked_at.awaiting_close_ups == ("spleen",)
+    assert client.asked[-1] == LookCloser(tuple(both))
 
 
 def test_close_ups_wait_for_the_features_of_the_whole(proxy: SegmentationProxy, client: Client) -> None:
@@ -240,12 +248,12 @@ def test_close_ups_wait_for_the_features_of_the_whole(proxy: SegmentationProxy, 
     proxy.extract()
     client.answer(Extract, CoarseFeatures())
     proxy.poll()
-    client.answer(ComputeMaps, Maps((MAP,), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
     proxy.poll()
     assert "LookCloser" not in client.kinds()
     client.answer(Extract, Done())
     proxy.poll()
-    client.answer(ComputeMaps, Maps((MAP,), awaits_close_ups=True))
+    client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
     proxy.poll()
     assert client.kinds()[-1] == "LookCloser"
 

@@ -179,11 +179,11 @@ def test_a_class_is_looked_at_closely_between_one_answer_and_the_next(client: Co
     requests = (replace(first, close_up=close_up), *others)
     before = reply_to(client, client.request(ComputeMaps(requests)))
     refined_before = reply_to(client, client.request(RefineMaps(requests, Refinement())))
-    assert before.awaits_close_ups
+    assert before.awaiting_close_ups
     assert np.array_equal(before.maps[0].array, low.array)
     assert reply_to(client, client.request(LookCloser(requests))) == Done()
     after = reply_to(client, client.request(ComputeMaps(requests)))
-    assert not after.awaits_close_ups
+    assert not after.awaiting_close_ups
     assert not np.array_equal(after.maps[0].array, low.array)
     # What was refined before does not answer for what is looked at closely.
     refined = reply_to(client, client.request(RefineMaps(requests, Refinement())))
@@ -203,4 +203,4 @@ def test_labels_are_those_of_close_ups_even_where_nobody_asked_for_these_before(
     reply_to(client, client.request(RefineMaps(requests, Refinement())))
     labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
     assert isinstance(labels, Labels)
-    assert not reply_to(client, client.request(ComputeMaps(requests))).awaits_close_ups
+    assert not reply_to(client, client.request(ComputeMaps(requests))).awaiting_close_ups

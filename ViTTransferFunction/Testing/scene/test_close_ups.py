@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -77,6 +78,21 @@ def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session:
         session.look_closer(id_)
     assert all(state.close_up is not None for state in session.classes)
     assert session.take_error() is None
+
+
+def test_a_closer_look_that_is_cancelled_is_taken_back(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    until = time.monotonic() + 30.0
+    while not session.looks_closer and time.monotonic() < until:
+        session.poll()
+    assert session.progress is not None
+    session.cancel()
+    assert session.classes[0].close_up is None
+    session.wait()
+    assert session.progress is None
+    assert session.take_error() is None
+    assert session.volume_ml(id_) is not None
 
 
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:

@@ -57,10 +57,10 @@ def test_a_class_is_shown_in_the_whole_volume_until_its_close_up_is_there(
     session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
 ) -> None:
     whole = session.low_resolution_maps(requests_of(spheres))
-    assert session.awaits_close_ups(looked_at)
+    assert session.awaiting_close_ups(looked_at)
     before = session.low_resolution_maps(looked_at)
     session.look_closer(looked_at)
-    assert not session.awaits_close_ups(looked_at)
+    assert not session.awaiting_close_ups(looked_at)
     after = session.low_resolution_maps(looked_at)
     assert np.array_equal(before[0].array, whole[0].array)
     assert not np.array_equal(after[0].array, whole[0].array)
@@ -93,7 +93,7 @@ def test_segmenting_does_not_wait_for_close_ups_where_nobody_wants_it_to(
 ) -> None:
     whole = session.segment(requests_of(spheres)).labels
     assert np.array_equal(session.segment(looked_at, closer=False).labels, whole)
-    assert session.awaits_close_ups(looked_at)
+    assert session.awaiting_close_ups(looked_at)
 
 
 def test_a_positive_point_beyond_the_box_has_a_larger_box_looked_at(
@@ -101,9 +101,9 @@ def test_a_positive_point_beyond_the_box_has_a_larger_box_looked_at(
 ) -> None:
     session.look_closer(looked_at)
     beyond = replace(looked_at[0], positive=np.concatenate([looked_at[0].positive, centre_ras(spheres, 2)]))
-    assert session.awaits_close_ups([beyond])
+    assert session.awaiting_close_ups([beyond])
     negative = replace(looked_at[0], negative=centre_ras(spheres, 2))
-    assert not session.awaits_close_ups([negative])
+    assert not session.awaiting_close_ups([negative])
     assert len(session.low_resolution_maps([negative])) == 1
 
 
@@ -134,7 +134,7 @@ def test_a_cancelled_close_up_leaves_the_class_in_the_whole_volume(
     monkeypatch.setattr(SegmentationSession, "load_features", lambda self, progress: progress(0, 1, "Computing features"))
     with pytest.raises(Cancelled):
         session.look_closer(looked_at, cancel_at_once)
-    assert session.awaits_close_ups(looked_at)
+    assert session.awaiting_close_ups(looked_at)
     whole = session.low_resolution_maps(requests_of(spheres))
     assert np.array_equal(session.low_resolution_maps(looked_at)[0].array, whole[0].array)
 
@@ -166,7 +166,7 @@ def test_where_nothing_in_the_box_differs_the_class_is_looked_at_in_the_whole(
     box = within.close_up.box_in(volume.geometry, within.positive)  # type: ignore[union-attr]
     plain.array[box] = 100.0
     other.look_closer([within])
-    assert not other.awaits_close_ups([within])
+    assert not other.awaiting_close_ups([within])
     assert other.segment([within]).classes[0].voxels > 0
 
 
