@@ -30,6 +30,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     TakeVolume,
     Volumes,
 )
+from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
@@ -170,13 +171,18 @@ def test_the_answer_to_many_points_at_once_can_be_given_up_for_the_next_one(clie
     assert isinstance(reply_to(client, client.request(ComputeMaps(requests_of(spheres)))), Maps)
 
 
-def test_a_class_is_looked_at_closely_between_one_answer_and_the_next(client: ComputeClient, spheres: Spheres) -> None:
-    open_spheres(client, spheres)
+def with_close_up(client: ComputeClient, spheres: Spheres) -> tuple[tuple[ClassRequest, ...], ClassMap]:
+    """Requests for the spheres, the first of which has a close-up of known features; and its map by the whole volume."""
     first, *others = requests_of(spheres)
     low = reply_to(client, client.request(ComputeMaps((first, *others)))).maps[0]
     close_up = close_up_of(low, first.positive, spheres[0].geometry)
     cache_known_close_up(*spheres, close_up, first.positive)
-    requests = (replace(first, close_up=close_up), *others)
+    return (replace(first, close_up=close_up), *others), low
+
+
+def test_a_class_is_looked_at_closely_between_one_answer_and_the_next(client: ComputeClient, spheres: Spheres) -> None:
+    open_spheres(client, spheres)
+    requests, low = with_close_up(client, spheres)
     before = reply_to(client, client.request(ComputeMaps(requests)))
     refined_before = reply_to(client, client.request(RefineMaps(requests, Refinement())))
     assert before.awaiting_close_ups
@@ -195,11 +201,7 @@ def test_labels_are_those_of_close_ups_even_where_nobody_asked_for_these_before(
     client: ComputeClient, spheres: Spheres
 ) -> None:
     open_spheres(client, spheres)
-    first, *others = requests_of(spheres)
-    low = reply_to(client, client.request(ComputeMaps((first, *others)))).maps[0]
-    close_up = close_up_of(low, first.positive, spheres[0].geometry)
-    cache_known_close_up(*spheres, close_up, first.positive)
-    requests = (replace(first, close_up=close_up), *others)
+    requests, _ = with_close_up(client, spheres)
     reply_to(client, client.request(RefineMaps(requests, Refinement())))
     labels = reply_to(client, client.request(SegmentClasses(requests, Refinement())))
     assert isinstance(labels, Labels)

@@ -28,15 +28,6 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, req
 
 
 @pytest.fixture
-def session(spheres: Spheres) -> SegmentationSession:
-    """A session on the spheres, whose features are known."""
-    cache_known_features(*spheres)
-    session = open_session(spheres[0], SessionSettings(grid=GRID))
-    assert session.load_features().cached
-    return session
-
-
-@pytest.fixture
 def looked_at(session: SegmentationSession, spheres: Spheres) -> list[ClassRequest]:
     """Requests for the spheres, the first of which is looked at by itself; the features of its box are known."""
     first, *others = requests_of(spheres)

@@ -14,25 +14,13 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session import segmentation_session
-from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
-from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
-from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
-
-
-@pytest.fixture
-def session(spheres: Spheres) -> SegmentationSession:
-    """A session on the spheres whose cached features are the share of each label in a cell."""
-    cache_known_features(*spheres)
-    session = open_session(spheres[0], SessionSettings(grid=GRID))
-    assert session.load_features().cached
-    return session
 
 
 @pytest.mark.parametrize(("method", "least"), [("none", 0.7), ("bilateral", 0.9), ("guided", 0.85)])
