@@ -194,11 +194,14 @@ def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:
     np.maximum.at(largest, tuple(np.clip(within, 0, np.array(cells.shape) - 1).T), part.array.ravel())
     corners = part.geometry.ijk_to_ras_points(np.array([np.zeros(3), part.geometry.shape[::-1]]) - 0.5)
     first, last = np.sort(cells.ras_to_ijk(corners)[:, ::-1] + 0.5, axis=0)
-    covered = tuple(slice(max(int(np.floor(a)), 0), int(np.ceil(b))) for a, b in zip(first, last, strict=True))
-    centres = cells.voxel_centres_ras().reshape(*cells.shape, 3)[covered]
-    inside = part.geometry.contains(centres.reshape(-1, 3))
-    values = np.where(inside, sample_at(part.array[..., None], part.geometry, centres.reshape(-1, 3))[:, 0], 0.0)
-    largest[covered] = np.maximum(largest[covered], values.reshape(centres.shape[:3]))
+    k, j, i = (
+        slice(max(int(np.floor(a)), 0), min(int(np.ceil(b)), size)) for a, b, size in zip(first, last, cells.shape, strict=True)
+    )
+    covered = cells.part((k, j, i))
+    centres = covered.voxel_centres_ras()
+    inside = part.geometry.contains(centres)
+    values = np.where(inside, sample_at(part.array[..., None], part.geometry, centres)[:, 0], 0.0)
+    largest[k, j, i] = np.maximum(largest[k, j, i], values.reshape(covered.shape))
     return largest
 
 
