@@ -13,10 +13,8 @@ import numpy as np
 from .close_up import CloseUp
 from .errors import InputError, shown
 from .geometry import Geometry
+from .given_numbers import FARTHEST, is_number
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-
-FARTHEST = 1e9
-"""Of a coordinate, either way, in millimetres or voxels: beyond any scan, and far from what sums of squares can hold."""
 
 
 def no_points() -> np.ndarray:
@@ -161,8 +159,3 @@ def _no_points(what: str) -> InputError:
     return InputError(
         f"The {what} are not a list of finite [x, y, z] positions: three numbers each, none beyond ±{FARTHEST:g}."
     )
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value out of a file is a number, which true and false are not."""
-    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)

@@ -9,13 +9,13 @@ import numpy as np
 
 from .errors import InputError, shown
 from .geometry import Box, Geometry
+from .given_numbers import FARTHEST, is_number
 
 POINT_MARGIN = 0.15
 """Around a point that was placed beyond the box, of the box's longest edge."""
 LEAST_VOXELS = 16
 """Of a box along each axis, as far as the volume has so many."""
 
-_FARTHEST_MM = 1e9
 _ROUNDING = 1e-3
 """Of a voxel: a box that was saved and read again is the same one, and its features are in the cache."""
 
@@ -36,7 +36,7 @@ class CloseUp:
     size_mm: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        for name, lowest in (("centre_ras", -_FARTHEST_MM), ("size_mm", 0.0)):
+        for name, lowest in (("centre_ras", -FARTHEST), ("size_mm", 0.0)):
             values = getattr(self, name)
             if not _are_three_numbers(values, lowest):
                 raise InputError(
@@ -88,5 +88,4 @@ def box_of_voxels(low: np.ndarray, high: np.ndarray, shape: tuple[int, int, int]
 def _are_three_numbers(values: Any, above: float) -> bool:
     if not isinstance(values, (list, tuple)) or len(values) != 3:
         return False
-    numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
-    return len(numbers) == 3 and all(above < value < _FARTHEST_MM for value in numbers)
+    return all(is_number(value) and above < value < FARTHEST for value in values)

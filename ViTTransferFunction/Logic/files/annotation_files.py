@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..core.class_request import FARTHEST, ClassRequest, as_points, check_name, check_share, is_number, no_points
+from ..core.class_request import ClassRequest, as_points, check_name, check_share, no_points
 from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
 from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
+from ..core.given_numbers import FARTHEST, is_number
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from .json_files import read_json
 
