@@ -40,6 +40,7 @@ from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_r
 from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.progress import Between, nothing_between
 from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
@@ -111,7 +112,7 @@ class CandidateSession(SegmentationSession):
         requests: Sequence[ClassRequest],
         index: int,
         method: RefinementMethod,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> RefinedMap:
         """See `SegmentationSession`; the method is the candidate's."""
         if self.candidate is None:

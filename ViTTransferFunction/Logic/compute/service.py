@@ -15,7 +15,7 @@ from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
 from ..core.geometry import Box
 from ..core.intensity_window import looks_like_hounsfield_units
-from ..core.progress import Progress
+from ..core.progress import Between, Progress, nothing_between
 from ..core.volume import Volume
 from ..features.networks import Networks
 from ..rendering.class_membership import on_whole_grid
@@ -72,7 +72,7 @@ class SegmentationService:
         self,
         progress: Progress,
         on_coarse: Callable[[], None] | None = None,
-        between_points: Callable[[], None] = lambda: None,
+        between_points: Between = nothing_between,
         on_preparable: Callable[[], None] = lambda: None,
     ) -> None:
         self._progress = progress

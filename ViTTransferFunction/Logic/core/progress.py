@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +13,9 @@ class Progress(Protocol):
     def __call__(self, done: int, total: int, what: str) -> None:
         """Report `done` of `total` steps of the work named `what` (such as "Computing features")."""
 
+
+Between = Callable[[], None]
+"""A `Progress` that is told nothing: called between short steps of work; raises `Cancelled` to stop the work at that point."""
 
 SEGMENTING = "Segmenting structures"
 """What is being done while structures are segmented, for users."""
@@ -29,3 +33,7 @@ class WorkProgress:
 
 def no_progress(done: int, total: int, what: str) -> None:
     """The callback of those who do not watch."""
+
+
+def nothing_between() -> None:
+    """The callback of those who do not interrupt."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
+from ..core.progress import Between, nothing_between
 from . import large_arrays
 from .bilateral_cells import Target, splat
 from .bilateral_energy import MAX_SMOOTHNESS, solve_cells
@@ -22,7 +23,7 @@ from .upsampling import Upsampling, upsampled
 from .workers import Workers
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from torch import Tensor
 
@@ -87,7 +88,7 @@ def refine_map(
     spacing_mm: Sequence[float],
     settings: BilateralSolverSettings | None = None,
     threshold: float | None = None,
-    between: Callable[[], None] = lambda: None,
+    between: Between = nothing_between,
     in_place: bool = False,
 ) -> BilateralSolution:
     """Bring a coarse map to the resolution and to the edges of the volume that it describes.

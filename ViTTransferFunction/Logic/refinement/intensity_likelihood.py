@@ -11,13 +11,12 @@ independent witnesses:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy import ndimage
 
 from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.intensity_window import IntensityWindow
+from ..core.progress import Between, nothing_between
 
 TEMPER = 0.5
 """β."""
@@ -54,7 +53,7 @@ def weigh_by_intensity(
     window: IntensityWindow,
     iso: float,
     near: float | None = None,
-    between: Callable[[], None] = lambda: None,
+    between: Between = nothing_between,
 ) -> None:
     """As `with_intensity_likelihood`, in place; `between` is called for each slice, and may raise `Cancelled`."""
     inside, outside = np.zeros(_BINS), np.zeros(_BINS)

@@ -12,6 +12,7 @@ from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.errors import InputError
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
+from ..core.progress import Between, nothing_between
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
@@ -32,7 +33,7 @@ def refine(
     positive_ras: np.ndarray,
     iso: float,
     method: RefinementMethod,
-    between: Callable[[], None] = lambda: None,
+    between: Between = nothing_between,
     lowest_iso: float | None = None,
 ) -> VoxelMap:
     """Upsample a class's map and sharpen it against the volume's intensities.
@@ -81,7 +82,7 @@ def refine(
     return VoxelMap(volume.shape, similarity, interpolated, held_box, held)
 
 
-def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Box, between: Callable[[], None]) -> np.ndarray:
+def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Box, between: Between) -> np.ndarray:
     """S_L in a box of the volume's voxels, (K, J, I) float32, from what interpolates a slice (`VoxelMap`)."""
     import torch
 
@@ -127,7 +128,7 @@ def _refine_part(
     method: RefinementMethod,
     near: float,
     similarity: np.ndarray,
-    between: Callable[[], None],
+    between: Between,
 ) -> None:
     """Refine the map of a box, (K, J, I) float32, in place."""
     # A view: the intensities are read piece by piece. Where it is mirrored, PyTorch cannot read it.
@@ -158,7 +159,7 @@ def _solve(
     spacing_mm: np.ndarray,
     cell_edge_mm: float,
     threshold: float,
-    between: Callable[[], None],
+    between: Between,
 ) -> None:
     """Put the bilateral solver's answer into the target; it smooths over most of a feature cell, and two voxels at least."""
     import torch

@@ -9,6 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
+from ..core.progress import Between, nothing_between
+
 if TYPE_CHECKING:
     import torch
 
@@ -32,7 +34,7 @@ class Workers:
         between: called before each loop, and wherever one calls `Workers.between`; may raise `Cancelled`.
     """
 
-    def __init__(self, device: torch.device, between: Callable[[], None] = lambda: None) -> None:
+    def __init__(self, device: torch.device, between: Between = nothing_between) -> None:
         self._between = between
         self._one_at_a_time = threading.Lock()
         self._on_cpu = device.type == "cpu"

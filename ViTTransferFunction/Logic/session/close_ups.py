@@ -18,7 +18,7 @@ from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
 from ..core.geometry import Box, Geometry
-from ..core.progress import Progress
+from ..core.progress import Between, Progress
 from ..core.resampling import sample_at
 from ..core.volume import Volume
 from ..features.settings import FeatureSettings
@@ -42,7 +42,7 @@ class PartSession(Protocol):
     def prepare_clicks(self) -> None:
         """See there."""
 
-    def low_resolution_maps(self, requests: Sequence[ClassRequest], between: Callable[[], None]) -> list[ClassMap]:
+    def low_resolution_maps(self, requests: Sequence[ClassRequest], between: Between) -> list[ClassMap]:
         """See there."""
 
     def refined_map(
@@ -51,7 +51,7 @@ class PartSession(Protocol):
         requests: Sequence[ClassRequest],
         index: int,
         method: RefinementMethod,
-        between: Callable[[], None],
+        between: Between,
     ) -> RefinedMap:
         """See there."""
 
@@ -88,7 +88,7 @@ class Part:
         ]
         return inside, [request.id for request in inside].index(requests[index].id)
 
-    def map_on(self, cells: Geometry, requests: Sequence[ClassRequest], index: int, between: Callable[[], None]) -> ClassMap:
+    def map_on(self, cells: Geometry, requests: Sequence[ClassRequest], index: int, between: Between) -> ClassMap:
         """S_L of the index-th class on a grid of the whole volume, as large as it gets within each cell; 0 beyond the part.
 
         Where other classes alone have changed since it was asked for last, it is that one: where many are looked at, a click is
@@ -107,7 +107,7 @@ class Part:
         requests: Sequence[ClassRequest],
         index: int,
         method: RefinementMethod,
-        between: Callable[[], None],
+        between: Between,
     ) -> RefinedMap:
         """S_H of the index-th class on the whole volume of `shape` (K, J, I); 0 beyond the part. See `SegmentationSession`."""
         asked, place = self.requests(requests, index)

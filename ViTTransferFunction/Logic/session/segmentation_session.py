@@ -19,7 +19,7 @@ from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.iso_proposals import IsoProposals
 from ..core.point_thinning import thinned
-from ..core.progress import SEGMENTING, Progress, no_progress
+from ..core.progress import SEGMENTING, Between, Progress, no_progress, nothing_between
 from ..core.stopwatch import Stopwatch
 from ..core.volume import Volume
 from ..features.feature_volume import FeatureVolume
@@ -183,9 +183,7 @@ class SegmentationSession:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
         return display_window(self.volume)
 
-    def low_resolution_maps(
-        self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None
-    ) -> list[ClassMap]:
+    def low_resolution_maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds.
 
         Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
@@ -223,7 +221,7 @@ class SegmentationSession:
         requests: Sequence[ClassRequest],
         index: int,
         method: RefinementMethod,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> RefinedMap:
         """S_H of the index-th class from its S_L, sharpened where the class asks for it, and its threshold.
 

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from ..core.progress import Between, nothing_between
 from .connectedness import BLOCKS_PER_CELL, SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8
@@ -46,7 +47,7 @@ class ConnectedPoints:
         """See `Connectedness.cell_units`."""
         return self._fine.cell_units()
 
-    def update(self, points_ras: np.ndarray, between: Callable[[], None] = lambda: None) -> list[bytes]:
+    def update(self, points_ras: np.ndarray, between: Between = nothing_between) -> list[bytes]:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
 
         Args:

@@ -9,6 +9,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
+from ..core.progress import Between, nothing_between
 from ..core.resampling import sample_at
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -37,7 +38,7 @@ class CosineSimilarity:
         self._volume_geometry = volume_geometry
         self._average = average
 
-    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[np.ndarray]:
         """See `SimilarityRule`."""
         return [self._map(request) for request in requests]
 
@@ -51,7 +52,7 @@ class CosineSimilarity:
         coarse: np.ndarray,
         requests: Sequence[ClassRequest],
         index: int,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         return _iso(lambda points: similarity.at(self._volume_geometry, points), requests, index)

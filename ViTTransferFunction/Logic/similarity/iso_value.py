@@ -9,7 +9,6 @@ well to where the enclosed volume changes least (maximally stable extremal regio
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from ..core.intensity_cdf import IntensityCdf
 from ..core.iso_proposals import LARGEST_ISO, SMALLEST_ISO, IsoProposals
+from ..core.progress import Between, nothing_between
 from .stable_components import TOLERANCES, stability
 
 POINTS_TO_HALF = 1.5
@@ -169,7 +169,7 @@ def choose_refined_iso(
     at_positives: np.ndarray,
     prior: float,
     components: Components | None = None,
-    between: Callable[[], None] = lambda: None,
+    between: Between = nothing_between,
 ) -> float:
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
@@ -213,7 +213,7 @@ def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.nd
     return mean
 
 
-def _log_instability(values: np.ndarray, between: Callable[[], None]) -> np.ndarray:
+def _log_instability(values: np.ndarray, between: Between) -> np.ndarray:
     """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
     count = np.zeros(_BINS, dtype=int)
     values = values.reshape(-1)

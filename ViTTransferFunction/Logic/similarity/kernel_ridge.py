@@ -20,7 +20,7 @@ between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_poi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,6 +28,7 @@ import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.iso_proposals import IsoProposals
+from ..core.progress import Between, nothing_between
 from ..core.resampling import FixedPlaces, sample_at
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
@@ -97,7 +98,7 @@ class KernelRidge:
             within = (background >= some.start) & (background < some.stop)
             self._background_kernel[:, within] = kernel[:, background[within] - start]
 
-    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[np.ndarray]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
@@ -155,7 +156,7 @@ class KernelRidge:
         coarse: np.ndarray,
         requests: Sequence[ClassRequest],
         index: int,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
         request = requests[index]

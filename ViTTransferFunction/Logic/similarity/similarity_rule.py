@@ -10,6 +10,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
+from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -27,7 +28,7 @@ NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
-    def maps(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> Sequence[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> Sequence[np.ndarray]:
         """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them.
 
         `between` is called before what is computed for each new point; it may raise `Cancelled`.
@@ -42,7 +43,7 @@ class SimilarityRule(Protocol):
         coarse: np.ndarray,
         requests: Sequence[ClassRequest],
         index: int,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> IsoProposals:
         """The thresholds that the index-th class's S_H (K, J, I) may have, made on the voxels from its `coarse` S_L.
 

@@ -11,13 +11,14 @@ two lungs end where they meet, although the airways join them (relative fuzzy co
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from threading import Lock
 
 import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
+from ..core.progress import Between, nothing_between
 from .connectedness import blocks_at, tolerances_too_small
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)
@@ -45,7 +46,7 @@ class StableComponents:
         self._of_group: dict[bytes, np.ndarray] = {}
         self._looking = Lock()
 
-    def update(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> None:
+    def update(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> None:
         """Find out about points that are new, some milliseconds each, and forget those that are gone. Any thread may.
 
         Args:
@@ -67,7 +68,7 @@ class StableComponents:
             steps = np.where(np.minimum.reduce(rivals) < steps, np.uint8(len(TOLERANCES)), steps)
         return steps
 
-    def _learn(self, requests: Sequence[ClassRequest], between: Callable[[], None] = lambda: None) -> None:
+    def _learn(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> None:
         groups = {points.tobytes(): points for request in requests for points in (request.positive, request.negative)}
         points = {point.tobytes(): point for group in groups.values() for point in group}
         self._of_group = {key: steps for key, steps in self._of_group.items() if key in groups}
