@@ -72,6 +72,10 @@ class CloseUp:
             high = np.maximum(high, (beyond + around).max(axis=0))
         return box_of_voxels(low, high, geometry.shape)
 
+    def enlarged(self, geometry: Geometry, points_ras: np.ndarray) -> CloseUp:
+        """What `box_in` covers, as a close-up: the one in use."""
+        return self.of_box(self.box_in(geometry, points_ras), geometry)
+
 
 def box_of_voxels(low: np.ndarray, high: np.ndarray, shape: tuple[int, int, int]) -> Box:
     """The voxels between two corners, in voxels from the volume's corner; widened to `LEAST_VOXELS`, within the volume."""

@@ -19,7 +19,8 @@ def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassR
     """The same classes with `MOST_POINTS` points at most; as they are, where they have no more.
 
     Otherwise the points of a class that lie in one voxel count once; and where these are still more than its share, those
-    that lie in one cell, of cells as small as that allows.
+    that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its
+    features would be computed again whenever other points are left.
 
     Args:
         requests: whose points lie in the volume.
@@ -30,7 +31,12 @@ def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassR
         return list(requests)
     share = max(1, MOST_POINTS // len(lists))
     return [
-        replace(request, positive=_thin(request.positive, geometry, share), negative=_thin(request.negative, geometry, share))
+        replace(
+            request,
+            positive=_thin(request.positive, geometry, share),
+            negative=_thin(request.negative, geometry, share),
+            close_up=request.close_up and request.close_up.enlarged(geometry, request.positive),
+        )
         for request in requests
     ]
 

@@ -145,7 +145,7 @@ class SegmentationSession:
 
     def awaiting_close_ups(self, requests: Sequence[ClassRequest]) -> tuple[str, ...]:
         """Ids of the classes that are to be looked at by themselves, and are in the whole until `look_closer`."""
-        return tuple(request.id for request in self._close_ups.missing(requests))
+        return tuple(request.id for request in self._close_ups.missing(thinned(requests, self.volume.geometry)))
 
     def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
         """Have the features of all classes' close-ups, from the cache or by computing them.

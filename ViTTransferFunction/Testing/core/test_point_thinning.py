@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.point_thinning import MOST_POINTS, thinned
 
@@ -49,3 +50,16 @@ def test_few_points_of_a_class_are_all_kept_beside_many_of_another() -> None:
     assert (len(few.positive), len(few.negative)) == (3, 4)
     assert len(many.positive) + len(many.negative) <= MOST_POINTS
     assert min(len(many.positive), len(many.negative)) > 20
+
+
+def test_a_close_up_stays_as_large_as_all_points_want_it_however_many_are_left() -> None:
+    close_up = CloseUp.of_box((slice(20, 40), slice(30, 50), slice(30, 60)), GEOMETRY)
+    # Out of the box, the last of each cell the farthest.
+    line = GEOMETRY.ijk_to_ras_points(np.linspace((45.0, 40.0, 30.0), (85.3, 40.0, 30.0), 5000))
+    painted = ClassRequest("painted", line, close_up=close_up)
+    wanted = close_up.box_in(GEOMETRY, line)
+    for others in ([], [ClassRequest("other", points(9000), points(9000, 1))]):
+        thin, *_ = thinned([painted, *others], GEOMETRY)
+        assert thin.close_up is not None
+        assert not (thin.positive == line[-1]).all(axis=1).any()
+        assert thin.close_up.box_in(GEOMETRY, thin.positive) == wanted

@@ -98,6 +98,21 @@ def test_a_positive_point_beyond_the_box_has_a_larger_box_looked_at(
     assert len(session.low_resolution_maps([negative])) == 1
 
 
+def test_a_close_up_is_loaded_once_where_somebody_painted_far_beyond_its_box(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    start, end = looked_at[0].positive, centre_ras(spheres, 2)
+    stroke = start + (end - start) * np.linspace(0.0, 0.75, 2000)[:, None]
+    painted = replace(looked_at[0], positive=stroke)
+    assert painted.close_up is not None
+    cache_known_close_up(*spheres, painted.close_up, stroke)
+    session.look_closer([painted, *looked_at[1:]])
+    assert not session.awaiting_close_ups([painted, *looked_at[1:]])
+    # Fewer points of it are left beside others, and its box is the same.
+    more = replace(looked_at[1], negative=np.repeat(start, 600, axis=0))
+    assert not session.awaiting_close_ups([painted, more, looked_at[2]])
+
+
 def test_an_answer_of_a_class_stays_where_other_classes_alone_have_changed(
     session: SegmentationSession, looked_at: list[ClassRequest]
 ) -> None:
