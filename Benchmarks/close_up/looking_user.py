@@ -62,7 +62,9 @@ class LookingUser:
             self._close_ups = {}
             if self._presses:
                 self._press(requests)
-        return self._session.segment(self._looking_closely(requests)).labels
+        closely = self._looking_closely(requests)
+        self._session.look_closer(closely)
+        return self._session.segment(closely).labels
 
     def _press(self, requests: Sequence[ClassRequest]) -> None:
         """One after the other, so that each can be timed."""

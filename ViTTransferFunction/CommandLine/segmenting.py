@@ -35,7 +35,7 @@ def segment_classes(
     on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
     on_warning: Callable[[str], None] = logger.warning,
 ) -> Segmentation:
-    """Load the features of an opened volume, and segment it.
+    """Load the features of an opened volume and of its close-ups, and segment it.
 
     Args:
         session: whose features are still to be loaded.
@@ -56,6 +56,7 @@ def segment_classes(
     session.load_features(progress)
     on_features(session)
     requests = requests_with_close_ups(session, classes, on_warning)
+    session.look_closer(requests, progress)
     return session.segment(requests, method, only_annotated_components, progress, on_map)
 
 

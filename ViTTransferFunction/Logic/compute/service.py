@@ -219,7 +219,7 @@ class SegmentationService:
                 crops.append(crop_voxel_map(full.voxels, full.iso))
 
             segmentation = self._the_session.segment(
-                classes, refinement.method, refinement.only_annotated_components, self._progress, crop, closer=False
+                classes, refinement.method, refinement.only_annotated_components, self._progress, crop
             )
             labelled = (restricted(crop, segmentation.labels, label) for label, crop in enumerate(crops, start=1))
             self._segmented = known = _Segmented(asked, segmentation, tuple(labelled))

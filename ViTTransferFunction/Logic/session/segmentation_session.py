@@ -251,9 +251,10 @@ class SegmentationSession:
         only_annotated_components: bool = True,
         progress: Progress = no_progress,
         on_map: Callable[[ClassRequest, RefinedMap], None] | None = None,
-        closer: bool = True,
     ) -> Segmentation:
         """Segment all classes, each voxel going to one class at most.
+
+        Those whose close-ups are still awaited are looked at in the whole volume: `look_closer` comes first.
 
         Args:
             requests: at least one, of different ids, all points inside the volume.
@@ -261,16 +262,12 @@ class SegmentationSession:
             only_annotated_components: drop the parts of a segment that hold none of its positive points.
             progress: called with classes done.
             on_map: is shown each full-resolution map before the next is made; they are not kept.
-            closer: whether close-ups that are not there yet are loaded first (`look_closer`); else those classes are looked at
-                in the whole volume.
 
         Raises:
             InputError: the requests are not usable, or memory is not enough.
             Cancelled: by the progress callback.
         """
         check_requests(requests, self.volume.geometry)
-        if closer:
-            self.look_closer(requests, progress)
         progress(0, len(requests), SEGMENTING)
         isos = []
         telling = thinned(requests, self.volume.geometry)

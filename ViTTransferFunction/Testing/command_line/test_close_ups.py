@@ -36,19 +36,25 @@ RED = (1.0, 0.0, 0.0)
 
 
 class Listener:
-    """A session on the spheres that remembers what it is asked to segment, and does not."""
+    """A session on the spheres that remembers what it is asked to look at closely, and to segment, and does neither."""
 
     def __init__(self, spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> None:
         cache_known_features(*spheres)
         self.session = open_session(spheres[0], SessionSettings(grid=GRID))
+        self.looked_at: list[ClassRequest] = []
         self.requests: list[ClassRequest] = []
         self.warnings: list[str] = []
-        monkeypatch.setattr(self.session, "segment", lambda requests, *_: self.requests.extend(requests))
+        monkeypatch.setattr(self.session, "look_closer", lambda requests, *_: self.looked_at.extend(requests))
+        monkeypatch.setattr(self.session, "segment", self._segment)
 
     def ask(self, classes: Sequence[AnnotatedClass]) -> list[CloseUp | None]:
         """The close-ups of the classes as they come to the session."""
         segment_classes(self.session, classes, "none", True, on_warning=self.warnings.append)
         return [request.close_up for request in self.requests]
+
+    def _segment(self, requests: Sequence[ClassRequest], *_: Any) -> None:
+        assert self.looked_at == requests, "segmented without its close-ups"
+        self.requests.extend(requests)
 
 
 @pytest.fixture

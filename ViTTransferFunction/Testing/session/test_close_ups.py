@@ -62,6 +62,7 @@ def test_a_class_is_shown_in_the_whole_volume_until_its_close_up_is_there(
 def test_a_class_reaches_no_further_than_its_close_up(
     session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
 ) -> None:
+    session.look_closer(looked_at)
     segmentation = session.segment(looked_at)
     of_first = segmentation.labels == 1
     assert dice(of_first, spheres[1] == 1) > 0.9
@@ -74,16 +75,17 @@ def test_finer_cells_follow_a_surface_more_closely_without_refinement(
     session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
 ) -> None:
     whole = session.segment(requests_of(spheres), "none").labels == 1
+    session.look_closer(looked_at)
     closer = session.segment(looked_at, "none").labels == 1
     truth = spheres[1] == 1
     assert dice(closer, truth) > dice(whole, truth) + 0.02
 
 
-def test_segmenting_does_not_wait_for_close_ups_where_nobody_wants_it_to(
+def test_segmenting_does_not_wait_for_close_ups(
     session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
 ) -> None:
     whole = session.segment(requests_of(spheres)).labels
-    assert np.array_equal(session.segment(looked_at, closer=False).labels, whole)
+    assert np.array_equal(session.segment(looked_at).labels, whole)
     assert session.awaiting_close_ups(looked_at)
 
 
@@ -129,6 +131,7 @@ def test_a_fixed_iso_value_and_a_size_count_in_a_close_up_as_well(
 ) -> None:
     first, *others = looked_at
     asked = (replace(first, iso=0.9), first, replace(first, size=1.0))
+    session.look_closer(looked_at)
     isos = [session.segment([of_first, *others]).classes[0] for of_first in asked]
     assert isos[0].iso == 0.9
     assert isos[0].voxels < isos[1].voxels <= isos[2].voxels
