@@ -15,8 +15,7 @@ from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.session.map_crop import MapCrop, crop_voxel_map, restricted
-from ViTTransferFunction.Logic.session.refined_map import RefinedMap
+from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 
@@ -94,12 +93,7 @@ class LookingUser:
 
 
 def shown_maps(session: SegmentationSession, requests: Sequence[ClassRequest]) -> list[ClassMap]:
-    """The maps by which structures are shown once they are refined: of each, only what its segment has."""
-    crops: list[MapCrop] = []
-
-    def keep(_: ClassRequest, full: RefinedMap) -> None:
-        crops.append(crop_voxel_map(full.voxels, full.iso))
-
-    labels = session.segment(requests, on_map=keep).labels
-    shown = (restricted(crop, labels, label) for label, crop in enumerate(crops, start=1))
-    return [ClassMap(crop.array, session.volume.geometry.part(crop.box), crop.iso) for crop in shown]
+    """The maps by which structures are shown once they are refined."""
+    crops = SegmentCrops()
+    labels = session.segment(requests, on_map=crops.take).labels
+    return [crop.on(session.volume.geometry) for crop in crops.of(labels)]

@@ -25,9 +25,8 @@ from ..rendering.iso_surfaces import similarity_volume
 from ..rendering.structure_volume import StructureVolume, structure_volume
 from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
-from ..session.map_crop import MapCrop, crop_voxel_map, on_common_box, restricted
+from ..session.map_crop import MapCrop, SegmentCrops, on_common_box
 from ..session.opening import open_session
-from ..session.refined_map import RefinedMap
 from ..session.segmentation_session import Segmentation, SegmentationSession
 from .requests import (
     ComputeMaps,
@@ -160,7 +159,7 @@ class SegmentationService:
     def _refine_maps(self, request: RefineMaps) -> RefinedMaps:
         geometry = self._the_volume.geometry
         segmented = self._segment(request.classes, request.refinement)
-        maps = tuple(ClassMap(crop.array, geometry.part(crop.box), crop.iso) for crop in segmented.crops)
+        maps = tuple(crop.on(geometry) for crop in segmented.crops)
         return RefinedMaps(maps, tuple(result.millilitres for result in segmented.segmentation.classes))
 
     def _segment_classes(self, request: SegmentClasses) -> Labels:
@@ -213,16 +212,11 @@ class SegmentationService:
         """The segmentation of these classes, made once for the same request; close-ups count that there are by now."""
         known, asked = self._segmented, (classes, refinement, self._the_session.awaiting_close_ups(classes))
         if known is None or known.asked != asked:
-            crops: list[MapCrop] = []
-
-            def crop(request: ClassRequest, full: RefinedMap) -> None:
-                crops.append(crop_voxel_map(full.voxels, full.iso))
-
+            crops = SegmentCrops()
             segmentation = self._the_session.segment(
-                classes, refinement.method, refinement.only_annotated_components, self._progress, crop
+                classes, refinement.method, refinement.only_annotated_components, self._progress, crops.take
             )
-            labelled = (restricted(crop, segmentation.labels, label) for label, crop in enumerate(crops, start=1))
-            self._segmented = known = _Segmented(asked, segmentation, tuple(labelled))
+            self._segmented = known = _Segmented(asked, segmentation, crops.of(segmentation.labels))
         return known
 
     @property

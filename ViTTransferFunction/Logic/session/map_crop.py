@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.bounding_box import common_box, within
-from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, box_above
-from ..core.geometry import Box
+from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
+from ..core.class_request import ClassRequest
+from ..core.geometry import Box, Geometry
 from ..core.voxel_map import VoxelMap
+from .refined_map import RefinedMap
 
 MARGIN_VOXELS = 2
 
@@ -32,6 +34,25 @@ class MapCrop:
     array: np.ndarray
     box: Box
     iso: float
+
+    def on(self, geometry: Geometry) -> ClassMap:
+        """The crop as the map of a part of the volume, which has this geometry."""
+        return ClassMap(self.array, geometry.part(self.box), self.iso)
+
+
+class SegmentCrops:
+    """The maps by which segments are shown: of each class, only what its segment has."""
+
+    def __init__(self) -> None:
+        self._crops: list[MapCrop] = []
+
+    def take(self, request: ClassRequest, full: RefinedMap) -> None:
+        """Keep of the next class's map what matters; an `on_map` of `SegmentationSession.segment`."""
+        self._crops.append(crop_voxel_map(full.voxels, full.iso))
+
+    def of(self, labels: np.ndarray) -> tuple[MapCrop, ...]:
+        """The crops of all classes, given the `labels` (K, J, I) of the volume that came of their maps."""
+        return tuple(restricted(crop, labels, label) for label, crop in enumerate(self._crops, start=1))
 
 
 def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:

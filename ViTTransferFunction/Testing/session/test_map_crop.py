@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.session.map_crop import crop_map, on_common_box, restricted
+from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, on_common_box, restricted
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
 
 @pytest.fixture
@@ -44,3 +48,23 @@ def test_crops_meet_on_the_box_that_holds_them_all(ramp: np.ndarray) -> None:
     for array, similarity in zip(arrays, (ramp, other), strict=True):
         near = similarity[box] >= 0.3
         np.testing.assert_allclose(array[near] / 255.0, similarity[box][near], atol=0.5 / 255.0)
+
+
+def test_the_crops_of_a_segmentation_show_its_segments(session: SegmentationSession, spheres: Spheres) -> None:
+    first, second, _ = requests_of(spheres)
+    # Of two classes that claim the same voxels, the upper one has them.
+    requests = [first, second, replace(first, id="the same")]
+    crops = SegmentCrops()
+    labels = session.segment(requests, on_map=crops.take).labels
+    shown = crops.of(labels)
+    assert np.unique(labels).tolist() == [0, 1, 2]
+    assert len(shown) == len(requests)
+    for label, crop in enumerate(shown, start=1):
+        on_volume = crop.on(session.volume.geometry)
+        whole = np.zeros(labels.shape, dtype=bool)
+        whole[crop.box] = on_volume.array / 255.0 >= on_volume.iso
+        np.testing.assert_array_equal(whole, labels == label)
+        corner = np.array([[extent.start for extent in crop.box[::-1]]], dtype=float)
+        np.testing.assert_allclose(
+            on_volume.geometry.ijk_to_ras_points(np.zeros((1, 3))), session.volume.geometry.ijk_to_ras_points(corner)
+        )
