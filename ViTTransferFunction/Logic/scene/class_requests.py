@@ -28,6 +28,10 @@ class ClassRequests:
     requests: list[ClassRequest] = field(default_factory=list)
     points_beyond: dict[str, int] = field(default_factory=dict)
 
+    def of(self, id_: str) -> ClassRequest | None:
+        """The request of a class; None where it has no positive point in the volume."""
+        return next((request for request in self.requests if request.id == id_), None)
+
 
 def class_requests(
     states: Sequence[ClassState], more_negative: Mapping[str, np.ndarray], volume_node: Any, geometry: Geometry

@@ -19,7 +19,6 @@ import vtk
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
 from ..core.class_map import is_near
-from ..core.close_up_choice import close_up_of
 from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
@@ -27,6 +26,7 @@ from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, Point, Polarity
+from .close_ups import SceneCloseUps
 from .corrections import Corrections
 from .observers import SceneObservers
 from .opened_volume import OpenedVolume
@@ -91,6 +91,7 @@ class SceneSession:
         self._observers = SceneObservers()
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
+        self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -230,30 +231,13 @@ class SceneSession:
         return self._proxy.volumes_ml.get(id_)
 
     def look_closer(self, id_: str) -> None:
-        """Have a class looked at by itself, in a box around it as it is shown now: one step for undo.
-
-        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
-        volume stays. Once more, and the box fits what the structure looks like by then.
-        """
-        self._problems.solve("close-up")
-        volume, content, class_map = self.parameters.volume, self._volume.content, self._proxy.maps.get(id_)
-        state = next(state for state in self.classes if state.id == id_)
-        request = next((request for request in self._requests.requests if request.id == id_), None)
-        if volume is None or content is None or class_map is None or request is None:
-            self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
-        else:
-            try:
-                close_up = close_up_of(class_map, request.positive, content.geometry)
-                centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
-                self.annotations.set_close_up(id_, (*centre, *close_up.size_mm))
-            except InputError as error:
-                self._problems.put("close-up", f"{state.name}: {error}")
+        """Have a class looked at by itself, in a box around it as it is shown now: one step for undo. See `SceneCloseUps`."""
+        self._close_ups.look_closer(id_, self._requests)
         self._notify()
 
     def look_at_whole(self, id_: str) -> None:
         """Have a class looked at in the whole volume again: one step for undo."""
-        self._problems.solve("close-up")
-        self.annotations.set_close_up(id_, None)
+        self._close_ups.look_at_whole(id_)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
@@ -283,10 +267,7 @@ class SceneSession:
     def cancel(self) -> None:
         """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
         if self.looks_closer:
-            # Taken back altogether, or the class would be said to be looked at in a box, and be shown as in the whole.
-            for state in self.classes:
-                if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
-                    self.annotations.set_close_up(state.id, None)
+            self._close_ups.take_back()
         else:
             self._proxy.cancel()
         self._output.cancel()

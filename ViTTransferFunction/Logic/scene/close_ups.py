@@ -1,0 +1,81 @@
+"""Structures that are small or thin in the whole volume, looked at by themselves where the user asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..compute.proxy import SegmentationProxy
+from ..core.close_up_choice import close_up_of
+from ..core.errors import InputError
+from ..core.geometry import transform_points
+from .annotations import SceneAnnotations
+from .class_requests import ClassRequests
+from .opened_volume import OpenedVolume
+from .parameters import SceneParameters
+from .problems import Problems
+from .volume import matrix_to_world
+
+
+class SceneCloseUps:
+    """Gives classes the boxes in which they are looked at, and takes them away again: each time one step for undo.
+
+    Args:
+        parameters: say which volume.
+        annotations: hold the classes, and so the boxes.
+        volume: is being looked at.
+        proxy: has the maps that boxes are chosen by, and gets what the boxes show.
+        problems: are told why a class cannot be looked at by itself.
+    """
+
+    def __init__(
+        self,
+        parameters: SceneParameters,
+        annotations: SceneAnnotations,
+        volume: OpenedVolume,
+        proxy: SegmentationProxy,
+        problems: Problems,
+    ) -> None:
+        self._parameters = parameters
+        self._annotations = annotations
+        self._volume = volume
+        self._proxy = proxy
+        self._problems = problems
+
+    def look_closer(self, id_: str, requests: ClassRequests) -> None:
+        """Have a class looked at in a box around it as it is shown now.
+
+        What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
+        volume stays. Once more, and the box fits what the structure looks like by then.
+
+        Args:
+            id_: of the class.
+            requests: what is asked for of the classes as they are.
+        """
+        self._problems.solve("close-up")
+        volume, content, class_map = self._parameters.volume, self._volume.content, self._proxy.maps.get(id_)
+        state = next(state for state in self._annotations.classes if state.id == id_)
+        request = requests.of(id_)
+        if volume is None or content is None or class_map is None or request is None:
+            self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
+            return
+        try:
+            close_up = close_up_of(class_map, request.positive, content.geometry)
+            centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
+        except InputError as error:
+            self._problems.put("close-up", f"{state.name}: {error}")
+            return
+        self._annotations.set_close_up(id_, (*centre, *close_up.size_mm))
+
+    def look_at_whole(self, id_: str) -> None:
+        """Have a class looked at in the whole volume again."""
+        self._problems.solve("close-up")
+        self._annotations.set_close_up(id_, None)
+
+    def take_back(self) -> None:
+        """Stop looking closer at the classes whose boxes are not there yet.
+
+        Altogether, or they would be said to be looked at in a box, and be shown as in the whole.
+        """
+        for state in self._annotations.classes:
+            if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
+                self._annotations.set_close_up(state.id, None)
