@@ -23,7 +23,7 @@ class CloseUpControls(Section):
         """Say in what the selected class is looked at, and enable what can be done about it."""
         ui, session, selected = self.ui, self.session, self.selected
         ready = session is not None and session.phase == "ready"
-        words = "" if selected is None else close_up_text(selected)
+        words = "" if session is None or selected is None else close_up_text(session.close_up_mm(selected))
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words

@@ -35,6 +35,9 @@ Point = tuple[float, float, float]
 CloseUpBox = tuple[float, float, float, float, float, float]
 """Of a class, see `ClassState`."""
 
+EdgesMm = tuple[float, float, float]
+"""Of a box, along the volume's axes I, J and K, millimetres."""
+
 Polarity = Literal["positive", "negative"]
 
 

@@ -10,6 +10,7 @@ from ..core.errors import InputError
 from ..core.geometry import transform_points
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
+from .classes import ClassState, EdgesMm
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems
@@ -70,6 +71,16 @@ class SceneCloseUps:
         """Have a class looked at in the whole volume again."""
         self._problems.solve("close-up")
         self._annotations.set_close_up(id_, None)
+
+    def size_mm(self, state: ClassState, requests: ClassRequests) -> EdgesMm | None:
+        """Of the box that a class is looked at in, with what points beyond have added to it; None: it is in the whole volume.
+
+        Where the class has no point in the volume, or there is none, of the box as it was set.
+        """
+        content, request = self._volume.content, requests.of(state.id)
+        if content is None or request is None or request.close_up is None:
+            return None if state.close_up is None else state.close_up[3:]
+        return request.close_up.enlarged(content.geometry, request.positive).size_mm
 
     def take_back(self) -> None:
         """Stop looking closer at the classes whose boxes are not there yet.

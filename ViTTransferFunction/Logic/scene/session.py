@@ -25,7 +25,7 @@ from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, Point, Polarity
+from .classes import ClassState, EdgesMm, Point, Polarity
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
 from .observers import SceneObservers
@@ -238,6 +238,10 @@ class SceneSession:
     def look_at_whole(self, id_: str) -> None:
         """Have a class looked at in the whole volume again: one step for undo."""
         self._close_ups.look_at_whole(id_)
+
+    def close_up_mm(self, state: ClassState) -> EdgesMm | None:
+        """Edges of the box that a class is looked at in; None: in the whole volume. See `SceneCloseUps.size_mm`."""
+        return self._close_ups.size_mm(state, self._requests)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""

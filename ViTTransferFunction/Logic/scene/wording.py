@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..core.progress import WorkProgress
 from ..rendering.appearance import STYLES
-from .classes import ClassState
+from .classes import ClassState, EdgesMm
 from .context import OFF
 from .translation import tr as _
 
@@ -38,11 +38,11 @@ def size_in_steps(steps: float, fixed: bool) -> str:
     return _("{count} steps larger").format(count=count) if steps > 0.0 else _("{count} steps smaller").format(count=count)
 
 
-def close_up_text(state: ClassState) -> str:
-    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume."""
-    if state.close_up is None:
+def close_up_text(edges_mm: EdgesMm | None) -> str:
+    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None)."""
+    if edges_mm is None:
         return ""
-    edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in state.close_up[3:])
+    edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in edges_mm)
     return _("In a box of {edges} mm").format(edges=edges)
 
 

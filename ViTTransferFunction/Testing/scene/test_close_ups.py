@@ -95,6 +95,34 @@ def test_a_closer_look_that_is_cancelled_is_taken_back(session: SceneSession, sp
     assert session.volume_ml(id_) is not None
 
 
+def test_the_box_in_use_is_as_large_as_points_beyond_make_it(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    assert session.close_up_mm(session.classes[0]) is None
+    session.look_closer(id_)
+    set_one = session.classes[0].close_up
+    assert set_one is not None
+    assert session.close_up_mm(session.classes[0]) == pytest.approx(set_one[3:])
+    beyond = centre_ras(spheres, 2)
+    session.annotations.add_points(id_, beyond, positive=True)
+    geometry, points = spheres[0].geometry, np.concatenate([centre_ras(spheres, 1), beyond])
+    used = CloseUp(set_one[:3], set_one[3:]).box_in(geometry, points)
+    in_use = session.close_up_mm(session.classes[0])
+    assert in_use == pytest.approx(geometry.part(used).extent_mm)
+    assert in_use is not None
+    assert max(np.subtract(in_use, set_one[3:])) > 10.0
+    # What was set is what is saved, and what a point that is taken back leads to again.
+    assert session.classes[0].close_up == set_one
+    session.annotations.undo()
+    assert session.close_up_mm(session.classes[0]) == pytest.approx(set_one[3:])
+
+
+def test_without_a_volume_a_box_is_as_large_as_it_was_set(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.annotations.set_close_up(id_, (1.0, 2.0, 3.0, 40.5, 50.0, 60.0))
+    session.set_volume(None)
+    assert session.close_up_mm(session.classes[0]) == (40.5, 50.0, 60.0)
+
+
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
     state = session.annotations.add_class("adrenal gland")
     session.look_closer(state.id)

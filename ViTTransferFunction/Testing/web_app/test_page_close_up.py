@@ -17,7 +17,9 @@ from ViTTransferFunction.WebApp.panel_form import panel_form
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 
-BOX = (1.0, -2.0, 3.0, 64.4, 79.6, 9.5)
+BOX = (-11.5, -9.5, 8.5, 24.0, 20.0, 18.0)
+"""In the corner of the volume that is at 0."""
+WORDS = "In a box of 24 × 20 × 18 mm"
 
 
 @pytest.fixture
@@ -48,10 +50,22 @@ def test_the_selected_structure_is_looked_at_closer_and_in_the_whole_again(ready
         assert shown(app) == (True, False, "")
         app.actions("lookCloser")
         assert [state.close_up for state in app.session.classes] == [None, BOX]
-        assert shown(app) == (True, True, "In a box of 64 × 80 × 9.5 mm")
+        assert shown(app) == (True, True, WORDS)
         app.actions("lookAtWhole")
         assert [state.close_up for state in app.session.classes] == [None, None]
         assert shown(app) == (True, False, "")
+
+    ready(journey)
+
+
+def test_the_words_follow_a_point_beyond_the_box(ready: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        app.actions("lookCloser")
+        app.session.annotations.add_points(app.session.classes[0].id, np.array([[-40.0, 0.0, 0.0]]), positive=True)
+        app.refresh()
+        # To 3.6 mm beyond the middle of the point's voxel, and so to the end of a voxel.
+        assert shown(app) == (True, True, "In a box of 45 × 20 × 18 mm")
 
     ready(journey)
 
@@ -63,7 +77,7 @@ def test_undo_and_redo_bring_the_buttons_along(ready: Callable[[Journey], None])
         app.actions("undo")
         assert shown(app) == (True, False, "")
         app.actions("redo")
-        assert shown(app) == (True, True, "In a box of 64 × 80 × 9.5 mm")
+        assert shown(app) == (True, True, WORDS)
 
     ready(journey)
 

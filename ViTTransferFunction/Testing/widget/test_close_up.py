@@ -72,6 +72,17 @@ def test_the_words_say_how_large_the_box_is(widget: Any) -> None:
     assert widget.ui.closeUpLabel.text() == CLOSER
 
 
+def test_the_words_follow_a_point_beyond_the_box(clicked: Any, spheres: Spheres) -> None:
+    clicked.ui.lookCloserButton.click()
+    before = clicked.ui.closeUpLabel.text()
+    place(clicked, tuple(centre_ras(spheres, 2)[0]))
+    after = clicked.ui.closeUpLabel.text()
+    assert after.startswith("In a box of ")
+    assert after != before
+    clicked.ui.undoButton.click()
+    assert clicked.ui.closeUpLabel.text() == before
+
+
 def test_a_closer_look_takes_a_point_inside_and_features(widget: Any, clicked: Any, spheres: Spheres) -> None:
     assert enabled(clicked) == (True, False)
     add_class(clicked, "without a point")
