@@ -20,8 +20,8 @@ from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .client import ComputeClient
+from .pending_requests import PendingRequests
 from .requests import (
-    UNFINISHED,
     CoarseFeatures,
     ComputeMaps,
     Done,
@@ -88,11 +88,9 @@ class SegmentationProxy:
     """
 
     def __init__(self, start_client: Callable[[], ComputeClient]) -> None:
-        self._start_client = start_client
-        self._client: ComputeClient | None = None
+        self._pending = PendingRequests(start_client)
         self._volume: TakeVolume | None = None
         self._settings = SessionSettings()
-        self._pending: dict[int, Any] = {}
         self._classes: tuple[ClassRequest, ...] = ()
         self._refinement: Refinement | None = None
         self._look: tuple[RenderingMode, Casting, bool] | None = None
@@ -132,7 +130,6 @@ class SegmentationProxy:
         self.rendered: tuple[str, ...] = ()
         self._rendered: tuple[str, ...] = ()
         self.labels: tuple[Labels, list[str]] | None = None
-        self._pending.clear()
         self._maps_due, self._volumes_due, self._refine_due_s = True, False, None
         self.awaiting_close_ups: tuple[str, ...] = ()
         self._close_ups_due, self._declined = False, ()
@@ -140,50 +137,49 @@ class SegmentationProxy:
 
     def start(self) -> None:
         """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
-        if self._client is None:
-            with suppress(InputError):
-                self._client = self._start_client()
+        with suppress(InputError):
+            self._pending.start()
 
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
         """Take up a volume, or none. Cached features load at once."""
-        self._give_up(object)
+        self._pending.give_up(object)
         self._volume, self._settings = volume, settings
         self._reset()
         if volume is not None and self._started():
-            self._ask(volume)
-            self._ask(Prepare(settings))
+            self._pending.ask(volume)
+            self._pending.ask(Prepare(settings))
 
     def extract(self) -> None:
         """Begin to compute the features."""
         if self.phase != "no features" or self._volume is None:
             return
-        if self._client is None or self._refused:
+        if not self._pending.started or self._refused:
             # The process was lost, and everything has to be sent again; or what was refused may be there by now.
             self.open(self._volume, self._settings)
-            if self._client is None:
+            if not self._pending.started:
                 return
         self.phase = "extracting"
         self.progress = WorkProgress(0, 0, "Starting", None)
-        self._ask(Extract())
+        self._pending.ask(Extract())
 
     def cancel(self) -> None:
         """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already.
 
         Close-ups stop where the classes of an `update` no longer ask for them.
         """
-        if self._is_pending(SegmentClasses):
-            self._give_up(SegmentClasses)
+        if self._pending.has(SegmentClasses):
+            self._pending.give_up(SegmentClasses)
             self.progress = None
-        elif self._client is not None:
-            self._client.cancel(number for number, request in self._pending.items() if isinstance(request, Extract))
+        else:
+            self._pending.cancel(Extract)
 
     def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None) -> None:
         """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how.
 
         Where they differ in iso values and sizes alone, `maps` follow at once.
         """
-        if not set(_close_ups(self._classes)) <= set(_close_ups(classes)) and self._is_pending(LookCloser):
-            self._give_up(LookCloser)
+        if not set(_close_ups(self._classes)) <= set(_close_ups(classes)) and self._pending.has(LookCloser):
+            self._pending.give_up(LookCloser)
             self.progress = None
         self._classes, self._refinement = tuple(classes), refinement
         self._maps_due, self._refine_due_s = True, None
@@ -201,12 +197,12 @@ class SegmentationProxy:
     def segment(self, refinement: Refinement) -> None:
         """Ask for a label map of the classes of the last `update`."""
         self.progress = WorkProgress(0, 0, SEGMENTING, None)
-        self._ask(SegmentClasses(self._classes, refinement))
+        self._pending.ask(SegmentClasses(self._classes, refinement))
 
     @property
     def looks_closer(self) -> bool:
         """Whether it is close-ups that `progress` is of."""
-        return self._is_pending(LookCloser) and not self._is_pending(SegmentClasses)
+        return self._pending.has(LookCloser) and not self._pending.has(SegmentClasses)
 
     @property
     def busy(self) -> bool:
@@ -225,17 +221,17 @@ class SegmentationProxy:
     @property
     def up_to_date(self) -> bool:
         """Whether `maps` are those of the last `update`."""
-        return not self._maps_due and not self._is_pending(ComputeMaps)
+        return not self._maps_due and not self._pending.has(ComputeMaps)
 
     @property
     def awaits_maps(self) -> bool:
         """Whether the answer to a click is under way."""
-        return self._is_pending(ComputeMaps)
+        return self._pending.has(ComputeMaps)
 
     @property
     def pid(self) -> int | None:
         """The number of the compute process; None where none runs."""
-        return self._client.pid if self._client else None
+        return self._pending.pid
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
@@ -245,72 +241,54 @@ class SegmentationProxy:
     def poll(self) -> set[Event]:
         """Take in what has come, send what is due, and tell what is new."""
         events: set[Event] = set()
-        if self._client is None:
+        if not self._pending.started:
             return events
-        for number, reply in self._client.replies():
-            events |= self._receive(number, reply)
+        for request, reply in self._pending.replies():
+            events |= self._receive(request, reply)
         self._send_due()
-        if not self._client.alive:
+        if not self._pending.alive:
             self._lost()
             events.add("state")
         return events
 
     def close(self) -> None:
         """End the compute process."""
-        if self._client is not None:
-            self._client.close()
-            self._client = None
+        self._pending.close()
         self._volume = None
         self._reset()
 
     def _started(self) -> bool:
         """Whether there is a process; if not yet, it is started now."""
-        if self._client is None:
-            try:
-                self._client = self._start_client()
-            except InputError as error:
-                self._error = str(error)
-        return self._client is not None
-
-    def _ask(self, request: Any) -> None:
-        assert self._client is not None
-        self._pending[self._client.request(request)] = request
-
-    def _give_up(self, *kinds: type) -> None:
-        """Let nothing of these kinds that was asked before delay, or be taken for, an answer to what comes."""
-        numbers = [number for number, request in self._pending.items() if isinstance(request, kinds)]
-        if self._client is not None and numbers:
-            self._client.cancel(numbers)
-        for number in numbers:
-            del self._pending[number]
-
-    def _is_pending(self, *kinds: type) -> bool:
-        return any(isinstance(request, kinds) for request in self._pending.values())
+        try:
+            self._pending.start()
+        except InputError as error:
+            self._error = str(error)
+        return self._pending.started
 
     def _send_due(self) -> None:
         """Send the most urgent of what is due; the others wait until it is done, so that they do not delay what comes then."""
-        if not self.usable or self._client is None:
+        if not self.usable or not self._pending.started:
             return
         if self._maps_due:
             if time.monotonic() >= self._overtaken_from_s:
-                self._give_up(ComputeMaps)
-            if not self._is_pending(ComputeMaps):
-                self._give_up(MeasureMaps, RefineMaps, Render)
+                self._pending.give_up(ComputeMaps)
+            if not self._pending.has(ComputeMaps):
+                self._pending.give_up(MeasureMaps, RefineMaps, Render)
                 self._send_maps()
         elif self._pending:
             return
         elif self._close_ups_due:
             self._close_ups_due = False
             self.progress = WorkProgress(0, 0, "Looking closer", None)
-            self._ask(LookCloser(self._low))
+            self._pending.ask(LookCloser(self._low))
         elif self._volumes_due:
             self._volumes_due = False
-            self._ask(MeasureMaps(self._low, self._refinement is None or self._refinement.only_annotated_components))
+            self._pending.ask(MeasureMaps(self._low, self._refinement is None or self._refinement.only_annotated_components))
         elif self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
             self._send_rendering()
         elif self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
             self._refine_due_s = None
-            self._ask(RefineMaps(self._classes, self._refinement or Refinement()))
+            self._pending.ask(RefineMaps(self._classes, self._refinement or Refinement()))
 
     def _send_maps(self) -> None:
         self._maps_due = False
@@ -319,7 +297,7 @@ class SegmentationProxy:
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
             self._low = self._answered = ()
             return
-        self._ask(ComputeMaps(self._classes))
+        self._pending.ask(ComputeMaps(self._classes))
         self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
@@ -334,12 +312,9 @@ class SegmentationProxy:
         self._rendering_due_s = None
         mode, casting, surroundings = self._look
         self._rendered = tuple(self.maps)
-        self._ask(Render(mode, self.refined, tuple(casting.get(id_, False) for id_ in self.maps), surroundings))
+        self._pending.ask(Render(mode, self.refined, tuple(casting.get(id_, False) for id_ in self.maps), surroundings))
 
-    def _receive(self, number: int, reply: Any) -> set[Event]:
-        if number not in self._pending:
-            return set()  # It was given up since.
-        request = self._pending[number] if isinstance(reply, UNFINISHED) else self._pending.pop(number)
+    def _receive(self, request: Any, reply: Any) -> set[Event]:
         if isinstance(reply, CoarseFeatures):
             self.usable = self._maps_due = True
             return {"state"}
@@ -375,10 +350,10 @@ class SegmentationProxy:
         elif isinstance(request, TakeVolume):
             # What was asked about it next cannot be answered either.
             self.phase, self.progress = "no volume", None
-            self._pending.clear()
+            self._pending.forget()
         elif isinstance(request, Prepare):
             # So that the reason is not followed by another one, which says less.
-            self._give_up(Extract)
+            self._pending.give_up(Extract)
             self.phase, self.progress, self._refused = "no features", None, True
         if isinstance(reply, Failed):
             self._error = reply.message
@@ -444,10 +419,8 @@ class SegmentationProxy:
 
     def _lost(self) -> None:
         """The process died: out of memory, say. Whatever it held can be computed anew."""
-        assert self._client is not None
-        last = self._client.last_words()
-        self._client.close()
-        self._client = None
+        last = self._pending.last_words()
+        self._pending.close()
         self._reset()
         if self._volume is None:
             return  # It had been started ahead, and nothing is lost.
