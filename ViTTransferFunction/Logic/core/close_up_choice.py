@@ -14,7 +14,12 @@ from .geometry import Box, Geometry
 MARGIN = 0.045
 """Around a structure, of the volume's longest edge: what it is to be told apart from has to be in the box as well."""
 LARGEST_SHARE = 0.15
-"""Of a volume: a larger part of it shows little that the whole does not."""
+"""Of a volume: a larger part of it shows little that the whole does not.
+
+No less: what is thin and long has a large box, and gains. The two largest boxes in `Benchmarks/results/close_up.json`, those of
+an esophagus and an aorta, fill a tenth of their scan, and have 0.54 and 0.23 more Dice at five clicks.
+What loses is mostly what the whole shows well already, which its box does not tell.
+"""
 _NEIGHBOURS = np.ones((3, 3, 3), dtype=bool)
 
 

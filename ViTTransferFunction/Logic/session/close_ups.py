@@ -30,7 +30,7 @@ MOST_PATCHES = 8_000
 
 
 class PartSession(Protocol):
-    """What a part needs of the session on it; a `SegmentationSession`."""
+    """What a part needs of the session on it: a `SegmentationSession`, which itself needs this file."""
 
     @property
     def volume(self) -> Volume:
