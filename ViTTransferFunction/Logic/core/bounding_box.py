@@ -52,6 +52,12 @@ def within(box: Box, outer: Box) -> Box:
     return k, j, i
 
 
+def out_of(part: Box, outer: Box) -> Box:
+    """A part of a box as a box of the grid that the box is of; the reverse of `within`."""
+    k, j, i = (slice(e.start + o.start, e.stop + o.start) for e, o in zip(part, outer, strict=True))
+    return k, j, i
+
+
 def covering_box(box: Box, shape: Sequence[int], other_shape: Sequence[int]) -> Box:
     """The smallest box of another grid over the same space that covers a box of a grid.
 

@@ -88,6 +88,12 @@ class ClassRequest:
         return self.id, self.name, self.iso, self.size, self.proximity, self.refine, self.close_up, *points
 
 
+def points_against(requests: Sequence[ClassRequest], index: int) -> np.ndarray:
+    """Points (N, 3), RAS millimetres, that are not of the index-th class: its negative ones and all of other classes alone."""
+    request = requests[index]
+    return np.concatenate([request.negative, *(other.positive[~request.claims(other.positive)] for other in requests)])
+
+
 def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
     """Raise InputError unless there are classes, their ids differ, and every point lies inside the volume's box."""
     if not requests:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from .bounding_box import common_box
+from .bounding_box import common_box, out_of
 from .geometry import Box, Geometry
 from .stepped_work import Steps, slabs
 
@@ -92,8 +92,7 @@ def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
         part = labels[slab]
         for value, found in enumerate(ndimage.find_objects(part), start=1):
             if found is not None:
-                k, j, i = (slice(e.start + s.start, e.stop + s.start) for e, s in zip(found, slab, strict=True))
-                box = (k, j, i)
+                box = out_of(found, slab)
                 boxes[value] = common_box([boxes[value], box]) if value in boxes else box
         yield part.size
     return boxes

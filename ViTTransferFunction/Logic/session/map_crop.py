@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import common_box, within
+from ..core.bounding_box import common_box, out_of, within
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
 from ..core.class_request import ClassRequest
 from ..core.geometry import Box, Geometry
@@ -71,9 +71,7 @@ def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
         for extent, size in zip(reaching, voxels.shape, strict=True)
     )
     crop = crop_map(voxels.part((k, j, i)), iso)
-    starts = k.start, j.start, i.start
-    k, j, i = (slice(extent.start + start, extent.stop + start) for extent, start in zip(crop.box, starts, strict=True))
-    return MapCrop(crop.array, (k, j, i), crop.iso)
+    return MapCrop(crop.array, out_of(crop.box, (k, j, i)), crop.iso)
 
 
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:

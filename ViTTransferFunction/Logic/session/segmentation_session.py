@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core.bounding_box import bounding_box
 from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest, check_requests
+from ..core.class_request import ClassRequest, check_requests, points_against
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.iso_proposals import IsoProposals
@@ -25,6 +25,7 @@ from ..core.volume import Volume
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine
+from ..refinement.settling import settle
 from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
@@ -242,7 +243,13 @@ class SegmentationSession:
             between()
             if wanted == "none":
                 return RefinedMap(voxels, low.iso)
-            return RefinedMap(voxels, _iso(request, lambda: self.rule.refined_iso(voxels, low.array, requests, index, between)))
+            iso = usual_iso = low.iso
+            if request.iso is None:
+                proposals = self.rule.refined_iso(voxels, low.array, requests, index, between)
+                iso, usual_iso = proposals.at(request.size), proposals.chosen
+            against = points_against(requests, index)
+            settle(voxels, self.volume, self.display_window, request.positive, against, iso, usual_iso, between)
+            return RefinedMap(voxels, iso)
 
     def segment(
         self,
@@ -381,11 +388,6 @@ def _class_map(
 def _refinement(low: ClassMap, request: ClassRequest, method: RefinementMethod) -> tuple[RefinementMethod, float]:
     """How a class's map is refined, and the threshold that is expected then: that of the chosen proposal."""
     return method if request.refine else "none", low.proposals.chosen if low.proposals else low.iso
-
-
-def _iso(request: ClassRequest, propose: Callable[[], IsoProposals]) -> float:
-    """The iso value that the user fixed, or else that of the size that the user chose."""
-    return propose().at(request.size) if request.iso is None else request.iso
 
 
 def _voxel_ml(geometry: Geometry) -> float:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..core.class_request import ClassRequest
+from ..core.class_request import ClassRequest, points_against
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
 from ..core.progress import Between, nothing_between
@@ -97,8 +97,5 @@ def _iso(sample: Callable[[np.ndarray], np.ndarray], requests: Sequence[ClassReq
         requests: all classes.
         index: of the class.
     """
-    request = requests[index]
-    others = [other.positive[~request.claims(other.positive)] for other in requests]
-    positive, negative = request.positive, np.concatenate([request.negative, *others])
-    at_positives, at_negatives = sample(positive), sample(negative)
+    at_positives, at_negatives = sample(requests[index].positive), sample(points_against(requests, index))
     return proposals_around(iso_between_points(at_positives, at_negatives), at_positives)

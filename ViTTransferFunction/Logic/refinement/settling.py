@@ -1,0 +1,89 @@
+"""The surface of a refined map, settled: smooth, along the image's edges, and on the right side of the user's points.
+
+The bilateral solver reads each voxel's answer by that voxel's intensity, and so writes the scan's noise into the surface; where
+a map ends before its structure does, nothing carries it on; and a point that its own cell speaks against may be left on the
+wrong side. Threshold dynamics (`threshold_dynamics`) put all three right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.bounding_box import bounding_box, out_of, within
+from ..core.geometry import Box
+from ..core.intensity_window import IntensityWindow
+from ..core.progress import Between, nothing_between
+from ..core.volume import Volume
+from ..core.voxel_map import VoxelMap
+from .refinement import class_window
+from .threshold_dynamics import STEPS, Mark, settled
+
+SURROUNDINGS_CELLS = 2.0
+"""What a structure's intensities are told apart from lies within so many feature cells of its box."""
+MARKED_CELLS = 0.25
+"""So far around a point, in feature cells, what it says is taken to hold."""
+
+
+def settle(
+    voxels: VoxelMap,
+    volume: Volume,
+    display: IntensityWindow,
+    positive_ras: np.ndarray,
+    negative_ras: np.ndarray,
+    iso: float,
+    usual_iso: float,
+    between: Between = nothing_between,
+) -> None:
+    """Let the surface of a refined map settle, in place.
+
+    Voxels that come to lie inside get the threshold as their value, those that come to lie outside what is next below it; all
+    others keep theirs. Only what is held of the map can change.
+
+    Args:
+        voxels: S_H, from `refine`.
+        volume: the intensities.
+        display: the window in which a person would look at them (`display_window`).
+        positive_ras: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
+        negative_ras: (M, 3), points that are not on it, M ≥ 0.
+        iso: threshold that is applied.
+        usual_iso: threshold of the structure in its usual size, by which intensities inside and outside are told apart: learned
+            from its own, a larger size could make the structure smaller.
+        between: called between steps; may raise `Cancelled`.
+    """
+    threshold, usual = np.float32(iso), np.float32(usual_iso)
+    margin = _margin(voxels)
+    box = bounding_box(voxels.held >= min(threshold, usual), margin)
+    usual_box = box if threshold >= usual else bounding_box(voxels.held >= usual, margin)
+    if box is None or usual_box is None:
+        return
+    part, in_volume = voxels.held[box], out_of(box, voxels.box)
+    inside = part >= threshold
+    marks = [*_marks(negative_ras, False, in_volume, volume, voxels), *_marks(positive_ras, True, in_volume, volume, voxels)]
+    now = settled(
+        inside,
+        volume.array[in_volume],
+        class_window(volume, display, positive_ras),
+        part >= usual,
+        within(usual_box, box),
+        marks,
+        between,
+    )
+    part[now & ~inside] = threshold
+    part[inside & ~now] = np.nextafter(threshold, np.float32(0.0))
+
+
+def _margin(voxels: VoxelMap) -> list[int]:
+    """Voxels around a structure's box, along (K, J, I): what it is told apart from, and as far as it grows."""
+    return [max(round(SURROUNDINGS_CELLS * edge), STEPS) for edge in _cell_voxels(voxels)]
+
+
+def _cell_voxels(voxels: VoxelMap) -> list[float]:
+    """Edges of a feature cell in voxels, along (K, J, I)."""
+    return [n / cells for n, cells in zip(voxels.shape, voxels.coarse.shape, strict=True)]
+
+
+def _marks(points_ras: np.ndarray, inside: bool, box: Box, volume: Volume, voxels: VoxelMap) -> list[Mark]:
+    """What points (N, 3) say of places in a box of the volume."""
+    radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in _cell_voxels(voxels))
+    centres = volume.geometry.ras_to_ijk(points_ras)[:, ::-1] - [extent.start for extent in box]
+    return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres.tolist()]
