@@ -12,6 +12,8 @@ import numpy as np
 
 SMALLEST_SIZE, LARGEST_SIZE = -3.0, 3.0
 SMALLEST_ISO, LARGEST_ISO = 0.01, 0.98
+SMALLER, LARGER = 1.7, 0.3
+"""Iso values of the smaller and the larger proposal over the chosen one."""
 STEP_OF_FIXED_ISO = 2.0
 """Factor of one size step where the user fixed the iso value, so that nothing is proposed: about that between proposals."""
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, out_of, within
+from ..core.bounding_box import bounding_box, out_of
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
+from ..core.iso_proposals import LARGER, SMALLER
 from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
@@ -31,13 +32,12 @@ def settle(
     positive_ras: np.ndarray,
     negative_ras: np.ndarray,
     iso: float,
-    usual_iso: float,
     between: Between = nothing_between,
 ) -> None:
     """Let the surface of a refined map settle, in place.
 
-    Voxels that come to lie inside get the threshold as their value, those that come to lie outside what is next below it; all
-    others keep theirs. Only what is held of the map can change.
+    Voxels that change sides get values beside the threshold, the farther from it the more their neighbourhood is of their new
+    side: a smaller or larger size takes them back in that order. All others keep theirs. Only what is held of the map can change.
 
     Args:
         voxels: S_H, from `refine`.
@@ -45,31 +45,24 @@ def settle(
         display: the window in which a person would look at them (`display_window`).
         positive_ras: (N, 3) RAS millimetres, points on the structure, N ≥ 1.
         negative_ras: (M, 3), points that are not on it, M ≥ 0.
-        iso: threshold that is applied.
-        usual_iso: threshold of the structure in its usual size, by which intensities inside and outside are told apart: learned
-            from its own, a larger size could make the structure smaller.
+        iso: threshold that selects the structure in its usual size. Other sizes are those of the settled map: each settled by
+            itself, a larger one could become the smaller.
         between: called between steps; may raise `Cancelled`.
     """
-    threshold, usual = np.float32(iso), np.float32(usual_iso)
-    margin = _margin(voxels)
-    box = bounding_box(voxels.held >= min(threshold, usual), margin)
-    usual_box = box if threshold >= usual else bounding_box(voxels.held >= usual, margin)
-    if box is None or usual_box is None:
+    threshold = np.float32(iso)
+    box = bounding_box(voxels.held >= threshold, _margin(voxels))
+    if box is None:
         return
     part, in_volume = voxels.held[box], out_of(box, voxels.box)
     inside = part >= threshold
     marks = [*_marks(negative_ras, False, in_volume, volume, voxels), *_marks(positive_ras, True, in_volume, volume, voxels)]
-    now = settled(
-        inside,
-        volume.array[in_volume],
-        class_window(volume, display, positive_ras),
-        part >= usual,
-        within(usual_box, box),
-        marks,
-        between,
-    )
-    part[now & ~inside] = threshold
-    part[inside & ~now] = np.nextafter(threshold, np.float32(0.0))
+    window = class_window(volume, display, positive_ras)
+    now, share = settled(inside, volume.array[in_volume], window, marks, between)
+    joined, left = now & ~inside, inside & ~now
+    # From the threshold up to that of the smaller proposal, and down to that of the larger one.
+    surrounded, alone = np.maximum(2.0 * share[joined] - 1.0, 0.0), np.maximum(1.0 - 2.0 * share[left], 0.0)
+    part[joined] = np.minimum(threshold * (1.0 + (SMALLER - 1.0) * surrounded), 1.0)
+    part[left] = np.minimum(threshold * (1.0 - (1.0 - LARGER) * alone), np.nextafter(threshold, np.float32(0.0)))
 
 
 def _margin(voxels: VoxelMap) -> list[int]:

@@ -12,14 +12,13 @@ as in the folds of a brain, each voxel does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 
-from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
 
@@ -65,26 +64,21 @@ def settled(
     mask: np.ndarray,
     intensities: np.ndarray,
     window: IntensityWindow,
-    learned_from: np.ndarray,
-    learned_in: Box,
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """A mask after `STEPS` steps.
 
-    Of two masks that learn from the same and have the same marks, the one that holds the other still does afterwards.
-
     Args:
-        mask: (K, J, I) bool, with a margin where there is one; beyond its faces it goes on as it is there.
+        mask: (K, J, I) bool, with a margin where there is one; beyond its faces it goes on as it is there. The densities inside
+            are those of its voxels, outside those of the others.
         intensities: (K, J, I), any real dtype; a voxel that is not finite goes by its neighbourhood.
         window: in which the structure's edges show.
-        learned_from: (K, J, I) bool: the densities inside are those of its voxels, outside those of the others.
-        learned_in: the part of the volume in which they are.
         marks: places of which it is known whether they are inside.
         between: called between short steps; may raise `Cancelled`.
 
     Returns:
-        (K, J, I) bool.
+        The mask, (K, J, I) bool, and how much of each voxel's neighbourhood it is, g, (K, J, I) float32.
     """
     import torch
 
@@ -92,15 +86,16 @@ def settled(
 
     with Workers(torch.device("cpu"), between) as workers:
         bins = _bins(intensities, window, workers)
-        least = _least_sums(bins[learned_in], learned_from[learned_in])[bins]
+        least = _least_sums(bins, mask)[bins]
         _set_marks(least, marks)
         sums_wanted, now = torch.from_numpy(least), torch.from_numpy(np.ascontiguousarray(mask).view(np.uint8))
         for _ in range(STEPS):
             before, now = now, _step(now, sums_wanted, workers)
             if torch.equal(before, now):
                 break
-    result: np.ndarray = now.numpy().view(bool)
-    return result
+        share = np.empty(mask.shape, dtype=np.float32)
+        _in_layers(now, lambda layers, sums: np.divide(sums.numpy(), WHOLE, out=share[layers], dtype=np.float32), workers)
+    return now.numpy().view(bool), share
 
 
 def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
@@ -164,16 +159,21 @@ def _step(mask: Tensor, least: Tensor, workers: Workers) -> Tensor:
     import torch
 
     stepped = torch.empty_like(mask)
-    layers = max(_VOXELS_AT_ONCE // (mask.shape[1] * mask.shape[2]), 1)
+    _in_layers(mask, lambda layers, sums: torch.ge(sums, least[layers], out=stepped[layers].view(torch.bool)), workers)
+    return stepped
 
-    def step(starts: Sequence[int]) -> None:
+
+def _in_layers(mask: Tensor, use: Callable[[slice, Tensor], object], workers: Workers) -> None:
+    """Find G * m of a mask, and give `use` some layers of it at a time."""
+    count = max(_VOXELS_AT_ONCE // (mask.shape[1] * mask.shape[2]), 1)
+
+    def find(starts: Sequence[int]) -> None:
         for start in starts:
             workers.between()
-            some = slice(start, min(start + layers, len(mask)))
-            torch.ge(_sums(mask, some), least[some], out=stepped[some].view(torch.bool))
+            layers = slice(start, min(start + count, len(mask)))
+            use(layers, _sums(mask, layers))
 
-    workers.share_out(range(0, len(mask), layers), step)
-    return stepped
+    workers.share_out(range(0, len(mask), count), find)
 
 
 def _sums(mask: Tensor, layers: slice) -> Tensor:

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 from ..core.intensity_cdf import IntensityCdf
-from ..core.iso_proposals import LARGEST_ISO, SMALLEST_ISO, IsoProposals
+from ..core.iso_proposals import LARGER, LARGEST_ISO, SMALLER, SMALLEST_ISO, IsoProposals
 from ..core.progress import Between, nothing_between
 from .stable_components import TOLERANCES, stability
 
@@ -47,8 +47,6 @@ COMPONENT_WEIGHT, REFINED_COMPONENT_WEIGHT = 8.0, 12.0
 """What full agreement counts beside the edges of a coarse map, and beside the stability of a refined one."""
 LARGEST_LOWERING = 0.3
 """Of a map at its points by refinement, as far as the prior follows it."""
-SMALLER, LARGER = 1.7, 0.3
-"""Iso values of the smaller and the larger proposal over the chosen one."""
 SMALLER_SHARE_OF_POSITIVES = 0.95
 LEAST_STEP = 1.05
 """Of the smaller proposal over the chosen one, whatever else: a step must do something."""
