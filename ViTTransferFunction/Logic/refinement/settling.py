@@ -37,7 +37,7 @@ def settle(
     """Let the surface of a refined map settle, in place.
 
     Voxels that change sides get values beside the threshold, the farther from it the more their neighbourhood is of their new
-    side: a smaller or larger size takes them back in that order. All others keep theirs. Only what is held of the map can change.
+    side: a smaller or larger size takes them back in that order. All others keep theirs, and so does all that is not held.
 
     Args:
         voxels: S_H, from `refine`.

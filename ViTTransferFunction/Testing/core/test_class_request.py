@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests, points_against
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 
@@ -63,3 +63,11 @@ def test_requests_are_equal_where_all_their_values_are() -> None:
 def test_requests_differ_where_one_value_does(change: dict[str, Any]) -> None:
     request = ClassRequest("a", POINTS_RAS, iso=0.3)
     assert replace(request, **change) != request
+
+
+def test_points_against_a_class_are_its_negative_ones_and_those_of_others_that_it_does_not_claim() -> None:
+    a = ClassRequest("a", POINTS_RAS, negative=POINTS_RAS[:1] + 1.0)
+    b = ClassRequest("b", np.concatenate([POINTS_RAS[1:], POINTS_RAS + 2.0]), negative=POINTS_RAS + 3.0)
+    np.testing.assert_array_equal(points_against([a, b], 0), np.concatenate([POINTS_RAS[:1] + 1.0, POINTS_RAS + 2.0]))
+    np.testing.assert_array_equal(points_against([a, b], 1), np.concatenate([POINTS_RAS + 3.0, POINTS_RAS[:1]]))
+    assert points_against([ClassRequest("c", POINTS_RAS)], 0).shape == (0, 3)

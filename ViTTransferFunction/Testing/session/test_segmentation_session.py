@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session import segmentation_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -50,6 +51,19 @@ def test_the_larger_the_size_the_larger_the_structure(session: SegmentationSessi
     voxels = [session.segment(requests_of(spheres, size=size)).classes[0].voxels for size in (-1.0, -0.5, 0.0, 0.5, 1.0, 2.0)]
     assert voxels == sorted(voxels)
     assert voxels[0] < 0.9 * voxels[-1]
+
+
+@pytest.mark.parametrize("refinement", ["bilateral", "guided"])
+def test_a_refined_segment_leaves_out_what_was_clicked_as_not_its_own(
+    session: SegmentationSession, spheres: Spheres, refinement: RefinementMethod
+) -> None:
+    centre = centre_ras(spheres, 1)
+    beside = centre + [[6.0, 0.0, 0.0]]
+    voxel = tuple(np.rint(spheres[0].geometry.ras_to_ijk(beside)[0, ::-1]).astype(int))
+    unsaid = session.segment([ClassRequest("sphere", centre)], refinement).labels
+    own = session.segment([ClassRequest("sphere", centre, negative=beside)], refinement).labels
+    of_another = session.segment([ClassRequest("sphere", centre), ClassRequest("other", beside)], refinement).labels
+    assert (unsaid[voxel], own[voxel], of_another[voxel]) == (1, 0, 2)
 
 
 @pytest.mark.slow

@@ -1,0 +1,102 @@
+"""Settled maps: what changes in them, what does not, and on which side points lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.refinement.settling import settle
+from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.volumes import volume_of
+
+WINDOW = IntensityWindow(0.0, 200.0)
+EDGE = 40
+ISO = 0.4
+NO_POINTS = np.empty((0, 3))
+CENTRE = np.full((1, 3), 20.0)
+
+
+def scan_and_map() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A noisy ball, its mask, and a map whose surface is as rough as the noise."""
+    axis = np.arange(EDGE) - 20.0
+    truth = (axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2) < 10.0**2
+    random = np.random.default_rng(0)
+    scan = np.where(truth, 120.0, 80.0) + random.normal(0.0, 30.0, truth.shape)
+    soft = ndimage.gaussian_filter(truth.astype(float), 1.5) * np.exp(random.normal(0.0, 0.4, truth.shape))
+    return scan.astype(np.float32), truth, np.clip(soft, 0.0, 1.0).astype(np.float32)
+
+
+def settled_map(negative: np.ndarray = NO_POINTS, positive: np.ndarray = CENTRE, iso: float = ISO) -> np.ndarray:
+    scan, _, array = scan_and_map()
+    voxels = held_whole(array)
+    settle(voxels, volume_of(scan), WINDOW, positive, negative, iso)
+    return voxels.held
+
+
+def held_whole(array: np.ndarray) -> VoxelMap:
+    """A map of cells of four voxels."""
+    coarse = array[2::4, 2::4, 2::4]
+    box = (slice(0, EDGE), slice(0, EDGE), slice(0, EDGE))
+    return VoxelMap((EDGE, EDGE, EDGE), coarse, lambda k, rows: array[k, rows], box, array.copy())
+
+
+def test_a_rough_surface_becomes_that_of_the_structure() -> None:
+    _, truth, array = scan_and_map()
+    assert dice(array >= ISO, truth) < 0.93
+    assert dice(settled_map() >= ISO, truth) > 0.96
+
+
+def test_voxels_that_stay_on_their_side_keep_their_values() -> None:
+    _, _, array = scan_and_map()
+    settled = settled_map()
+    stayed = (array >= ISO) == (settled >= ISO)
+    np.testing.assert_array_equal(settled[stayed], array[stayed])
+    assert 0 < (~stayed).sum() < 0.1 * stayed.size
+
+
+def test_sizes_nest_and_bring_back_first_what_has_least_around_it() -> None:
+    settled = settled_map()
+    counts = [int((settled >= iso).sum()) for iso in (0.3 * ISO, 0.6 * ISO, 0.95 * ISO, ISO, 1.05 * ISO, 1.3 * ISO, 1.7 * ISO)]
+    assert counts == sorted(counts, reverse=True)
+    # A little larger or smaller is not as rough as it was before.
+    assert counts[2] - counts[4] < 0.25 * counts[3]
+
+
+def test_points_lie_on_their_own_side() -> None:
+    _, truth, _ = scan_and_map()
+    negative, positive = np.array([[20.0, 20.0, 27.0]]), np.array([[20.0, 20.0, 20.0], [20.0, 33.0, 20.0]])
+    assert truth[27, 20, 20]
+    assert not truth[20, 33, 20]
+    inside = settled_map(negative, positive) >= ISO
+    assert not inside[27, 20, 20]
+    assert inside[20, 33, 20]
+    assert inside[20, 20, 20]
+
+
+@pytest.mark.parametrize("iso", [0.001, 0.9, 1.0])
+def test_values_stay_between_0_and_1_whatever_the_threshold(iso: float) -> None:
+    settled = settled_map(iso=iso)
+    assert settled.dtype == np.float32
+    assert settled.min() >= 0.0
+    assert settled.max() <= 1.0
+
+
+def test_a_map_that_does_not_reach_its_threshold_stays_as_it_is() -> None:
+    scan, _, array = scan_and_map()
+    voxels = held_whole(0.3 * array)
+    settle(voxels, volume_of(scan), WINDOW, CENTRE, NO_POINTS, ISO)
+    np.testing.assert_array_equal(voxels.held, 0.3 * array)
+
+
+def test_of_a_map_held_in_part_that_part_settles_as_in_the_whole() -> None:
+    scan, truth, array = scan_and_map()
+    box = (slice(1, 39), slice(2, 39), slice(3, 40))
+    whole = held_whole(array)
+    part = VoxelMap(whole.shape, whole.coarse, whole.interpolated, box, array[box].copy())
+    for voxels in (whole, part):
+        settle(voxels, volume_of(scan), WINDOW, CENTRE, NO_POINTS, ISO)
+    assert dice(part.held >= ISO, truth[box]) > 0.96
+    assert ((part.held >= ISO) != (whole.held[box] >= ISO)).mean() < 0.002
