@@ -51,13 +51,13 @@ class IntensityCdf:
         (k, of_k), (j, of_j), (i, of_i) = (_four_weights(count, n) for count, n in zip(cells.shape, array.shape, strict=True))
         means = np.empty(cells.shape)
         for layer in range(len(k)):
-            # One layer of cells at a time, so that no copy of the volume is made.
-            voxels = array[k[layer]][:, j.ravel()][:, :, i.ravel()]
+            # One layer of cells at a time, so that no copy of the volume is made; along I, where that is slow, picked out last.
+            voxels = array[k[layer]][:, j.ravel()]
             if not np.isfinite(voxels).all():
                 return self.around(cells.voxel_centres_ras())
             rows = np.tensordot(of_k[layer], voxels.astype(np.float64), 1).reshape(*j.shape, -1)
-            columns = (of_j[:, :, None] * rows).sum(axis=1).reshape(len(j), *i.shape)
-            means[layer] = (columns * of_i).sum(axis=2)
+            columns = (of_j[:, :, None] * rows).sum(axis=1)
+            means[layer] = (columns[:, i] * of_i).sum(axis=2)
         return self._cdf(means.ravel())
 
     def _sample(self, ijk: np.ndarray) -> np.ndarray:

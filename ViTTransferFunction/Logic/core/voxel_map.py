@@ -31,6 +31,7 @@ class VoxelMap:
         interpolated: from a slice k and its rows to S_L interpolated there, (rows, I) float32.
         box: the voxels that are held.
         held: their values, (K, J, I) of the box; all other voxels have the interpolated ones.
+        refined: the part of the box in which values may be others than the interpolated ones; None: all of it.
     """
 
     shape: tuple[int, int, int]
@@ -38,6 +39,7 @@ class VoxelMap:
     interpolated: Callable[[int, slice], np.ndarray]
     box: Box
     held: np.ndarray
+    refined: Box | None = None
 
     @classmethod
     def whole(cls, array: np.ndarray) -> VoxelMap:
@@ -71,8 +73,9 @@ class VoxelMap:
 
     def box_above(self, similarity: float) -> Box | None:
         """A box that holds all voxels of at least `similarity`, and maybe others; None where there are none."""
-        boxes = [self.box] if self.held.size else []
-        if self.held.shape != self.shape:
+        refined = self.box if self.refined is None else self.refined
+        boxes = [refined] if all(extent.start < extent.stop for extent in refined) else []
+        if refined != whole_box(self.shape):
             # One cell more on every side: voxels lie between the centres of cells.
             cells = bounding_box(self.coarse >= similarity * (1.0 - ROUNDING), margin=1)
             boxes += [] if cells is None else [covering_box(cells, self.coarse.shape, self.shape)]

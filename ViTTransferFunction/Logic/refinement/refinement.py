@@ -79,7 +79,7 @@ def refine(
     if box is not None:
         target = held if held_box == box else held[box]
         _refine_part(target, volume, box, class_window(volume, display, positive_ras), iso, method, near, similarity, between)
-    return VoxelMap(volume.shape, similarity, interpolated, held_box, held)
+    return VoxelMap(volume.shape, similarity, interpolated, held_box, held, refined=box or nothing)
 
 
 def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Box, between: Between) -> np.ndarray:

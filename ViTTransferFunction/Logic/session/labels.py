@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from ..core.bounding_box import common_part, whole_box, within
 from ..core.geometry import Box, Geometry
 from ..core.iso_proposals import SMALLEST_ISO
-from ..core.stepped_work import STEP_VOXELS, finished, slabs
+from ..core.stepped_work import STEP_VOXELS, SteppedWork, slabs
 from ..core.voxel_digest import label_boxes
 
 BLOCK_VOXELS = 64
@@ -108,7 +108,12 @@ def count_labels(labels: np.ndarray, count: int) -> list[int]:
     return counts
 
 
-def keep_annotated_components(labels: np.ndarray, geometry: Geometry, points_of_label: Mapping[int, np.ndarray]) -> None:
+def keep_annotated_components(
+    labels: np.ndarray,
+    geometry: Geometry,
+    points_of_label: Mapping[int, np.ndarray],
+    between: Callable[[], None] = lambda: None,
+) -> None:
     """Keep of some labels only the connected components (26-neighbourhood) that hold a point; in place.
 
     Where no point lies in any component, the label is left as it is: better a visible surplus than a vanished segment.
@@ -117,10 +122,15 @@ def keep_annotated_components(labels: np.ndarray, geometry: Geometry, points_of_
         labels: (K, J, I) label map, changed in place.
         geometry: of the label map.
         points_of_label: the points of each label, (N, 3) RAS millimetres.
+        between: called between short steps; may raise `Cancelled`, and the labels are of no use then.
     """
-    boxes = finished(label_boxes(labels))
+    looking = SteppedWork(label_boxes(labels))
+    while not looking.advance(0.0):
+        between()
+    boxes = looking.result or {}
     for label, points_ras in points_of_label.items():
         if label in boxes:
+            between()
             part = labels[boxes[label]]
             nearest = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
             nearest -= [extent.start for extent in boxes[label]]

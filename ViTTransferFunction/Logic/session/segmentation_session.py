@@ -295,7 +295,8 @@ class SegmentationSession:
             # Before the next one is made.
             del full
             progress(index + 1, len(requests), SEGMENTING)
-        self._drop_parts_without_points(competition.labels, self.volume.geometry, requests, only_annotated_components)
+        between = partial(progress, len(requests), len(requests), SEGMENTING)
+        self._drop_parts_without_points(competition.labels, self.volume.geometry, requests, only_annotated_components, between)
         return Segmentation(competition.labels, tuple(self._results(requests, isos, competition.labels)))
 
     def low_resolution_volumes_ml(
@@ -320,12 +321,17 @@ class SegmentationSession:
         check_memory_for_refinement(self.volume, held, bytes_per_label)
 
     def _drop_parts_without_points(
-        self, labels: np.ndarray, geometry: Geometry, requests: Sequence[ClassRequest], wanted: bool
+        self,
+        labels: np.ndarray,
+        geometry: Geometry,
+        requests: Sequence[ClassRequest],
+        wanted: bool,
+        between: Callable[[], None] = lambda: None,
     ) -> None:
         with self.watch.step("components"):
             if wanted:
                 points = {label: request.positive for label, request in enumerate(requests, start=1)}
-                keep_annotated_components(labels, geometry, points)
+                keep_annotated_components(labels, geometry, points, between)
 
     @property
     def _the_source(self) -> FeatureSource:

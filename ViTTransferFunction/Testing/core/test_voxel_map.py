@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ViTTransferFunction.Logic.core.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.geometry import Box, Geometry
 from ViTTransferFunction.Logic.core.resampling import FixedPlaces, sample_at
 from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
@@ -62,6 +63,13 @@ def test_nothing_outside_of_the_box_above_a_value_reaches_it(held: Box, value: f
     if box is not None:
         array[box] = 0.0
     assert (array < value).all()
+
+
+@given(boxes(), st.floats(0.01, 1.0))
+def test_a_map_that_is_held_whole_is_looked_for_no_further_than_where_it_was_refined(refined: Box, value: float) -> None:
+    voxels, array = part_held(refined)
+    whole = VoxelMap(SHAPE, COARSE, voxels.interpolated, whole_box(SHAPE), array, refined=refined)
+    assert whole.box_above(value) == voxels.box_above(value)
 
 
 @pytest.mark.parametrize("most", [1, 7, 10_000])

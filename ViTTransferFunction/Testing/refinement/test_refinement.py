@@ -98,6 +98,18 @@ def test_a_map_below_its_iso_value_everywhere_is_only_interpolated(method: Refin
     np.testing.assert_array_equal(refined(intensities, faint, method), refined(intensities, faint, "none"))
 
 
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
+def test_what_lies_far_from_a_small_structure_need_not_be_looked_at_again(method: RefinementMethod) -> None:
+    intensities, _, similarity = ball_and_its_map(radius=5.0)
+    voxels = refine(coarse(similarity), volume_of(intensities), WINDOW, np.full((1, 3), 19.5), 0.3, method)
+    box = voxels.box_above(0.2)
+    assert box is not None
+    assert voxels.part(box).size < 0.5 * intensities.size
+    outside = voxels.array.copy()
+    outside[box] = 0.0
+    assert outside.max() < 0.2
+
+
 def test_an_unknown_method_is_refused_by_name() -> None:
     intensities, _, similarity = ball_and_its_map()
     with pytest.raises(InputError, match=r"'sharp'.*bilateral, guided, none"):

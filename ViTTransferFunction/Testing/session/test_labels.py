@@ -6,7 +6,9 @@ import weakref
 from collections.abc import Iterator
 
 import numpy as np
+import pytest
 
+from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.session.labels import assign_labels, count_labels, keep_annotated_components
 
@@ -61,6 +63,22 @@ def test_only_components_with_a_point_are_kept() -> None:
     assert (labels[1, 6:8, 6:8] == 1).all()
     assert labels[0, 5, 5] == 1
     assert (labels[1, 1:3, 6:8] == 2).all()
+
+
+def test_a_click_need_not_wait_until_the_components_of_all_labels_are_found() -> None:
+    labels = np.zeros((3, 9, 9), dtype=np.uint16)
+    labels[1, 1:3, 1:3], labels[1, 1:3, 6:8] = 1, 2
+    points = {label: np.array([[1.0, 1.0, 1.0]]) for label in (1, 2)}
+    steps = 0
+
+    def between() -> None:
+        nonlocal steps
+        steps += 1
+        if steps == 3:
+            raise Cancelled("before the second label")
+
+    with pytest.raises(Cancelled):
+        keep_annotated_components(labels, Geometry(labels.shape, np.eye(4)), points, between)
 
 
 def test_where_no_point_hits_a_component_nothing_is_removed() -> None:

@@ -120,6 +120,29 @@ def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
     assert np.isfinite(means.ravel()[:-1]).all()
 
 
+@pytest.mark.parametrize("shape", [(9, 12, 10), (4, 7, 30)])
+def test_a_hole_changes_the_mean_of_its_own_block_alone(shape: tuple[int, int, int]) -> None:
+    array = np.random.default_rng(0).normal(0.0, 100.0, shape).astype(np.float32)
+    whole = block_means(array, (4, 4, 4)).ravel()
+    array[0, 0, 0] = np.nan
+    holed = block_means(array, (4, 4, 4)).ravel()
+    assert holed[0] != whole[0]
+    np.testing.assert_array_equal(holed[1:], whole[1:])
+
+
+def test_a_cell_has_the_mean_of_those_of_its_blocks_that_are_known() -> None:
+    array = np.random.default_rng(0).normal(40.0, 100.0, (4, 6, 8)).astype(np.float32)
+    array[0, :, 0] = array[2:, 4:, 6:] = np.nan
+    volume = volume_of(array)
+    units = (array - 40.0) * np.float32(1024 / 400)
+    in_cells = np.rint(units).reshape(2, 2, 3, 2, 4, 2)
+    known = np.isfinite(in_cells)
+    expected = np.rint(np.where(known, in_cells, 0.0).sum(axis=(1, 3, 5)) / np.maximum(known.sum(axis=(1, 3, 5)), 1))
+    found = Connectedness(volume, volume.geometry.resized((2, 3, 4)), WINDOW).cell_units()
+    np.testing.assert_array_equal(found[known.any(axis=(1, 3, 5))], expected[known.any(axis=(1, 3, 5))])
+    assert found[1, 2, 3] > 10_000
+
+
 def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
     connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
