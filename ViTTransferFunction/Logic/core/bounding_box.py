@@ -58,6 +58,14 @@ def out_of(part: Box, outer: Box) -> Box:
     return k, j, i
 
 
+def grown(box: Box, margin: Sequence[int], outer: Box) -> Box:
+    """A box with `margin` voxels more on every side, along K, J and I, as far as `outer` reaches."""
+    k, j, i = (
+        slice(max(e.start - more, o.start), min(e.stop + more, o.stop)) for e, more, o in zip(box, margin, outer, strict=True)
+    )
+    return k, j, i
+
+
 def covering_box(box: Box, shape: Sequence[int], other_shape: Sequence[int]) -> Box:
     """The smallest box of another grid over the same space that covers a box of a grid.
 

@@ -7,9 +7,11 @@ wrong side. Threshold dynamics (`threshold_dynamics`) put all three right.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from ..core.bounding_box import bounding_box, out_of
+from ..core.bounding_box import bounding_box, common_box, common_part, grown, out_of, within
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.iso_proposals import LARGER, SMALLER
@@ -33,8 +35,8 @@ def settle(
     negative_ras: np.ndarray,
     iso: float,
     between: Between = nothing_between,
-) -> None:
-    """Let the surface of a refined map settle, in place.
+) -> VoxelMap:
+    """Let the surface of a refined map settle.
 
     Voxels that change sides get values beside the threshold, the farther from it the more their neighbourhood is of their new
     side: a smaller or larger size takes them back in that order. All others keep theirs, and so does all that is not held.
@@ -48,21 +50,35 @@ def settle(
         iso: threshold that selects the structure in its usual size. Other sizes are those of the settled map: each settled by
             itself, a larger one could become the smaller.
         between: called between steps; may raise `Cancelled`.
+
+    Returns:
+        The settled map. It holds the same array, whose values have changed.
     """
     threshold = np.float32(iso)
-    box = bounding_box(voxels.held >= threshold, _margin(voxels))
+    box = _box_around(voxels, threshold)
     if box is None:
-        return
-    part, in_volume = voxels.held[box], out_of(box, voxels.box)
+        return voxels
+    part = voxels.held[within(box, voxels.box)]
     inside = part >= threshold
-    marks = [*_marks(negative_ras, False, in_volume, volume, voxels), *_marks(positive_ras, True, in_volume, volume, voxels)]
+    marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
     window = class_window(volume, display, positive_ras)
-    now, share = settled(inside, volume.array[in_volume], window, marks, between)
+    now, share = settled(inside, volume.array[box], window, marks, between)
     joined, left = now & ~inside, inside & ~now
     # From the threshold up to that of the smaller proposal, and down to that of the larger one.
     surrounded, alone = np.maximum(2.0 * share[joined] - 1.0, 0.0), np.maximum(1.0 - 2.0 * share[left], 0.0)
     part[joined] = np.minimum(threshold * (1.0 + (SMALLER - 1.0) * surrounded), 1.0)
     part[left] = np.minimum(threshold * (1.0 - (1.0 - LARGER) * alone), np.nextafter(threshold, np.float32(0.0)))
+    return replace(voxels, refined=common_box([voxels.box if voxels.refined is None else voxels.refined, box]))
+
+
+def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
+    """The part of the volume in which a surface may move: what is held of its box and a margin; None where there is none."""
+    reached = voxels.box_above(float(threshold))
+    searched = None if reached is None else common_part(reached, voxels.box)
+    if searched is None:
+        return None
+    inside = bounding_box(voxels.held[within(searched, voxels.box)] >= threshold)
+    return None if inside is None else grown(out_of(inside, searched), _margin(voxels), voxels.box)
 
 
 def _margin(voxels: VoxelMap) -> list[int]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import common_box, out_of, within
+from ..core.bounding_box import common_box, grown, out_of, whole_box, within
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
 from ..core.class_request import ClassRequest
 from ..core.geometry import Box, Geometry
@@ -66,12 +66,9 @@ def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
 def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
     """As `crop_map`, of a map that is not all in memory."""
     reaching = voxels.box_above(NEAR_SHARE_OF_ISO * iso) or (slice(0, 0),) * 3
-    k, j, i = (
-        slice(max(extent.start - MARGIN_VOXELS, 0), min(extent.stop + MARGIN_VOXELS, size))
-        for extent, size in zip(reaching, voxels.shape, strict=True)
-    )
-    crop = crop_map(voxels.part((k, j, i)), iso)
-    return MapCrop(crop.array, out_of(crop.box, (k, j, i)), crop.iso)
+    around = grown(reaching, (MARGIN_VOXELS,) * 3, whole_box(voxels.shape))
+    crop = crop_map(voxels.part(around), iso)
+    return MapCrop(crop.array, out_of(crop.box, around), crop.iso)
 
 
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:

@@ -248,7 +248,7 @@ class SegmentationSession:
                 proposals = self.rule.refined_iso(voxels, low.array, requests, index, between)
                 iso, usual_iso = proposals.at(request.size), proposals.chosen
             against = points_against(requests, index)
-            settle(voxels, self.volume, self.display_window, request.positive, against, usual_iso, between)
+            voxels = settle(voxels, self.volume, self.display_window, request.positive, against, usual_iso, between)
             return RefinedMap(voxels, iso)
 
     def segment(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -100,3 +102,15 @@ def test_of_a_map_held_in_part_that_part_settles_as_in_the_whole() -> None:
         settle(voxels, volume_of(scan), WINDOW, CENTRE, NO_POINTS, ISO)
     assert dice(part.held >= ISO, truth[box]) > 0.96
     assert ((part.held >= ISO) != (whole.held[box] >= ISO)).mean() < 0.002
+
+
+def test_what_has_joined_is_found_though_the_coarse_map_does_not_reach_there() -> None:
+    _, truth, _ = scan_and_map()
+    whole = held_whole(ndimage.binary_erosion(truth, iterations=3).astype(np.float32))
+    core = (slice(13, 28), slice(13, 28), slice(13, 28))
+    voxels = settle(replace(whole, refined=core), volume_of(80.0 + 40.0 * truth), WINDOW, CENTRE, NO_POINTS, ISO)
+    inside = voxels.held >= ISO
+    assert inside.sum() > inside[core].sum()
+    box = voxels.box_above(ISO)
+    assert box is not None
+    assert inside.sum() == inside[box].sum()

@@ -34,7 +34,7 @@ CONTENT = {
     "weights": "the models, and where their weights come from",
     "features": "from a volume to its feature volume F",
     "similarity": "from annotations to maps S_L and thresholds",
-    "refinement": "from S_L to S_H: intensity likelihood, bilateral solver, guided filter",
+    "refinement": "from S_L to S_H: intensity likelihood, bilateral solver, guided filter, threshold dynamics",
     "rendering": "from maps or masks to one volume of structures, and how it looks",
     "session": "one volume being segmented",
     "compute": "the process that computes, and its proxy",
