@@ -4,10 +4,11 @@ Diffusing a mask and taking one half of it as its new surface shrinks the surfac
 term for what the image says of each voxel, regions of different intensities compete for voxels at the same time (Zhu, Yuille,
 1996; Esedoğlu, Tsai, 2006). Here a voxel x is inside if the odds of its neighbourhood and of its own intensity say so:
 
-    m'(x) = [ g / (1 − g) · (p(u_x | inside) / p(u_x | outside))^β ≥ 1 ],    g = (G * m)(x),
+    m'(x) = [ g / (1 − g) · (1 − ℓ) / ℓ · (p(u_x | inside) / p(u_x | outside))^β ≥ 1 ],    g = (G * m)(x),
 
-with G a Gaussian of one voxel. In a noisy scan the two densities overlap, and the neighbourhood decides; where they are apart,
-as in the folds of a brain, each voxel does.
+with G a Gaussian of one voxel and ℓ = ½. With that alone, what is a few voxels thick vanishes; for it, ℓ is the level of G * m that
+keeps the volume (Ruuth, Wetton, 2003). In a noisy scan the two densities overlap, and the neighbourhood decides; where they are
+apart, as in the folds of a brain, each voxel does.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 STEPS = 6
 TEMPER = 0.6
 """β: neighbouring voxels are no independent witnesses."""
+THIN, COMPACT = 0.4, 0.45
+"""Up to which level that keeps the volume ℓ is that level, and from which on it is ½; between them, ℓ is between."""
 REACH = 2
 """Voxels to either side that G reaches: 1 4 6 4 1 along each axis."""
 WHOLE = 16**3
@@ -86,9 +89,10 @@ def settled(
 
     with Workers(torch.device("cpu"), between) as workers:
         bins = _bins(intensities, window, workers)
-        least = _least_sums(bins, mask)[bins]
+        now = torch.from_numpy(np.ascontiguousarray(mask).view(np.uint8))
+        least = _least_sums(bins, mask, _level(now, workers))[bins]
         _set_marks(least, marks)
-        sums_wanted, now = torch.from_numpy(least), torch.from_numpy(np.ascontiguousarray(mask).view(np.uint8))
+        sums_wanted = torch.from_numpy(least)
         for _ in range(STEPS):
             before, now = now, _step(now, sums_wanted, workers)
             if torch.equal(before, now):
@@ -113,17 +117,26 @@ def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) ->
     return bins
 
 
-def _least_sums(bins: np.ndarray, learned_from: np.ndarray) -> np.ndarray:
+def _level(mask: Tensor, workers: Workers) -> float:
+    """ℓ of a mask (K, J, I) uint8, in (0, ½]."""
+    counts: list[np.ndarray] = []
+    _in_layers(mask, lambda _, sums: counts.append(np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)), workers)
+    reaching = np.sum(counts, axis=0)[::-1].cumsum()[::-1]
+    keeps_volume = (np.count_nonzero(reaching >= int(mask.sum())) - 1) / WHOLE
+    return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT, 0.5], [0.0, THIN, 0.5, 0.5]))
+
+
+def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
     """The least sum of G's weights on m that a voxel of each bin needs to be inside, (bins,) int16 from 1 to `WHOLE`.
 
-    It is where the odds are even: (G * m)(x) = 1 / (1 + ratio^β).
+    It is where the odds are even: (G * m)(x) = 1 / (1 + (1 − ℓ) / ℓ · ratio^β).
     """
     inside, everywhere = np.zeros(_BINS + 1), np.zeros(_BINS + 1)
     for plane, of_plane in zip(bins, learned_from, strict=True):
         inside += np.bincount(plane[of_plane], minlength=_BINS + 1)
         everywhere += np.bincount(plane.ravel(), minlength=_BINS + 1)
     ratio = _density(inside[:_BINS]) / _density((everywhere - inside)[:_BINS])
-    even = WHOLE / (1.0 + np.append(ratio**TEMPER, 1.0))
+    even = WHOLE / (1.0 + (1.0 - level) / level * np.append(ratio**TEMPER, 1.0))
     least: np.ndarray = np.clip(np.ceil(even), 1, WHOLE).astype(np.int16)
     return least
 

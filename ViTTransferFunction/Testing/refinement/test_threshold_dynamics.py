@@ -60,7 +60,12 @@ def test_a_mask_that_ends_early_goes_on_to_the_edge_and_one_that_leaked_comes_ba
 def test_what_is_one_voxel_wide_stays_where_the_image_shows_it() -> None:
     line = box_mask((EDGE,) * 3, slice(17, 18), slice(17, 18), slice(4, 32))
     np.testing.assert_array_equal(after(line, scan_of(line, 2.0)), line)
-    assert not after(line, np.zeros(line.shape)).any()
+
+
+@pytest.mark.parametrize("thickness", [1, 2])
+def test_what_is_thin_does_not_vanish_where_the_image_hardly_shows_it(thickness: int) -> None:
+    sheet = box_mask((EDGE,) * 3, slice(17, 17 + thickness), slice(9, 27), slice(6, 30))
+    assert dice(after(sheet, scan_of(sheet, 20.0)), sheet) > 0.7
 
 
 def test_a_flat_surface_stays_where_the_image_shows_nothing() -> None:
