@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import random
 import signal
 import sys
 from argparse import Namespace
@@ -20,7 +21,9 @@ import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.Logic.core.colors import hex_color
+from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import app as app_module
+from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 from ViTTransferFunction.WebApp.slicer_views import sides
@@ -106,6 +109,64 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journe
         assert app.server.state.message
         assert app.server.state.volume_name == "spheres"
         assert len(app.server.state.classes) == 1
+
+    opened(journey)
+
+
+@pytest.mark.parametrize(
+    ("typed", "why"),
+    [("/nowhere/scan.nrrd", "no file"), ("/nowhere/scan.mrb", "no file"), ("~no such user/scan.nrrd", "no such home folder")],
+)
+def test_a_path_that_leads_nowhere_is_answered(opened: Callable[[Journey], None], typed: str, why: str) -> None:
+    async def journey(app: WebApp) -> None:
+        app._open_typed(typed)
+        await asyncio.gather(*app._tasks)
+        app.refresh()
+        assert why in app.server.state.message
+        assert (app.server.state.volume_name, app.server.state.opening) == ("spheres", "")
+
+    opened(journey)
+
+
+def test_several_volumes_at_once_are_refused(opened: Callable[[Journey], None], file: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        other = file.with_name("other.nii.gz")
+        other.write_bytes(b"")
+        await app.open_files([file, other])
+        assert "one volume at a time" in app.server.state.message
+        assert app.server.state.volume_name == "spheres"
+
+    opened(journey)
+
+
+def test_where_slices_are_missing_the_page_says_so(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        scan = make_scan(random.Random(0), ("int16",))
+        paths = write_dicom(tmp_path / "series", scan)
+        paths.pop(len(paths) // 2).unlink()
+        await app.open_files([tmp_path / "series"])
+        assert app.server.state.volume_name == "series"
+        assert "slices may be missing" in app.server.state.message
+
+    in_app(journey)
+
+
+@pytest.mark.parametrize(("without", "why"), [(".nrrd", "could not be read whole"), ("", "no volume is chosen")])
+def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
+    opened: Callable[[Journey], None], tmp_path: Path, without: str, why: str
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        if not without:
+            app.session.set_volume(None)
+        scene_files.stage_session(app.scene, tmp_path / "session")
+        for voxels in (tmp_path / "session" / "Data").glob("*.nrrd") if without else ():
+            voxels.unlink()
+        packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+        await app.open_files([tmp_path / "session.mrb"])
+        assert why in app.server.state.message
+        assert [shown["name"] for shown in app.server.state.classes] == ["Structure 1"]
+        assert all(view.get_background_volume_id() is None for view in app.views.slices)
 
     opened(journey)
 
