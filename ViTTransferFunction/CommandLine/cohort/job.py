@@ -103,7 +103,7 @@ class CaseJob:
             corrected = record["output_sha256"] != sha256_of(self.output)
             millilitres = {entry["name"]: float(entry["millilitres"]) for entry in record["report"]["classes"]}
             seconds = float(record["seconds"])
-            messages = [str(warning) for warning in record["warnings"]]
+            messages = [str(warning) for warning in record.get("warnings", ())]
         except InputError:
             return None  # Whoever segments it meets the error again, and reports it.
         except (KeyError, TypeError, ValueError):
