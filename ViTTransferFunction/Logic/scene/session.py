@@ -26,7 +26,7 @@ from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, Point, Polarity
+from .classes import ClassState, CloseUpBox, Point, Polarity
 from .corrections import Corrections
 from .observers import SceneObservers
 from .opened_volume import OpenedVolume
@@ -79,6 +79,7 @@ class SceneSession:
         self._problems = Problems()
         self._requests = ClassRequests()
         self._asked: tuple[Any, ...] | None = None
+        self._shown_boxes: dict[str, CloseUpBox | None] = {}
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
@@ -283,10 +284,12 @@ class SceneSession:
     def cancel(self) -> None:
         """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
         if self.looks_closer:
-            # Taken back altogether, or the class would be said to be looked at in a box, and be shown as in the whole.
+            # Taken back, or the class would be said to be looked at in a box, and be shown as in the whole.
             for state in self.classes:
                 if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
-                    self.annotations.set_close_up(state.id, None)
+                    shown = self._shown_boxes.get(state.id)
+                    # Where a point enlarged the box that it is shown in, there is none to go back to.
+                    self.annotations.set_close_up(state.id, shown if shown != state.close_up else None)
         else:
             self._proxy.cancel()
         self._output.cancel()
@@ -336,6 +339,9 @@ class SceneSession:
         events = self._proxy.poll()
         if "maps" in events:
             self._problems.solve("computing")
+            if self._proxy.up_to_date:
+                awaited = self._proxy.awaiting_close_ups
+                self._shown_boxes |= {state.id: state.close_up for state in self.classes if state.id not in awaited}
         self._take_problem()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()
