@@ -153,7 +153,10 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
             reader.ReadImageInformation()
             yield reader
         except RuntimeError as error:
-            raise InputError(f"{path} cannot be read as an image: {last_line(error).replace(str(name), str(path))}") from error
+            reason = last_line(error).replace(str(name), str(path))
+            if "orthonormal" in reason:
+                reason = "its axes are not at right angles, as where a gantry was tilted. Resample it to a straight grid first."
+            raise InputError(f"{path} cannot be read as an image: {reason}") from error
 
 
 @contextmanager
