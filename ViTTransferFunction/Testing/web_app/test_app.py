@@ -10,6 +10,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ pytest.importorskip("trame_slicer")
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine import app_command
+from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import app as app_module
@@ -184,6 +186,9 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
     opened(journey)
 
 
+ON_ANY_PORT = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
 def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends_the_app(
     monkeypatch: pytest.MonkeyPatch,
@@ -200,11 +205,36 @@ def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends
             await asyncio.wait_for(self._stopped.wait(), 60.0)
 
     monkeypatch.setattr(app_module, "WebApp", InterruptedApp)
-    args = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
     try:
-        asyncio.run(app_command._serve(args, {}))
+        asyncio.run(app_command._serve(ON_ANY_PORT, {}))
     except KeyboardInterrupt:
         pytest.fail("it came in the midst of making the scene")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
+@pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_an_interruption_while_slicers_code_is_loaded_waits_until_it_is_and_then_ends_the_command(
+    monkeypatch: pytest.MonkeyPatch, number: int, raised: type[BaseException]
+) -> None:
+    loaded = []
+
+    class InterruptedModule(ModuleType):
+        def __getattr__(self, name: str) -> Any:
+            if name != "WebApp":
+                raise AttributeError(name)
+            os.kill(os.getpid(), number)
+            loaded.append(name)
+            return lambda _: pytest.fail("it went on")
+
+    # Where the command lets it come at once, this process is to live on.
+    before = signal.signal(signal.SIGTERM, lambda *_: pytest.fail("it came in the midst of loading"))
+    monkeypatch.setitem(sys.modules, app_module.__name__, InterruptedModule(app_module.__name__))
+    try:
+        with pytest.raises(raised):
+            asyncio.run(app_command._serve(ON_ANY_PORT, {}))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert loaded
 
 
 def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
