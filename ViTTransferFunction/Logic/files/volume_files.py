@@ -248,8 +248,14 @@ def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[st
     GDCM leaves slices unsorted where two have one position, and ITK takes any two slices for neighbours, straight above each
     other.
     """
-    places = [_slice_place(name) for name in files]
-    positions, directions = np.array([position for position, _ in places]), np.array([axes for _, axes in places])
+    positions, directions, sizes = map(np.array, zip(*(_slice_place(name) for name in files), strict=True))
+    unlike = (sizes != sizes[0]).any(axis=1)
+    if unlike.any():
+        one, other = (f"{Path(files[index]).name} with {'×'.join(map(str, sizes[index]))}" for index in (0, unlike.argmax()))
+        raise InputError(
+            f"The DICOM series in {folder} has slices of different sizes, such as {one} and {other} pixels. Name a folder with "
+            "slices of one size."
+        )
     turned = np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_SPACING_DEVIATION
     if turned.any():
         raise InputError(
@@ -283,12 +289,12 @@ def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[st
         )
 
 
-def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Where a slice's first pixel is (3,), LPS millimetres, and its axes in columns, with its normal as the last (3, 3)."""
+def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+    """Where a slice's first pixel is (3,), LPS millimetres; its axes in columns (3, 3), its normal as the last; its size."""
     reader = sitk.ImageFileReader()
     reader.SetFileName(file_name)
     reader.ReadImageInformation()
-    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3)
+    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3), reader.GetSize()[:2]
 
 
 def _name(path: Path) -> str:

@@ -58,6 +58,14 @@ def test_a_slice_that_is_there_twice_is_named(tmp_path: Path) -> None:
         read_volume(tmp_path)
 
 
+def test_slices_of_another_size_are_named(tmp_path: Path) -> None:
+    write_dicom(tmp_path, stack(3))
+    smaller = Scan(stack(3).array[:, :5], np.array([1.0, 1.0, 3.0]), np.eye(3), np.array([0.0, 0.0, 9.0]), ([0] * 3, [0] * 3))
+    write_dicom(tmp_path, smaller, first=3)
+    with pytest.raises(InputError, match=r"000\.dcm with 7×6 and 003\.dcm with 7×5 pixels"):
+        read_volume(tmp_path)
+
+
 def test_slices_in_several_directions_are_no_volume(tmp_path: Path) -> None:
     write_dicom(tmp_path, stack(3))
     write_dicom(tmp_path, stack(3, SAGITTAL), first=3)
