@@ -16,7 +16,7 @@ from ..Logic.core.intensity_window import (
     looks_like_hounsfield_units,
 )
 from ..Logic.core.volume import Volume
-from ..Logic.files.image_headers import image_ending
+from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
 
@@ -52,13 +52,14 @@ def volume_of_files(paths: list[Path], on_warning: Callable[[str], None]) -> Vol
     if len(paths) == 1:
         return read_volume(paths[0], on_warning)
     headers = [path for path in paths if path.name.lower().endswith((".nhdr", ".mhd", ".hdr"))]
-    images = [path.name for path in paths if image_ending(path) is not None]
-    if len(headers) != 1 and images:
+    if len(headers) == 1:
+        return read_volume(headers[0], on_warning)
+    if not any(is_dicom_start(read_start(path, DICOM_START_BYTES)) for path in paths):
         raise InputError(
-            f"{len(paths)} files were sent at once, among them {images[0]}; expected one image, a header with its voxels, or "
+            f"{len(paths)} files were sent at once, such as {paths[0].name}; expected one image, a header with its voxels, or "
             "the slices of one DICOM series. Send one volume at a time."
         )
-    return read_volume(headers[0] if headers else paths[0].parent, on_warning)
+    return read_volume(paths[0].parent, on_warning)
 
 
 def add_volume(scene: Any, volume: Volume) -> Any:
