@@ -10,9 +10,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.options import Subparsers, add_settings_options, session_settings
 from ViTTransferFunction.Logic.core.errors import InputError
 
+LOOP_TURNS_S = 0.01
+"""In which the loop hears of signals that came before."""
 NEWEST_PYTHON = (3, 13)
 """Slicer's scene (slicer-core) is not built for later ones."""
 
@@ -84,11 +87,6 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
     import asyncio
     import webbrowser
 
-    from ViTTransferFunction.WebApp.app import WebApp
-    from ViTTransferFunction.WebApp.volumes import sample_path
-
-    volume = sample_path() if args.sample else args.volume
-
     def announce(address: str) -> None:
         print(f"Open {address}", flush=True)
         if not args.no_browser:
@@ -98,11 +96,20 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
         print(f"note: {warning}", file=sys.stderr, flush=True)
 
     loop = asyncio.get_running_loop()
+    asked: list[int] = []
     handled = [signal.SIGINT, signal.SIGTERM] if sys.platform != "win32" else []
     for number in handled:
-        # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while the scene is made.
-        loop.add_signal_handler(number, lambda: None)
+        # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while that is loaded, and
+        # while the scene is made.
+        loop.add_signal_handler(number, asked.append, number)
     try:
+        from ViTTransferFunction.WebApp.app import WebApp
+        from ViTTransferFunction.WebApp.volumes import sample_path
+
+        await asyncio.sleep(LOOP_TURNS_S)
+        if asked:
+            raise Terminated if asked[0] == signal.SIGTERM else KeyboardInterrupt
+        volume = sample_path() if args.sample else args.volume
         app = WebApp(settings)
         for number in handled:
             loop.add_signal_handler(number, app.stop)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, opened_session
+from ViTTransferFunction.Logic.core.errors import InputError
 
 
 def add_arguments(subparsers: Subparsers) -> None:
@@ -20,7 +21,10 @@ def run(args: argparse.Namespace) -> int:
     from ViTTransferFunction.Logic.features.cache import FeatureCache
 
     with ProgressBar() as progress:
-        load_features(opened_session(args), progress)
+        session = opened_session(args)
+        load_features(session, progress)
     cache = FeatureCache()
+    if not session.estimate().cached:
+        raise InputError(f"The features were computed, but are not in the cache: {cache.folder} cannot keep them.")
     print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e6:.0f} MB")
     return 0

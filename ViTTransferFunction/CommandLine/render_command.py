@@ -209,8 +209,12 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
         )
     classes = read_annotations(args.annotations, volume.geometry) if args.annotations else []
     by_name = {annotated.name: annotated for annotated in classes}
-    if any(segment.name not in by_name for segment in segments) and classes:
-        raise InputError(f"{args.annotations} lacks some of the segments: it has {', '.join(by_name)}.")
+    missing = [segment.name for segment in segments if segment.name not in by_name]
+    if missing and classes:
+        raise InputError(
+            f"{args.annotations} has no class for the segment '{missing[0]}' of {args.segmentation}; it has "
+            f"{', '.join(by_name)}. Give the annotations that it was made from; a label map has no names, a .seg.nrrd has them."
+        )
     ordered = [by_name[segment.name] for segment in segments] if classes else []
     opacities = [annotated.opacity for annotated in ordered] or None
     return volume, shown_segments(labels, segments, opacities), ordered

@@ -19,6 +19,7 @@ from trame_slicer.core import SlicerApp
 
 from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
+from ..Logic.core.user_path import user_path
 from ..Logic.core.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.choices import choices, make_possible
@@ -272,8 +273,11 @@ class WebApp:
 
     def _open_typed(self, path: str) -> None:
         """Open a path that the user typed."""
-        if str(path).strip():
-            self.begin(self._open([Path(str(path).strip()).expanduser()]))
+        try:
+            if str(path).strip():
+                self.begin(self._open([user_path(str(path).strip(), "a volume or a session")]))
+        except InputError as error:
+            self.report(str(error))
 
     def _open_sample(self) -> None:
         try:
@@ -294,7 +298,10 @@ class WebApp:
             if paths[0].name.lower().endswith(SESSION_ENDING):
                 await self._open_session(paths[0])
             else:
-                self._begin_anew(await asyncio.to_thread(volume_of_files, paths))
+                warnings: list[str] = []
+                self._begin_anew(await asyncio.to_thread(volume_of_files, paths, warnings.append))
+                for warning in warnings:
+                    self.report(warning)
         except InputError as error:
             self.report(str(error))
         finally:
@@ -310,6 +317,11 @@ class WebApp:
                 import_scene(self.scene, scene_file)
             finally:
                 self._take_session(saved=True)
+            if self.session.parameters.volume is None:
+                raise InputError(
+                    f"In {path.name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
+                    "ViT Transfer Function, and save the session again."
+                )
 
     def _begin_anew(self, volume: Volume) -> None:
         """Replace what is open by a volume without structures."""
@@ -337,6 +349,8 @@ class WebApp:
         self.tool.end_unfinished()
         self.session.start_computing()
         volume = self.session.parameters.volume
+        if volume is not None and volume.GetImageData() is None:
+            volume = None  # Its file was not in the session, which the user is told.
         self.views.show(volume)
         self._offer_windows(volume)
         self._on_changed()

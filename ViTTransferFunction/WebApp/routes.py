@@ -22,6 +22,9 @@ from .view_pictures import asked_size, pack_picture, stage_picture
 if TYPE_CHECKING:
     from .app import WebApp
 
+SERIES = "DICOM series"
+"""Name of a volume that was sent as slices: browsers keep that of their folder to themselves."""
+
 Pack = Callable[[Path, Path, Progress], None]
 """Makes the file that is sent out of what was staged for it."""
 
@@ -51,9 +54,12 @@ class Routes:
         router.add_get(self._path("download/film"), self._download_film)
 
     async def _upload(self, request: web.Request) -> web.StreamResponse:
-        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
+        with tempfile.TemporaryDirectory(prefix="vittf-") as private:
+            # What a series in it will be called, and its segments, and what is saved of them.
+            folder = Path(private, SERIES)
+            folder.mkdir()
             try:
-                paths = await receive_files(request, Path(folder))
+                paths = await receive_files(request, folder)
             except InputError as error:
                 self._app.report(str(error))
                 self._app.refresh()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -12,10 +13,15 @@ from xml.etree import ElementTree
 import slicer
 
 from ..Logic.core.errors import InputError, shown
+from ..Logic.core.regular_file import check_regular_file
 
 MODULE = "ViTTransferFunction"
 LARGEST_SCENE = 8 << 30
 """Bytes of all files of a session when they are unpacked."""
+_DAMAGES = (
+    zipfile.BadZipFile, zlib.error, ElementTree.ParseError, NotImplementedError, EOFError, RuntimeError, ValueError, LookupError
+)  # fmt: skip
+"""What unpacking and reading end with where an archive is damaged or encrypted, or its scene in no known encoding."""
 
 
 def parameter_node(scene: Any) -> Any:
@@ -37,6 +43,7 @@ def unpacked_session(path: Path, folder: Path) -> Path:
     Raises:
         InputError: not a session, too large, or one that would load something from elsewhere.
     """
+    check_regular_file(path)
     problem = f"{path.name} is no session of Slicer or of this app (.mrb)"
     try:
         with zipfile.ZipFile(path) as archive:
@@ -50,7 +57,14 @@ def unpacked_session(path: Path, folder: Path) -> Path:
         if not scenes:
             raise InputError(f"{problem}: there is no scene in it.")
         _check_local(scenes[0])
-    except (zipfile.BadZipFile, ElementTree.ParseError, NotImplementedError, EOFError, RuntimeError) as error:
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(
+            f"{path.name} could not be unpacked to {folder}: {error.strerror or error}. Make room there, or open its "
+            "volume alone."
+        ) from error
+    except _DAMAGES as error:
         raise InputError(f"{problem}, or it is damaged ({shown(str(error))}).") from error
     return scenes[0]
 

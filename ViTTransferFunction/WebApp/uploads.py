@@ -37,11 +37,12 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
         folder: where to: one that only the user can enter (`tempfile`). Nothing in it is overwritten.
 
     Returns:
-        The files, in the order in which they were sent. Names are kept as far as they are harmless.
+        The files, in the order in which they were sent. Names are kept as far as they are harmless. What lies beside slices of
+        DICOM, as viewers, notes and `.DS_Store` do, is passed over.
 
     Raises:
-        InputError: not a multipart request, too large, too many, a file that is no image, or a header that names voxels outside
-            of the folder. None of the request's files is left then.
+        InputError: not a multipart request, too large, too many, a file that is no image where there are no slices, or a header
+            that names voxels outside of the folder. None of the request's files is left then.
     """
     _check_size(request.content_length or 0, folder)
     if not request.content_type.startswith("multipart/"):
@@ -59,7 +60,7 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
 
 
 async def _receive(request: web.Request, folder: Path, received: list[Path]) -> None:
-    total = 0
+    total, foreign, has_slices = 0, "", False
     try:
         reader = await request.multipart()
         while (part := await reader.next()) is not None:
@@ -76,11 +77,19 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
                     _check_size(total, folder)
                     start += chunk[: DICOM_START_BYTES - len(start)]
                     _write(file, chunk)
-            _check_kind(part.filename, path, start)
+            if not _is_known(path, start):
+                foreign = foreign or part.filename
+                received.pop().unlink()
+            has_slices = has_slices or is_dicom_start(start)
     except InputError:
         raise
     except (ValueError, HttpProcessingError, web.RequestPayloadError, ConnectionError) as error:
         raise InputError("The files did not arrive whole; send them again.") from error
+    if foreign and not has_slices:
+        raise InputError(
+            f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
+            "MetaImage (.mha), or a saved session (.mrb)."
+        )
     if not received:
         raise InputError("No file was sent.")
 
@@ -130,13 +139,10 @@ def _write(file: BinaryIO, chunk: bytes | bytearray) -> None:
         raise InputError(f"The files cannot be kept: {error.strerror or error}. Make room, and send them again.") from error
 
 
-def _check_kind(name: str, path: Path, start: bytes) -> None:
+def _is_known(path: Path, start: bytes) -> bool:
+    """Whether a file is of a kind that can be opened, by its name or by its first bytes."""
     known = image_ending(path) is not None or path.name.lower().endswith((*_BESIDE_HEADERS, *_SCENES))
-    if not known and not is_dicom_start(start):
-        raise InputError(
-            f"{shown(PurePosixPath(name).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
-            "MetaImage (.mha), or a saved session (.mrb)."
-        )
+    return known or is_dicom_start(start)
 
 
 def _check_voxels_are_inside(path: Path, folder: Path) -> None:

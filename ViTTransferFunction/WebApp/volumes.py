@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ..Logic.core.intensity_window import (
     looks_like_hounsfield_units,
 )
 from ..Logic.core.volume import Volume
+from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
 
@@ -37,16 +39,27 @@ def sample_path() -> Path:
     return path
 
 
-def volume_of_files(paths: list[Path]) -> Volume:
+def volume_of_files(paths: list[Path], on_warning: Callable[[str], None]) -> Volume:
     """The volume in some files: one image, a header with its voxels, or the slices of a DICOM series in one folder.
 
+    Args:
+        paths: the files.
+        on_warning: is told where positions are off; see `read_volume`.
+
     Raises:
-        InputError: it cannot be read.
+        InputError: it cannot be read, or there are several.
     """
-    headers = [path for path in paths if path.name.lower().endswith((".nhdr", ".mhd", ".hdr"))]
     if len(paths) == 1:
-        return read_volume(paths[0])
-    return read_volume(headers[0]) if len(headers) == 1 else read_volume(paths[0].parent)
+        return read_volume(paths[0], on_warning)
+    headers = [path for path in paths if path.name.lower().endswith((".nhdr", ".mhd", ".hdr"))]
+    if len(headers) == 1:
+        return read_volume(headers[0], on_warning)
+    if not any(is_dicom_start(read_start(path, DICOM_START_BYTES)) for path in paths):
+        raise InputError(
+            f"{len(paths)} files were sent at once, such as {paths[0].name}; expected one image, a header with its voxels, or "
+            "the slices of one DICOM series. Send one volume at a time."
+        )
+    return read_volume(paths[0].parent, on_warning)
 
 
 def add_volume(scene: Any, volume: Volume) -> Any:
@@ -63,7 +76,8 @@ def windows_of(node: Any) -> dict[str, IntensityWindow]:
     Raises:
         InputError: the node is no scalar volume.
     """
-    volume = Volume(array_from_node(node), geometry_from_node(node), node.GetName())
+    geometry = geometry_from_node(node)
+    volume = Volume(array_from_node(node), geometry, node.GetName())
     return CT_WINDOWS if looks_like_hounsfield_units(volume) else {"Automatic": display_window(volume)}
 
 

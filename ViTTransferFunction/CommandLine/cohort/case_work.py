@@ -36,21 +36,22 @@ def _segment(job: CaseJob) -> CaseOutcome:
     settings = job.settings
     # Of the files as they are before they are read: what changes later is computed again.
     digest = job.digest()
-    session = open_session(read_volume(job.case.volume), settings.session, networks=_networks())
+    warnings: list[str] = []
+    volume = read_volume(job.case.volume, on_warning=warnings.append)
+    session = open_session(volume, settings.session, networks=_networks())
     classes = read_annotations(job.case.annotations, session.volume.geometry)
-    messages: list[str] = []
     segmentation = segment_classes(
-        session, classes, settings.method, settings.only_annotated_components, on_warning=messages.append
+        session, classes, settings.method, settings.only_annotated_components, on_warning=warnings.append
     )
     _check_weights(session.provenance.weights.sha256, settings.weights_sha256)
     kept = job.keep_corrected_output()
     write_classes(job.output, session, classes, segmentation)
     seconds = time.perf_counter() - start
-    job.write_record(digest, seconds, segmentation_report(session, segmentation, settings.session.preset, settings.method))
+    report = segmentation_report(session, segmentation, settings.session.preset, settings.method)
+    job.write_record(digest, seconds, report, warnings)
     millilitres = {result.name: result.millilitres for result in segmentation.classes}
-    if kept:
-        messages.append(f"the segmentation that was there, and not as it was computed, is now {kept}")
-    return CaseOutcome(job.case.name, "done", seconds, millilitres, "; ".join(messages))
+    messages = [f"the segmentation that was there, and not as it was computed, is now {kept}"] if kept else []
+    return CaseOutcome(job.case.name, "done", seconds, millilitres, "; ".join([*warnings, *messages]))
 
 
 @cache

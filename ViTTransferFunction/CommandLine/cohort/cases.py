@@ -81,8 +81,10 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
         raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")
     folder = path.resolve().parent
     for row in reader:
+        if not any("".join(value or "") for value in row.values()):
+            continue  # A line of separators alone, which spreadsheets write where a line was emptied.
         name, volume, annotations = ((row[column] or "").strip() for column in COLUMNS)
-        if not (name and volume and annotations):
+        if not (name and volume and annotations) or "\0" in volume + annotations:
             raise InputError(f"{path}, line {reader.line_num}: a case needs a name, a volume and annotations; got {row}.")
         # Joining leaves absolute paths as they are.
         yield Case(name, folder / volume, folder / annotations)

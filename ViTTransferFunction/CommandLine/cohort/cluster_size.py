@@ -93,9 +93,10 @@ def _case_bytes(cases: Sequence[Case], settings: SessionSettings) -> int:
 
 def _readable(case: Case) -> Volume | None:
     try:
-        return read_volume(case.volume)
+        # Its worker will say what is wrong with it.
+        return read_volume(case.volume, on_warning=lambda _: None)
     except InputError:
-        return None  # Its worker will say what is wrong with it.
+        return None
 
 
 def _voxels(path: Path) -> int:

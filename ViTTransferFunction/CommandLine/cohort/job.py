@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -103,12 +103,14 @@ class CaseJob:
             corrected = record["output_sha256"] != sha256_of(self.output)
             millilitres = {entry["name"]: float(entry["millilitres"]) for entry in record["report"]["classes"]}
             seconds = float(record["seconds"])
+            messages = [str(warning) for warning in record.get("warnings", ())]
         except InputError:
             return None  # Whoever segments it meets the error again, and reports it.
         except (KeyError, TypeError, ValueError):
             return None  # Not a record of this version.
-        message = "the segmentation was changed since; millilitres are of before" if corrected else ""
-        return CaseOutcome(self.case.name, "unchanged", seconds, millilitres, message)
+        if corrected:
+            messages.append("the segmentation was changed since; millilitres are of before")
+        return CaseOutcome(self.case.name, "unchanged", seconds, millilitres, "; ".join(messages))
 
     def keep_corrected_output(self) -> Path | None:
         """Move a segmentation out of the way that somebody changed since it was written, or that is not ours.
@@ -135,9 +137,15 @@ class CaseJob:
             ) from error
         return kept
 
-    def write_record(self, digest: str, seconds: float, report: dict[str, Any]) -> None:
-        """Write down what the segmentation that was just written came from."""
-        record = {"digest": digest, "output_sha256": sha256_of(self.output), "seconds": round(seconds, 3), "report": report}
+    def write_record(self, digest: str, seconds: float, report: dict[str, Any], warnings: Sequence[str] = ()) -> None:
+        """Write down what the segmentation that was just written came from, and what the user was warned of."""
+        record = {
+            "digest": digest,
+            "output_sha256": sha256_of(self.output),
+            "seconds": round(seconds, 3),
+            "warnings": list(warnings),
+            "report": report,
+        }
         with replacing(self.record) as temporary:
             temporary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 

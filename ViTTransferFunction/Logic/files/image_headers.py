@@ -93,6 +93,8 @@ def read_start(path: Path, count: int = _LONGEST_HEADER) -> bytes:
 
 def _in_nifti(path: Path, start: bytes) -> StoredVoxels:
     header, compressed = _nifti_header(path, start)
+    if compressed and not path.name.lower().endswith(".gz"):
+        raise InputError(f"{path} is compressed; give it the ending .nii.gz.")
     order = _byte_order(path, header)
     if header[344:348] == b"ni1\0":
         raise InputError(f"{path} is one half of a pair of files; name the .hdr file, or save it as .nii.")

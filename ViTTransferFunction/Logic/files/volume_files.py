@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -23,7 +23,8 @@ from .image_headers import DICOM_START_BYTES, image_ending, image_format, is_dic
 logger = logging.getLogger(__name__)
 
 LARGEST_SPACING_DEVIATION = 0.01
-"""Relative deviation of slice distances above which a DICOM series is not a regular grid."""
+"""Relative deviation of slice distances above which a DICOM series is not a regular grid; and of slices from lying straight
+above each other, and from being parallel."""
 
 RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png")
 """Endings of files that are no slices: results may be written, and written again, beside a DICOM series."""
@@ -35,17 +36,18 @@ LARGEST_EXTENT_MM = 1e5
 """A mouse in micrometres is about as long."""
 
 
-def read_volume(path: Path) -> Volume:
+def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) -> Volume:
     """Read a scalar 3D volume.
 
     Args:
         path: an image file, or a folder that holds one DICOM series.
+        on_warning: is told where slices are missing or shifted, so that positions are off.
 
     Raises:
         InputError: missing, unreadable, cut off, not a scalar 3D image, not lying anywhere in millimetres, or nothing to be
             seen in it (`Volume`).
     """
-    image = _read_series(path) if is_folder(path) else _read_file(path)
+    image = _read_series(path, on_warning) if is_folder(path) else _read_file(path)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     return Volume(_voxels(image), geometry, name=_name(path))
@@ -151,7 +153,10 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
             reader.ReadImageInformation()
             yield reader
         except RuntimeError as error:
-            raise InputError(f"{path} cannot be read as an image: {last_line(error).replace(str(name), str(path))}") from error
+            reason = last_line(error).replace(str(name), str(path))
+            if "orthonormal" in reason:
+                reason = "its axes are not at right angles, as where a gantry was tilted. Resample it to a straight grid first."
+            raise InputError(f"{path} cannot be read as an image: {reason}") from error
 
 
 @contextmanager
@@ -182,7 +187,7 @@ def _namesake(path: Path) -> Path:
     return path.with_name(path.name[: -len(".gz")]) if path.name.endswith(".gz") else path.with_name(f"{path.name}.gz")
 
 
-def _read_series(folder: Path) -> sitk.Image:
+def _read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
     for entry in _entries(folder):
         # GDCM would open it, and wait.
         if not entry.is_dir():
@@ -196,11 +201,11 @@ def _read_series(folder: Path) -> sitk.Image:
         raise InputError(
             f"The folder {folder} holds {len(series)} DICOM series: {listing}. Put the one to use in a folder of its own."
         )
-    _warn_of_unread_files(folder, files[series[0]])
+    _warn_of_unread_files(folder, files[series[0]], on_warning)
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames(files[series[0]])
     try:
-        _warn_of_irregular_slices(files[series[0]], folder)
+        _check_slices(files[series[0]], folder, on_warning)
         image = reader.Execute()
     except RuntimeError as error:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
@@ -225,34 +230,71 @@ def _check_header(size: Sequence[int], components: int, path: Path) -> None:
         )
 
 
-def _warn_of_unread_files(folder: Path, files: tuple[str, ...]) -> None:
+def _warn_of_unread_files(folder: Path, files: tuple[str, ...], on_warning: Callable[[str], None]) -> None:
     """GDCM passes over a slice that was cut off; at the end of a series, nothing else tells of it."""
     read = {Path(name).name for name in files}
     unread = [entry.name for entry in _entries(folder) if entry.name not in read and _is_dicom(entry)]
     if unread:
-        logger.warning("%s: DICOM files without a slice that can be read: %d, such as %s.", folder, len(unread), unread[0])
+        on_warning(f"{folder}: DICOM files without a slice that can be read: {len(unread)}, such as {unread[0]}.")
 
 
 def _is_dicom(path: Path) -> bool:
     return path.is_file() and path.name != "DICOMDIR" and is_dicom_start(read_start(path, DICOM_START_BYTES))
 
 
-def _warn_of_irregular_slices(files: tuple[str, ...], folder: Path) -> None:
-    """A missing or unevenly spaced slice shifts everything beyond it, so the user should know."""
-    positions = np.array([_slice_position(name) for name in files])
-    gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    if len(gaps) > 1 and np.ptp(gaps) > LARGEST_SPACING_DEVIATION * np.median(gaps):
-        logger.warning(
-            "%s: slice distances vary from %.2f to %.2f mm: slices may be missing, and positions beyond them off.",
-            folder, gaps.min(), gaps.max(),
-        )  # fmt: skip
+def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[str], None]) -> None:
+    """Raise InputError where slices cannot be a stack; warn where they are one, but not on the grid that ITK makes of it.
+
+    GDCM leaves slices unsorted where two have one position, and ITK takes any two slices for neighbours, straight above each
+    other.
+    """
+    positions, directions, sizes = map(np.array, zip(*(_slice_place(name) for name in files), strict=True))
+    unlike = (sizes != sizes[0]).any(axis=1)
+    if unlike.any():
+        one, other = (f"{Path(files[index]).name} with {'×'.join(map(str, sizes[index]))}" for index in (0, unlike.argmax()))
+        raise InputError(
+            f"The DICOM series in {folder} has slices of different sizes, such as {one} and {other} pixels. Name a folder with "
+            "slices of one size."
+        )
+    turned = np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_SPACING_DEVIATION
+    if turned.any():
+        raise InputError(
+            f"The DICOM series in {folder} has slices that are not parallel, such as {Path(files[0]).name} and "
+            f"{Path(files[int(turned.argmax())]).name}: a survey in several directions, perhaps. Name a folder with one stack."
+        )
+    normal = directions[0][:, 2]
+    order = np.argsort(positions @ normal)
+    heights = (positions @ normal)[order]
+    gaps = np.diff(heights)
+    if len(gaps) == 0:
+        return
+    closest = int(gaps.argmin())
+    if gaps[closest] <= LARGEST_SPACING_DEVIATION * np.median(gaps):
+        one, other = sorted(Path(files[order[index]]).name for index in (closest, closest + 1))
+        raise InputError(
+            f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
+            "several phases or echoes, put one into a folder of its own."
+        )
+    if np.ptp(gaps) > LARGEST_SPACING_DEVIATION * np.median(gaps):
+        on_warning(
+            f"{folder}: slice distances vary from {gaps.min():.2f} to {gaps.max():.2f} mm: slices may be missing, and "
+            "positions beyond them off."
+        )
+    shift = positions[order[-1]] - positions[order[0]] - np.sum(gaps) * normal
+    shift_mm = float(np.linalg.norm(shift))
+    if shift_mm > LARGEST_SPACING_DEVIATION * np.sum(gaps):
+        on_warning(
+            f"{folder}: the last slice is shifted against the first by {shift_mm:.1f} mm, as with a tilted gantry, and is "
+            "taken for straight above it: positions are off by as much. Have the slices straightened first."
+        )
 
 
-def _slice_position(file_name: str) -> tuple[float, ...]:
+def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
+    """Where a slice's first pixel is (3,), LPS millimetres; its axes in columns (3, 3), its normal as the last; its size."""
     reader = sitk.ImageFileReader()
     reader.SetFileName(file_name)
     reader.ReadImageInformation()
-    return tuple(reader.GetOrigin())
+    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3), reader.GetSize()[:2]
 
 
 def _name(path: Path) -> str:

@@ -6,9 +6,9 @@ term for what the image says of each voxel, regions of different intensities com
 
     m'(x) = [ g / (1 − g) · (1 − ℓ) / ℓ · (p(u_x | inside) / p(u_x | outside))^β ≥ 1 ],    g = (G * m)(x),
 
-with G a Gaussian of one voxel and ℓ = ½. With that alone, what is a few voxels thick vanishes; for it, ℓ is the level of G * m that
-keeps the volume (Ruuth, Wetton, 2003). In a noisy scan the two densities overlap, and the neighbourhood decides; where they are
-apart, as in the folds of a brain, each voxel does.
+with G a Gaussian of one voxel and ℓ = ½. With that alone, what is a few voxels thick vanishes; for it, ℓ is the level of G * m
+that keeps the volume (Ruuth, Wetton, 2003). In a noisy scan the two densities overlap, and the neighbourhood decides; where
+they are apart, as in the folds of a brain, each voxel does.
 """
 
 from __future__ import annotations

@@ -128,9 +128,11 @@ class SceneAnnotations:
             InputError: the name is empty, or cannot be written.
         """
         state = changed(self._class(id_), **fields)
-        if not state.name.strip():
-            raise InputError("A structure needs a name; it keeps the one that it had.")
-        check_name(state.name)
+        # The list of its points may have been given any name, in the Data module, and the rest is to be set all the same.
+        if "name" in fields:
+            if not state.name.strip():
+                raise InputError("A structure needs a name; it keeps the one that it had.")
+            check_name(state.name)
         if state.iso is not None:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):

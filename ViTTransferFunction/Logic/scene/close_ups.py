@@ -10,7 +10,7 @@ from ..core.errors import InputError
 from ..core.geometry import transform_points
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
-from .classes import ClassState, EdgesMm
+from .classes import ClassState, CloseUpBox, EdgesMm
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems
@@ -41,6 +41,7 @@ class SceneCloseUps:
         self._volume = volume
         self._proxy = proxy
         self._problems = problems
+        self._shown: dict[str, CloseUpBox | None] = {}
 
     def look_closer(self, id_: str, requests: ClassRequests) -> None:
         """Have a class looked at in a box around it as it is shown now.
@@ -82,11 +83,18 @@ class SceneCloseUps:
             return None if state.close_up is None else state.close_up[3:]
         return request.close_up.enlarged(content.geometry, request.positive).size_mm
 
-    def take_back(self) -> None:
-        """Stop looking closer at the classes whose boxes are not there yet.
+    def remember_shown(self) -> None:
+        """Remember which box each class is shown in, of those whose maps are there as they were asked for."""
+        awaited = self._proxy.awaiting_close_ups
+        self._shown |= {state.id: state.close_up for state in self._annotations.classes if state.id not in awaited}
 
-        Altogether, or they would be said to be looked at in a box, and be shown as in the whole.
+    def take_back(self) -> None:
+        """Stop looking closer at the classes whose boxes are not there yet: they are in what they are shown in.
+
+        Left as it is, a class would be said to be looked at in a box, and be shown as in another or in the whole.
         """
         for state in self._annotations.classes:
             if state.close_up is not None and state.id in self._proxy.awaiting_close_ups:
-                self._annotations.set_close_up(state.id, None)
+                shown = self._shown.get(state.id)
+                # Where a point enlarged the box that it is shown in, there is none to go back to.
+                self._annotations.set_close_up(state.id, shown if shown != state.close_up else None)

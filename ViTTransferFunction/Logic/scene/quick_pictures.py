@@ -50,7 +50,9 @@ class QuickPictures:
             return
         for window in self._windows():
             for renderer in window.GetRenderers():
-                edge = min(math.ceil(math.sqrt(renderer.GetLastRenderTimeInSeconds() / GOAL_S)), COARSEST)
+                # VTK has -1 s where nothing was drawn yet, as by the renderer of a marker that is hidden.
+                last_s = max(renderer.GetLastRenderTimeInSeconds(), 0.0)
+                edge = min(math.ceil(math.sqrt(last_s / GOAL_S)), COARSEST)
                 if edge > 1:
                     shown = [mapper for mapper in _mappers(renderer) if mapper.GetInputDataObject(0, 0) is image]
                     for mapper in shown:

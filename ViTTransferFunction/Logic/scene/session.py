@@ -321,6 +321,8 @@ class SceneSession:
         events = self._proxy.poll()
         if "maps" in events:
             self._problems.solve("computing")
+            if self._proxy.up_to_date:
+                self._close_ups.remember_shown()
         self._take_problem()
         if events & {"maps", "refined", "rendering", "state"}:
             self._show()

@@ -78,9 +78,16 @@ def find_weights(
         InputError: unknown model; `path` is not there or holds another model; a file has the wrong hash or cannot be written.
     """
     model = pretrained_model(model_name)
-    return _given_file(model, path) or fetch_weights(
-        model_name, allow_download=allow_download, trust=trust, progress=progress, cache_dir=cache_dir
-    )
+    given = _given_file(model, path)
+    if given is not None:
+        return given
+    try:
+        return fetch_weights(model_name, allow_download=allow_download, trust=trust, progress=progress, cache_dir=cache_dir)
+    except WeightsUnavailable as error:
+        source, _ = _given_source(path)
+        if source is None or not (others := _other_models(source)):
+            raise
+        raise WeightsUnavailable(f"{error}{others}") from error
 
 
 def fetch_weights(
@@ -164,12 +171,23 @@ def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile 
     file = file_in(source, model) if source.is_dir() else source
     if file is None:
         if path is not None:
-            raise InputError(f"{source} holds no weights of '{model.name}'; expected a file {' or '.join(file_names(model))}.")
+            raise InputError(
+                f"{source} holds no weights of '{model.name}'; expected a file {' or '.join(file_names(model))}."
+                f"{_other_models(source)}"
+            )
         # The variable's folder is a place to look in, such as a share of the department: the cache comes next.
         return None
     sha256 = sha256_of(file)
     _check_may_be(model, file, sha256, origin)
     return WeightsFile(file, sha256, model, origin)
+
+
+def _other_models(folder: Path) -> str:
+    """A sentence that says whose weights a folder holds instead, to follow others; "" where it holds none."""
+    there = [f"'{model.name}'" for model in PRETRAINED_MODELS.values() if file_in(folder, model) is not None]
+    if not there:
+        return ""
+    return f" There are those of {', '.join(there)} in {folder}: to use them, choose that model, under Advanced or by --model."
 
 
 def _given_source(path: str | Path | None) -> tuple[Path | None, str]:

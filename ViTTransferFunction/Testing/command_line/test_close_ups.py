@@ -145,6 +145,10 @@ def test_the_warning_stands_in_the_table_of_a_cohort(tmp_path: Path, scan: list[
     weights = tmp_path / "tiny.pth"
     settings = SessionSettings(model="tiny", weights_path=str(weights), grid=8, device="cpu")
     case = Case("scan", Path(scan[0]), tmp_path / "scan.annotations.json")
-    outcome = segment_case(CaseJob(case, CohortSettings(settings, sha256_of(weights)), tmp_path))
+    job = CaseJob(case, CohortSettings(settings, sha256_of(weights)), tmp_path)
+    outcome = segment_case(job)
     assert outcome.status == "done"
     assert outcome.message.startswith("block: This structure's box fills ")
+    again = job.finished()
+    assert again is not None
+    assert again.message == outcome.message

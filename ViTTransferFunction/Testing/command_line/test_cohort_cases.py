@@ -42,6 +42,11 @@ def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spr
     assert (case.name, case.volume.name, case.annotations.name) == ("Möller 1", "a.nrrd", "a.json")
 
 
+def test_lines_that_were_emptied_in_a_spreadsheet_are_passed_over(tmp_path: Path) -> None:
+    (case,) = read_cases(table(tmp_path, HEADING, ",,", "a,a.nrrd,a.json", ",,,,"))
+    assert case.name == "a"
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
@@ -50,6 +55,7 @@ def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spr
         ([], "no column 'case'"),
         ([HEADING, "a,a.nrrd,"], "line 2"),
         ([HEADING, "a,a.nrrd,a.json", "b"], "line 3"),
+        ([HEADING, "a,a\0.nrrd,a.json"], "line 2"),
     ],
 )
 def test_a_table_that_lacks_something_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import random
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
+from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
@@ -18,6 +21,10 @@ from ViTTransferFunction.CommandLine.cohort_command import run
 from ViTTransferFunction.CommandLine.vittf import build_parser, main
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Logic.weights.download import sha256_of
+from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
+from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
+from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 HEADER = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = a.raw\n"
 REPORT = {"classes": [{"name": "liver", "millilitres": 12.5}]}
@@ -43,6 +50,27 @@ def changed(job: CaseJob, **session: Any) -> CaseJob:
 
 def test_a_case_is_done_whose_files_and_settings_are_the_same(job: CaseJob) -> None:
     assert job.finished() == CaseOutcome("a", "unchanged", 3.5, {"liver": 12.5})
+
+
+def test_what_was_warned_of_is_said_again_of_a_case_that_is_not_computed_again(job: CaseJob) -> None:
+    job.write_record(job.digest(), 3.5, REPORT, ["slices may be missing", "too large"])
+    assert job.finished() == CaseOutcome("a", "unchanged", 3.5, {"liver": 12.5}, "slices may be missing; too large")
+
+
+def test_a_series_with_a_slice_missing_is_segmented_and_its_line_in_the_table_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
+    scan = make_scan(random.Random(0), ("int16",))
+    write_dicom(tmp_path / "scan", scan)[len(scan.array) // 2].unlink()
+    points = tmp_path / "scan" / "annotations.json"
+    points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[1, 1, 1]]}]}')
+    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
+    cohort = CohortSettings(settings, sha256_of(tmp_path / "tiny.pth"))
+    outcome = segment_case(CaseJob(Case("scan", tmp_path / "scan", points), cohort, tmp_path))
+    assert outcome.status == "done"
+    assert "slices may be missing" in outcome.message
 
 
 @pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])

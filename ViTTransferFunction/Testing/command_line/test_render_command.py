@@ -196,6 +196,15 @@ def test_what_cannot_be_drawn_is_refused_in_one_sentence(
     assert [path.name for path in tmp_path.iterdir()] == ["case"]
 
 
+def test_the_segment_that_the_annotations_lack_is_named(
+    tmp_path: Path, case: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "clicks.json"
+    points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "liver", "positive": [[15, 10, 20]]}]}')
+    assert main(["render", *case, "-o", str(tmp_path / "p.png"), "--annotations", str(points)]) == 2
+    assert f"no class for the segment '1' of {case[1]}; it has liver." in capsys.readouterr().err
+
+
 def test_the_background_of_a_picture_is_dark_unless_transparent(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:
     assert main(["render", *case, "--3d", str(tmp_path / "p.png"), "--size", "200x160"]) == 0
     np.testing.assert_allclose(read_png(tmp_path / "p.png")[-1, 0], np.array(BACKGROUND) * 255.0, atol=2)

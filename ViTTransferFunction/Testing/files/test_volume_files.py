@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -120,6 +121,24 @@ def test_images_that_are_no_usable_volume_are_refused(tmp_path: Path, content: s
     sitk.WriteImage(content, str(tmp_path / "scan.nrrd"))
     with pytest.raises(InputError, match=message):
         read_volume(tmp_path / "scan.nrrd")
+
+
+def test_a_compressed_file_without_the_ending_for_it_is_told_which_it_needs(tmp_path: Path) -> None:
+    sitk.WriteImage(image(ramp((4, 5, 6))), str(tmp_path / "scan.nii.gz"))
+    (tmp_path / "scan.nii.gz").rename(tmp_path / "scan.nii")
+    with pytest.raises(InputError, match=r"is compressed; give it the ending \.nii\.gz"):
+        read_volume(tmp_path / "scan.nii")
+
+
+def test_a_grid_without_right_angles_is_refused_in_words_for_users(tmp_path: Path) -> None:
+    sitk.WriteImage(image(ramp((4, 5, 6))), str(tmp_path / "scan.nii"))
+    content = bytearray((tmp_path / "scan.nii").read_bytes())
+    # No qform; an sform in which slices are shifted along the first axis.
+    struct.pack_into("<2h", content, 252, 0, 1)
+    struct.pack_into("<12f", content, 280, 1, 0, 0.5, 0, 0, 1, 0, 0, 0, 0, 1, 0)
+    (tmp_path / "scan.nii").write_bytes(content)
+    with pytest.raises(InputError, match="its axes are not at right angles"):
+        read_volume(tmp_path / "scan.nii")
 
 
 def test_what_is_no_image_is_refused(tmp_path: Path) -> None:

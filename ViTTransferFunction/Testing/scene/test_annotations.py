@@ -129,6 +129,14 @@ def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession
     assert session.classes[0].name == "sphere 1"
 
 
+@pytest.mark.parametrize("name", ["", "two\nlines"])
+def test_a_list_that_was_given_an_odd_name_in_slicer_can_be_set_all_the_same(session: SceneSession, name: str) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.points_node(state.id, positive=True).SetName(name)
+    session.annotations.set_class(state.id, proximity=0.5)
+    assert (session.classes[0].proximity, session.classes[0].name) == (0.5, name)
+
+
 def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: SceneSession) -> None:
     state = session.annotations.add_class("liver")
     with pytest.raises(InputError, match="cannot be written"):

@@ -83,11 +83,7 @@ def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session:
 def test_a_closer_look_that_is_cancelled_is_taken_back(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.look_closer(id_)
-    until = time.monotonic() + 30.0
-    while not session.looks_closer and time.monotonic() < until:
-        session.poll()
-    assert session.progress is not None
-    session.cancel()
+    cancel_looking(session)
     assert session.classes[0].close_up is None
     session.wait()
     assert session.progress is None
@@ -121,6 +117,41 @@ def test_without_a_volume_a_box_is_as_large_as_it_was_set(session: SceneSession,
     session.annotations.set_close_up(id_, (1.0, 2.0, 3.0, 40.5, 50.0, 60.0))
     session.set_volume(None)
     assert session.close_up_mm(session.classes[0]) == (40.5, 50.0, 60.0)
+
+
+def test_where_another_closer_look_is_cancelled_the_one_before_stays(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    know_close_up(session, spheres)
+    session.wait()
+    before = session.classes[0].close_up
+    assert before is not None
+    session.annotations.set_close_up(id_, (*before[:3], 50.0, 50.0, 50.0))
+    cancel_looking(session)
+    assert session.classes[0].close_up == before
+    session.wait()
+    assert session.take_error() is None
+
+
+def test_where_a_point_enlarged_the_box_cancelling_leads_back_to_the_whole(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.look_closer(id_)
+    know_close_up(session, spheres)
+    session.wait()
+    session.annotations.add_points(id_, centre_ras(spheres, 2), positive=True)
+    cancel_looking(session)
+    assert session.classes[0].close_up is None
+    session.wait()
+    assert session.take_error() is None
+
+
+def cancel_looking(session: SceneSession) -> None:
+    """Cancel a closer look as soon as it is under way."""
+    until = time.monotonic() + 30.0
+    while not session.looks_closer and time.monotonic() < until:
+        session.poll()
+    assert session.progress is not None
+    session.cancel()
 
 
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene import quick_pictures
@@ -56,6 +57,17 @@ def test_pictures_of_a_changing_look_have_fewer_rays_and_are_like_those_with_all
     assert 0.0 < np.abs(quick - full).mean() < 2.0
     for pixel in stage.at(LEFT, RIGHT):
         assert quick[pixel] == pytest.approx(full[pixel], abs=12)
+
+
+def test_a_look_can_be_changed_where_a_renderer_has_never_drawn(stage: Stage) -> None:
+    hidden = vtkRenderer()
+    hidden.DrawOff()
+    stage.view.render_window().AddRenderer(hidden)
+    shown = stage.show_structures(two_balls(), appearances([RED, GREEN]))
+    stage.picture()
+    assert hidden.GetLastRenderTimeInSeconds() < 0.0
+    stage.change(shown, appearances([BLUE, GREEN]))
+    assert stage.rendering.drawing_quickly
 
 
 def test_when_the_hand_rests_the_view_is_drawn_in_full(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:

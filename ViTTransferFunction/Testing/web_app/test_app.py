@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import os
+import random
 import signal
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,8 +21,11 @@ pytest.importorskip("trame_slicer")
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine import app_command
+from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.Logic.core.colors import hex_color
+from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import app as app_module
+from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 from ViTTransferFunction.WebApp.slicer_views import sides
@@ -110,6 +115,64 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journe
     opened(journey)
 
 
+@pytest.mark.parametrize(
+    ("typed", "why"),
+    [("/nowhere/scan.nrrd", "no file"), ("/nowhere/scan.mrb", "no file"), ("~no such user/scan.nrrd", "no such home folder")],
+)
+def test_a_path_that_leads_nowhere_is_answered(opened: Callable[[Journey], None], typed: str, why: str) -> None:
+    async def journey(app: WebApp) -> None:
+        app._open_typed(typed)
+        await asyncio.gather(*app._tasks)
+        app.refresh()
+        assert why in app.server.state.message
+        assert (app.server.state.volume_name, app.server.state.opening) == ("spheres", "")
+
+    opened(journey)
+
+
+def test_several_volumes_at_once_are_refused(opened: Callable[[Journey], None], file: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        other = file.with_name("other.nii.gz")
+        other.write_bytes(b"")
+        await app.open_files([file, other])
+        assert "one volume at a time" in app.server.state.message
+        assert app.server.state.volume_name == "spheres"
+
+    opened(journey)
+
+
+def test_where_slices_are_missing_the_page_says_so(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
+    async def journey(app: WebApp) -> None:
+        scan = make_scan(random.Random(0), ("int16",))
+        paths = write_dicom(tmp_path / "series", scan)
+        paths.pop(len(paths) // 2).unlink()
+        await app.open_files([tmp_path / "series"])
+        assert app.server.state.volume_name == "series"
+        assert "slices may be missing" in app.server.state.message
+
+    in_app(journey)
+
+
+@pytest.mark.parametrize(("without", "why"), [(".nrrd", "could not be read whole"), ("", "no volume is chosen")])
+def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
+    opened: Callable[[Journey], None], tmp_path: Path, without: str, why: str
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        if not without:
+            app.session.set_volume(None)
+        scene_files.stage_session(app.scene, tmp_path / "session")
+        for voxels in (tmp_path / "session" / "Data").glob("*.nrrd") if without else ():
+            voxels.unlink()
+        packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+        await app.open_files([tmp_path / "session.mrb"])
+        assert why in app.server.state.message
+        assert [shown["name"] for shown in app.server.state.classes] == ["Structure 1"]
+        assert all(view.get_background_volume_id() is None for view in app.views.slices)
+
+    opened(journey)
+
+
 def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Journey], None], tmp_path: Path) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
@@ -121,6 +184,9 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
         assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
 
     opened(journey)
+
+
+ON_ANY_PORT = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
@@ -139,11 +205,36 @@ def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends
             await asyncio.wait_for(self._stopped.wait(), 60.0)
 
     monkeypatch.setattr(app_module, "WebApp", InterruptedApp)
-    args = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
     try:
-        asyncio.run(app_command._serve(args, {}))
+        asyncio.run(app_command._serve(ON_ANY_PORT, {}))
     except KeyboardInterrupt:
         pytest.fail("it came in the midst of making the scene")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
+@pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_an_interruption_while_slicers_code_is_loaded_waits_until_it_is_and_then_ends_the_command(
+    monkeypatch: pytest.MonkeyPatch, number: int, raised: type[BaseException]
+) -> None:
+    loaded = []
+
+    class InterruptedModule(ModuleType):
+        def __getattr__(self, name: str) -> Any:
+            if name != "WebApp":
+                raise AttributeError(name)
+            os.kill(os.getpid(), number)
+            loaded.append(name)
+            return lambda _: pytest.fail("it went on")
+
+    # Where the command lets it come at once, this process is to live on.
+    before = signal.signal(signal.SIGTERM, lambda *_: pytest.fail("it came in the midst of loading"))
+    monkeypatch.setitem(sys.modules, app_module.__name__, InterruptedModule(app_module.__name__))
+    try:
+        with pytest.raises(raised):
+            asyncio.run(app_command._serve(ON_ANY_PORT, {}))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert loaded
 
 
 def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import errno
 import io
+import random
 import threading
 import zipfile
 from collections.abc import AsyncIterator, Callable, Coroutine
@@ -19,6 +20,7 @@ pytest.importorskip("trame_slicer")
 import aiohttp
 from aiohttp import web
 
+from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import routes
 from ViTTransferFunction.WebApp.app import WebApp
 
@@ -135,3 +137,21 @@ def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None]
             assert (await status_and_body(browser, "/download/session"))[0] == 503
 
     opened(journey)
+
+
+def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
+    in_app: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    form = aiohttp.FormData()
+    for path in write_dicom(tmp_path / "sent", make_scan(random.Random(0), ("int16",))):
+        form.add_field("files", path.read_bytes(), filename=path.name)
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            async with browser.post("/upload", data=form) as response:
+                assert response.status == 200
+            async with browser.get("/download/session") as response:
+                assert 'filename="DICOM_series.mrb"' in response.headers["Content-Disposition"]
+        assert app.server.state.volume_name == "DICOM series"
+
+    in_app(journey)

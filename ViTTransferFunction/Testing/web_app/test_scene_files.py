@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -118,6 +119,34 @@ def test_a_session_that_unpacks_to_more_than_fits_is_refused_before_anything_is_
     with pytest.raises(InputError, match="open its volume"):
         scene_files.unpacked_session(archive(tmp_path / "bomb.mrb", **{"scene.mrml": " " * 1001}), folder)
     assert not list(folder.iterdir())
+
+
+def damaged_within(path: Path) -> None:
+    """An archive whose list of files is as it should be, and the compressed content of one is not."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as written:
+        written.writestr("scene.mrml", "<MRML>" + "ab" * 1000 + "</MRML>")
+    content = bytearray(path.read_bytes())
+    start = 30 + len("scene.mrml")
+    content[start : start + 4] = b"\xff" * 4
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda path: None, "There is no file"),
+        (lambda path: path.mkdir(), "is a folder"),
+        (damaged_within, "damaged"),
+        (lambda path: archive(path, **{"scene.mrml": '<?xml version="1.0" encoding="shift-jis"?><MRML/>'}), "damaged"),
+        (lambda path: archive(path, **{"scene.mrml": '<?xml version="1.0" encoding="of-none"?><MRML/>'}), "damaged"),
+        (lambda path: archive(path, **{"x" * 300: "", "scene.mrml": "<MRML/>"}), "could not be unpacked to"),
+    ],
+)
+def test_whatever_is_wrong_with_a_session_is_said_in_a_sentence(make: Callable[[Path], Any], why: str, tmp_path: Path) -> None:
+    make(tmp_path / "session.mrb")
+    (tmp_path / "unpacked").mkdir()
+    with pytest.raises(InputError, match=why):
+        scene_files.unpacked_session(tmp_path / "session.mrb", tmp_path / "unpacked")
 
 
 def test_a_file_that_is_no_archive_is_refused(tmp_path: Path) -> None:

@@ -130,6 +130,12 @@ def test_slices_of_dicom_need_no_ending(send: Send, folder: Path) -> None:
     assert send(("IM0001", DICOM)) == [folder / "IM0001"]
 
 
+def test_what_lies_beside_slices_of_dicom_is_passed_over(send: Send, folder: Path) -> None:
+    sent = [(".DS_Store", b"\0\0\0\1Bud1"), ("IM1", DICOM), ("viewer.exe", b"MZ"), ("readme.txt", b"a note"), ("IM2", DICOM)]
+    assert send(*sent) == [folder / "IM1", folder / "IM2"]
+    assert sorted(path.name for path in folder.iterdir()) == ["IM1", "IM2"]
+
+
 def test_files_that_are_too_large_are_refused_before_they_are_read(
     send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

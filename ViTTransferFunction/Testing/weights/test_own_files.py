@@ -12,7 +12,7 @@ import pytest
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
-from ViTTransferFunction.Logic.weights.sources import fetch_weights, find_weights, identify_model
+from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights, identify_model
 from ViTTransferFunction.Logic.weights.store import weights_folder
 
 WEIGHTS = b"weights"
@@ -107,6 +107,16 @@ def test_the_variables_folder_without_the_model_leaves_it_to_the_cache(
     monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path))
 
     assert find_weights(NAME).path == cached
+
+
+def test_a_folder_that_has_another_model_is_said_to(own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(own, tmp_path / "dinov2_vits14_focus.pt")
+    there = f"those of 'dinov2_vits14_focus' in {tmp_path}: to use them, choose that model"
+    with pytest.raises(InputError, match=there):
+        find_weights(NAME, tmp_path)
+    monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path))
+    with pytest.raises(WeightsUnavailable, match=there):
+        find_weights(NAME, allow_download=False)
 
 
 def test_filling_the_cache_does_not_ask_the_variable(own: Path, cached: Path, monkeypatch: pytest.MonkeyPatch) -> None:
