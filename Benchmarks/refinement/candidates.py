@@ -104,6 +104,7 @@ class Candidate:
         temper: β of the intensity likelihood; None: without.
         iso: threshold of the refined map.
         rounds: at which it is measured.
+        settles: whether the refined map's surface settles, as in the product.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Candidate:
     temper: float | None = intensity_likelihood.TEMPER
     iso: Iso = "refined"
     rounds: tuple[int, ...] = LATE_ROUNDS
+    settles: bool = True
 
     def refine(self, coarse: CoarseMap) -> np.ndarray:
         """S_H, (K, J, I) float32 in [0, 1]."""
@@ -229,18 +231,25 @@ def _varied(name: str, **change: float) -> Candidate:
     return Candidate(name, bilateral(replace(PRODUCT, **change)))  # type: ignore[arg-type]
 
 
+def _walker(beta: float, iso: Iso) -> Candidate:
+    name = f"random walker, β {beta}" + (", refined iso" if iso == "refined" else "")
+    return Candidate(name, random_walker(beta), temper=None, iso=iso, settles=False)
+
+
 DEFAULT = Candidate("bilateral (default)", bilateral(PRODUCT), rounds=ALL_ROUNDS)
 CANDIDATES: tuple[Candidate, ...] = (
     DEFAULT,
+    Candidate("bilateral, not settled", bilateral(PRODUCT), rounds=ALL_ROUNDS, settles=False),
     Candidate("bilateral, no likelihood", bilateral(PRODUCT), temper=None, rounds=ALL_ROUNDS),
-    Candidate("trilinear", None, iso="coarse", rounds=ALL_ROUNDS),
-    Candidate("trilinear, refined iso", None, rounds=ALL_ROUNDS),
+    Candidate("trilinear", None, iso="coarse", rounds=ALL_ROUNDS, settles=False),
+    Candidate("trilinear, refined iso", None, rounds=ALL_ROUNDS, settles=False),
     Candidate("likelihood alone", unchanged, rounds=ALL_ROUNDS),
     Candidate("guided", guided, rounds=ALL_ROUNDS),
     Candidate("guided, no likelihood", guided, temper=None, rounds=ALL_ROUNDS),
-    Candidate("bilateral as published", bilateral_as_published, temper=None, rounds=ALL_ROUNDS),
-    *(Candidate(f"random walker, β {beta}", random_walker(beta), None, WALKER_ISO) for beta in (130, 1000, 10000)),
-    *(Candidate(f"random walker, β {beta}, refined iso", random_walker(beta), None) for beta in (1000, 10000)),
+    Candidate("guided, not settled", guided, rounds=ALL_ROUNDS, settles=False),
+    Candidate("bilateral as published", bilateral_as_published, temper=None, rounds=ALL_ROUNDS, settles=False),
+    *(_walker(beta, WALKER_ISO) for beta in (130, 1000, 10000)),
+    *(_walker(beta, "refined") for beta in (1000, 10000)),
     *(_varied(f"λ {value}", smoothness=value) for value in (2, 8, 128, 512)),
     *(_varied(f"σ_luma {value} of 255", luma=value) for value in (5, 20, 40)),
     *(_varied(f"σ_spatial {value} cells", cells=value) for value in (0.3, 1.0, 1.5)),

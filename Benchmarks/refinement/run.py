@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,13 +40,14 @@ from Benchmarks.shared.sessions import labels_of, load_features
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
 from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, points_against
 from ViTTransferFunction.Logic.core.progress import Between, nothing_between
 from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
+from ViTTransferFunction.Logic.refinement.settling import settle
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -65,6 +67,7 @@ Seconds are those of refining one class, interpolation included, without the cho
 - *bilateral (default)*: intensity likelihood with β 0.5, then the bilateral solver with λ 32, σ_luma 10 of 255 and σ_spatial of
   0.6 feature cells, at least 2 voxels. Rows named by a parameter change that one alone. The solver rounds σ_spatial to whole
   voxels, so that several of its values may come to the same.
+  Its surface settles then, as that of all others that are not published ones, interpolation alone, or *not settled*.
 - *trilinear* keeps the iso value of the coarse map, as the session does for a class that is not refined; *refined iso* chooses
   it anew, as for all others. *Likelihood alone* interpolates and weighs by intensity, and smooths nothing.
 - *bilateral as published*: σ_spatial 7 voxels, σ_luma 5 of 255, λ 256, each voxel its cell's value, no likelihood; solved as in
@@ -121,13 +124,16 @@ class CandidateSession(SegmentationSession):
         at_positives = float(np.median(sample_at(low.array[..., None], self.features.geometry, positive)))
         coarse = CoarseMap(low.array, low.iso, at_positives, positive, self.volume, self.display_window)
         start = time.perf_counter()
-        voxels = VoxelMap.whole(self.candidate.refine(coarse))
+        voxels = replace(VoxelMap.whole(self.candidate.refine(coarse)), coarse=low.array)
         self.seconds.append(time.perf_counter() - start)
         iso: float | str = self.candidate.iso
         if iso == "coarse":
             iso = low.iso
         elif iso == "refined":
             iso = self.rule.refined_iso(voxels, low.array, requests, index).chosen
+        if self.candidate.settles:
+            against = points_against(requests, index)
+            voxels = settle(voxels, self.volume, self.display_window, positive, against, float(iso), between)
         return RefinedMap(voxels, float(iso))
 
 
