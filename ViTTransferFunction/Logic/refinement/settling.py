@@ -19,7 +19,7 @@ from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from .refinement import class_window
-from .threshold_dynamics import STEPS, Mark, settled
+from .threshold_dynamics import STEPS, WHOLE, Mark, settled
 
 SURROUNDINGS_CELLS = 2.0
 """What a structure's intensities are told apart from lies within so many feature cells of its box."""
@@ -62,10 +62,10 @@ def settle(
     inside = part >= threshold
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
     window = class_window(volume, display, positive_ras)
-    now, share = settled(inside, volume.array[box], window, marks, between)
+    now, sums = settled(inside, volume.array[box], window, marks, between)
     joined, left = now & ~inside, inside & ~now
     # From the threshold up to that of the smaller proposal, and down to that of the larger one.
-    surrounded, alone = np.maximum(2.0 * share[joined] - 1.0, 0.0), np.maximum(1.0 - 2.0 * share[left], 0.0)
+    surrounded, alone = np.maximum(2.0 * _share(sums[joined]) - 1.0, 0.0), np.maximum(1.0 - 2.0 * _share(sums[left]), 0.0)
     part[joined] = np.minimum(threshold * (1.0 + (SMALLER - 1.0) * surrounded), 1.0)
     part[left] = np.minimum(threshold * (1.0 - (1.0 - LARGER) * alone), np.nextafter(threshold, np.float32(0.0)))
     return replace(voxels, refined=common_box([voxels.box if voxels.refined is None else voxels.refined, box]))
@@ -79,6 +79,12 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
         return None
     inside = bounding_box(voxels.held[within(searched, voxels.box)] >= threshold)
     return None if inside is None else grown(out_of(inside, searched), _margin(voxels), voxels.box)
+
+
+def _share(sums: np.ndarray) -> np.ndarray:
+    """How much of neighbourhoods is inside, in [0, 1], float32."""
+    share: np.ndarray = np.divide(sums, WHOLE, dtype=np.float32)
+    return share
 
 
 def _margin(voxels: VoxelMap) -> list[int]:

@@ -13,7 +13,7 @@ they are apart, as in the folds of a brain, each voxel does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -81,49 +81,58 @@ def settled(
         between: called between short steps; may raise `Cancelled`.
 
     Returns:
-        The mask, (K, J, I) bool, and how much of each voxel's neighbourhood it is, g, (K, J, I) float32.
+        The mask, (K, J, I) bool, and how much of each voxel's neighbourhood it is, g times `WHOLE`, (K, J, I) int16.
     """
     import torch
 
     from .workers import Workers
 
     with Workers(torch.device("cpu"), between) as workers:
+        now = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
+        sums = _sums(now, workers)
         bins = _bins(intensities, window, workers)
-        now = torch.from_numpy(np.ascontiguousarray(mask).view(np.uint8))
-        least = _least_sums(bins, mask, _level(now, workers))[bins]
+        least = np.take(_least_sums(bins, mask, _level(sums, int(np.count_nonzero(mask)))), bins)
         _set_marks(least, marks)
-        sums_wanted = torch.from_numpy(least)
         for _ in range(STEPS):
-            before, now = now, _step(now, sums_wanted, workers)
+            before, now = now, torch.ge(sums, torch.from_numpy(least)).view(torch.uint8)
             if torch.equal(before, now):
                 break
-        share = np.empty(mask.shape, dtype=np.float32)
-        _in_layers(now, lambda layers, sums: np.divide(sums.numpy(), WHOLE, out=share[layers], dtype=np.float32), workers)
-    return now.numpy().view(bool), share
+            sums = _sums(now, workers)
+    return now.numpy().view(bool), sums.numpy()
 
 
 def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
     """The bin of each voxel's intensity, (K, J, I) uint8."""
     bins = np.empty(intensities.shape, dtype=np.uint8)
+    known = None
+    if intensities.dtype in (np.int16, np.uint16, np.int8, np.uint8):
+        # Looked up, several times as fast as computed; negative ones count from the table's end, as indices do.
+        values = np.arange(2 ** (8 * intensities.dtype.itemsize), dtype=np.int64).astype(intensities.dtype)
+        known = _bins_of(values, window)
 
     def look_up(slices: Sequence[int]) -> None:
         for k in slices:
             workers.between()
-            plane = intensities[k]
-            bins[k] = np.minimum(window.apply(plane) * _BINS, _BINS - 1)
-            bins[k][~np.isfinite(plane)] = _UNKNOWN
+            bins[k] = _bins_of(intensities[k], window) if known is None else known[intensities[k]]
 
     workers.share_out(range(len(bins)), look_up)
     return bins
 
 
-def _level(mask: Tensor, workers: Workers) -> float:
-    """ℓ of a mask (K, J, I) uint8, in (0, ½]."""
-    counts: list[np.ndarray] = []
-    _in_layers(mask, lambda _, sums: counts.append(np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)), workers)
-    reaching = np.sum(counts, axis=0)[::-1].cumsum()[::-1]
-    keeps_volume = (np.count_nonzero(reaching >= int(mask.sum())) - 1) / WHOLE
-    return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT, 0.5], [0.0, THIN, 0.5, 0.5]))
+def _bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
+    """The bins of some intensities, uint8 of their shape."""
+    bins: np.ndarray = np.minimum(window.apply(intensities) * _BINS, _BINS - 1).astype(np.uint8)
+    bins[~np.isfinite(intensities)] = _UNKNOWN
+    return bins
+
+
+def _level(sums: Tensor, voxels: int) -> float:
+    """ℓ of a mask of so many voxels from its G * m times `WHOLE`, in (0, ½]."""
+    if int((sums >= COMPACT * WHOLE).sum()) >= voxels:
+        return 0.5
+    reaching = np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)[::-1].cumsum()[::-1]
+    keeps_volume = (np.count_nonzero(reaching >= voxels) - 1) / WHOLE
+    return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
 
 
 def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
@@ -131,11 +140,12 @@ def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.
 
     It is where the odds are even: (G * m)(x) = 1 / (1 + (1 − ℓ) / ℓ · ratio^β).
     """
-    inside, everywhere = np.zeros(_BINS + 1), np.zeros(_BINS + 1)
+    # Both histograms by one count: bins of what is inside come after those of the rest.
+    counts = np.zeros(2 * (_BINS + 1))
     for plane, of_plane in zip(bins, learned_from, strict=True):
-        inside += np.bincount(plane[of_plane], minlength=_BINS + 1)
-        everywhere += np.bincount(plane.ravel(), minlength=_BINS + 1)
-    ratio = _density(inside[:_BINS]) / _density((everywhere - inside)[:_BINS])
+        counts += np.bincount((plane + of_plane.view(np.uint8) * np.uint8(_BINS + 1)).ravel(), minlength=len(counts))
+    outside, inside = counts.reshape(2, -1)
+    ratio = _density(inside[:_BINS]) / _density(outside[:_BINS])
     even = WHOLE / (1.0 + (1.0 - level) / level * np.append(ratio**TEMPER, 1.0))
     least: np.ndarray = np.clip(np.ceil(even), 1, WHOLE).astype(np.int16)
     return least
@@ -167,30 +177,25 @@ def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
             least[voxel] = 0 if mark.inside else WHOLE + 1
 
 
-def _step(mask: Tensor, least: Tensor, workers: Workers) -> Tensor:
-    """A mask after one step, (K, J, I) uint8."""
+def _sums(mask: Tensor, workers: Workers) -> Tensor:
+    """G * m of a mask (K, J, I) uint8, times `WHOLE`, int16; beyond its faces, m goes on as it is there."""
     import torch
 
-    stepped = torch.empty_like(mask)
-    _in_layers(mask, lambda layers, sums: torch.ge(sums, least[layers], out=stepped[layers].view(torch.bool)), workers)
-    return stepped
-
-
-def _in_layers(mask: Tensor, use: Callable[[slice, Tensor], object], workers: Workers) -> None:
-    """Find G * m of a mask, and give `use` some layers of it at a time."""
+    sums = torch.empty(mask.shape, dtype=torch.int16)
     count = max(_VOXELS_AT_ONCE // (mask.shape[1] * mask.shape[2]), 1)
 
     def find(starts: Sequence[int]) -> None:
         for start in starts:
             workers.between()
             layers = slice(start, min(start + count, len(mask)))
-            use(layers, _sums(mask, layers))
+            sums[layers] = _sums_of(mask, layers)
 
     workers.share_out(range(0, len(mask), count), find)
+    return sums
 
 
-def _sums(mask: Tensor, layers: slice) -> Tensor:
-    """G * m times `WHOLE`, of some layers, (layers, J, I) int16."""
+def _sums_of(mask: Tensor, layers: slice) -> Tensor:
+    """Those of some layers, (layers, J, I)."""
     import torch
 
     sums = mask[torch.arange(layers.start - REACH, layers.stop + REACH).clamp_(0, len(mask) - 1)]

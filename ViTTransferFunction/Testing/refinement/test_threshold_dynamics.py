@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
+from ViTTransferFunction.Logic.refinement.threshold_dynamics import WHOLE, Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
 
 WINDOW = IntensityWindow(0.0, 200.0)
@@ -106,9 +106,9 @@ def test_marks_where_there_is_nothing_and_marks_beyond_the_volume_do_no_harm() -
 
 def test_the_share_of_the_neighbourhood_is_that_of_a_gaussian_of_one_voxel() -> None:
     truth = ball(11.0)
-    mask, share = settled(truth, scan_of(truth, 20.0), WINDOW)
-    assert share.dtype == np.float32
-    np.testing.assert_allclose(share, ndimage.gaussian_filter(mask.astype(float), 1.0, mode="nearest"), atol=0.03)
+    mask, sums = settled(truth, scan_of(truth, 20.0), WINDOW)
+    assert sums.dtype == np.int16
+    np.testing.assert_allclose(sums / WHOLE, ndimage.gaussian_filter(mask.astype(float), 1.0, mode="nearest"), atol=0.03)
 
 
 def test_the_mask_is_left_as_it_was_however_it_is_stored(two_threads: None) -> None:
