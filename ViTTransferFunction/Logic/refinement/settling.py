@@ -62,12 +62,8 @@ def settle(
     inside = part >= threshold
     marks = [*_marks(negative_ras, False, box, volume, voxels), *_marks(positive_ras, True, box, volume, voxels)]
     window = class_window(volume, display, positive_ras)
-    now, sums = settled(inside, volume.array[box], window, marks, between)
-    joined, left = now & ~inside, inside & ~now
-    # From the threshold up to that of the smaller proposal, and down to that of the larger one.
-    surrounded, alone = np.maximum(2.0 * _share(sums[joined]) - 1.0, 0.0), np.maximum(1.0 - 2.0 * _share(sums[left]), 0.0)
-    part[joined] = np.minimum(threshold * (1.0 + (SMALLER - 1.0) * surrounded), 1.0)
-    part[left] = np.minimum(threshold * (1.0 - (1.0 - LARGER) * alone), np.nextafter(threshold, np.float32(0.0)))
+    for layers, now, sums in settled(inside, volume.array[box], window, marks, between):
+        _change_sides(part[layers], inside[layers], now, sums, threshold)
     return replace(voxels, refined=common_box([voxels.box if voxels.refined is None else voxels.refined, box]))
 
 
@@ -79,6 +75,15 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
         return None
     inside = bounding_box(voxels.held[within(searched, voxels.box)] >= threshold)
     return None if inside is None else grown(out_of(inside, searched), _margin(voxels), voxels.box)
+
+
+def _change_sides(part: np.ndarray, before: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
+    """Give voxels of a map (K, J, I) that have changed sides values on their new one; see `settled` for `now` and `sums`."""
+    joined, left = now & ~before, before & ~now
+    # From the threshold up to that of the smaller proposal, and down to that of the larger one.
+    surrounded, alone = np.maximum(2.0 * _share(sums[joined]) - 1.0, 0.0), np.maximum(1.0 - 2.0 * _share(sums[left]), 0.0)
+    part[joined] = np.minimum(threshold * (1.0 + (SMALLER - 1.0) * surrounded), 1.0)
+    part[left] = np.minimum(threshold * (1.0 - (1.0 - LARGER) * alone), np.nextafter(threshold, np.float32(0.0)))
 
 
 def _share(sums: np.ndarray) -> np.ndarray:

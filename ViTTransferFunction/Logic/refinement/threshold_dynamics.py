@@ -13,8 +13,8 @@ they are apart, as in the folds of a brain, each voxel does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +46,8 @@ _UNKNOWN = _BINS
 """Bin of voxels that are not finite: of those, the neighbourhood alone decides."""
 _VOXELS_AT_ONCE = 2**17
 """So many stay near the processor."""
+_VOXELS_HELD = 2**23
+"""Steps are made in so many at once, for which ten bytes each are held."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,11 @@ class Mark:
     radii: tuple[float, float, float]
     inside: bool
 
+    def in_layers(self, layers: slice) -> Mark:
+        """The same in a part of the volume, some layers along K."""
+        k, j, i = self.centre
+        return replace(self, centre=(k - layers.start, j, i))
+
 
 def settled(
     mask: np.ndarray,
@@ -69,36 +76,61 @@ def settled(
     window: IntensityWindow,
     marks: Sequence[Mark] = (),
     between: Between = nothing_between,
-) -> tuple[np.ndarray, np.ndarray]:
-    """A mask after `STEPS` steps.
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """A mask after `STEPS` steps, some layers after the other, so that little but the mask is held at once.
 
     Args:
         mask: (K, J, I) bool, with a margin where there is one; beyond its faces it goes on as it is there. The densities inside
-            are those of its voxels, outside those of the others.
+            are those of its voxels, outside those of the others. It must stay as it is meanwhile.
         intensities: (K, J, I), any real dtype; a voxel that is not finite goes by its neighbourhood.
         window: in which the structure's edges show.
         marks: places of which it is known whether they are inside.
         between: called between short steps; may raise `Cancelled`.
 
-    Returns:
-        The mask, (K, J, I) bool, and how much of each voxel's neighbourhood it is, g times `WHOLE`, (K, J, I) int16.
+    Yields:
+        Layers along K; the mask there, (layers, J, I) bool; and how much of each voxel's neighbourhood it is, g times `WHOLE`,
+        int16 of the same shape.
     """
     import torch
 
     from .workers import Workers
 
+    before = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
     with Workers(torch.device("cpu"), between) as workers:
-        now = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
-        sums = _sums(now, workers)
         bins = _bins(intensities, window, workers)
-        least = np.take(_least_sums(bins, mask, _level(sums, int(np.count_nonzero(mask)))), bins)
-        _set_marks(least, marks)
-        for _ in range(STEPS):
-            before, now = now, torch.ge(sums, torch.from_numpy(least)).view(torch.uint8)
-            if torch.equal(before, now):
-                break
-            sums = _sums(now, workers)
-    return now.numpy().view(bool), sums.numpy()
+        least_of_bin = _least_sums(bins, mask, _level(before, workers))
+        for layers in _layers(mask.shape, _VOXELS_HELD):
+            # A step reaches so far, and so does the sum after the last one: within the layers, nothing is cut off.
+            around = _wider(layers, (STEPS + 1) * REACH, len(mask))
+            least = np.take(least_of_bin, bins[around])
+            _set_marks(least, [mark.in_layers(around) for mark in marks])
+            now, sums = _after_steps(before[around], torch.from_numpy(least), workers)
+            here = slice(layers.start - around.start, layers.stop - around.start)
+            yield layers, now[here].numpy().view(bool), sums[here].numpy()
+
+
+def _after_steps(now: Tensor, least: Tensor, workers: Workers) -> tuple[Tensor, Tensor]:
+    """A mask (K, J, I) uint8 after all steps, and its G * m times `WHOLE`."""
+    import torch
+
+    sums = _sums(now, workers)
+    for _ in range(STEPS):
+        before, now = now, torch.ge(sums, least).view(torch.uint8)
+        if torch.equal(before, now):
+            break
+        sums = _sums(now, workers)
+    return now, sums
+
+
+def _layers(shape: tuple[int, ...], voxels: int) -> list[slice]:
+    """All layers along K, about so many voxels at a time, and one layer at least."""
+    count = max(voxels // (shape[1] * shape[2]), 1)
+    return [slice(start, min(start + count, shape[0])) for start in range(0, shape[0], count)]
+
+
+def _wider(layers: slice, reach: int, count: int) -> slice:
+    """Layers, and as many more on either side as there are, `reach` at most, of `count`."""
+    return slice(max(layers.start - reach, 0), min(layers.stop + reach, count))
 
 
 def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
@@ -126,13 +158,24 @@ def _bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
     return bins
 
 
-def _level(sums: Tensor, voxels: int) -> float:
-    """ℓ of a mask of so many voxels from its G * m times `WHOLE`, in (0, ½]."""
-    if int((sums >= COMPACT * WHOLE).sum()) >= voxels:
+def _level(mask: Tensor, workers: Workers) -> float:
+    """ℓ of a mask (K, J, I) uint8, in (0, ½]."""
+    voxels, compact, counts = int(mask.sum()), 0, np.zeros(WHOLE + 1, dtype=np.int64)
+    for sums in _sums_in_turn(mask, workers):
+        compact += int((sums >= COMPACT * WHOLE).sum())
+    if compact >= voxels:
         return 0.5
-    reaching = np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)[::-1].cumsum()[::-1]
-    keeps_volume = (np.count_nonzero(reaching >= voxels) - 1) / WHOLE
+    for sums in _sums_in_turn(mask, workers):
+        counts += np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)
+    keeps_volume = (np.count_nonzero(counts[::-1].cumsum()[::-1] >= voxels) - 1) / WHOLE
     return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
+
+
+def _sums_in_turn(mask: Tensor, workers: Workers) -> Iterator[Tensor]:
+    """G * m of a mask (K, J, I) uint8, times `WHOLE`, of some layers after the other."""
+    for layers in _layers(mask.shape, _VOXELS_HELD):
+        around = _wider(layers, REACH, len(mask))
+        yield _sums(mask[around], workers)[layers.start - around.start : layers.stop - around.start]
 
 
 def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
@@ -182,15 +225,13 @@ def _sums(mask: Tensor, workers: Workers) -> Tensor:
     import torch
 
     sums = torch.empty(mask.shape, dtype=torch.int16)
-    count = max(_VOXELS_AT_ONCE // (mask.shape[1] * mask.shape[2]), 1)
 
-    def find(starts: Sequence[int]) -> None:
-        for start in starts:
+    def find(shares: Sequence[slice]) -> None:
+        for layers in shares:
             workers.between()
-            layers = slice(start, min(start + count, len(mask)))
             sums[layers] = _sums_of(mask, layers)
 
-    workers.share_out(range(0, len(mask), count), find)
+    workers.share_out(_layers(mask.shape, _VOXELS_AT_ONCE), find)
     return sums
 
 

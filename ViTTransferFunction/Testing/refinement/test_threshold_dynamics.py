@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.refinement import threshold_dynamics
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import WHOLE, Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
 
@@ -30,7 +31,14 @@ def scan_of(inside: np.ndarray, noise: float) -> np.ndarray:
 
 
 def after(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> np.ndarray:
-    return settled(mask, scan, WINDOW, marks)[0]
+    return together(mask, scan, *marks)[0]
+
+
+def together(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> tuple[np.ndarray, np.ndarray]:
+    """The settled mask and its sums, of all layers."""
+    layers, masks, sums = zip(*settled(mask, scan, WINDOW, marks), strict=True)
+    assert [n for some in layers for n in range(some.start, some.stop)] == list(range(len(mask)))
+    return np.concatenate(masks), np.concatenate(sums)
 
 
 @pytest.fixture
@@ -106,7 +114,7 @@ def test_marks_where_there_is_nothing_and_marks_beyond_the_volume_do_no_harm() -
 
 def test_the_share_of_the_neighbourhood_is_that_of_a_gaussian_of_one_voxel() -> None:
     truth = ball(11.0)
-    mask, sums = settled(truth, scan_of(truth, 20.0), WINDOW)
+    mask, sums = together(truth, scan_of(truth, 20.0))
     assert sums.dtype == np.int16
     np.testing.assert_allclose(sums / WHOLE, ndimage.gaussian_filter(mask.astype(float), 1.0, mode="nearest"), atol=0.03)
 
@@ -131,4 +139,18 @@ def test_it_can_be_cancelled_in_the_middle() -> None:
             raise Cancelled
 
     with pytest.raises(Cancelled):
-        settled(ball(9.0), scan_of(ball(11.0), 20.0), WINDOW, between=between)
+        list(settled(ball(9.0), scan_of(ball(11.0), 20.0), WINDOW, between=between))
+
+
+@pytest.mark.parametrize("voxels", [1, 5 * EDGE**2, 13 * EDGE**2])
+@pytest.mark.parametrize("noise", [20.0, 60.0])
+def test_in_how_many_parts_it_is_done_makes_no_difference(monkeypatch: pytest.MonkeyPatch, voxels: int, noise: float) -> None:
+    sheet = box_mask((EDGE,) * 3, slice(3, 33), slice(17, 19), slice(6, 30))
+    marks = [Mark((17.0, 4.6, 17.0), (3.0, 3.0, 3.0), True), Mark((20.2, 18.0, 12.0), (2.2, 2.2, 2.2), False)]
+    for mask in (ball(9.0), sheet):
+        monkeypatch.undo()
+        expected = together(mask, scan_of(ball(11.0) | sheet, noise), *marks)
+        monkeypatch.setattr(threshold_dynamics, "_VOXELS_HELD", voxels)
+        found = together(mask, scan_of(ball(11.0) | sheet, noise), *marks)
+        np.testing.assert_array_equal(found[0], expected[0])
+        np.testing.assert_array_equal(found[1], expected[1])
