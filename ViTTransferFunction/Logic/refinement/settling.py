@@ -78,7 +78,7 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
 
 
 def _change_sides(part: np.ndarray, before: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
-    """Give voxels of a map (K, J, I) that have changed sides values on their new one; see `settled` for `now` and `sums`."""
+    """Give voxels of a map (K, J, I) that changed sides values on their new one; see `settled` for `now` and `sums`."""
     joined, left = now & ~before, before & ~now
     # From the threshold up to that of the smaller proposal, and down to that of the larger one.
     surrounded, alone = np.maximum(2.0 * _share(sums[joined]) - 1.0, 0.0), np.maximum(1.0 - 2.0 * _share(sums[left]), 0.0)
