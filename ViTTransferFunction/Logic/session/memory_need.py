@@ -9,7 +9,7 @@ from ..core.available_memory import require_memory
 from ..core.volume import Volume
 
 BYTES_PER_REFINED_VOXEL = 6
-"""Of the box that a class is refined in: four for its map; the solver's cells then, or a mask and intensities while it settles."""
+"""Of the box that a class is refined in: four for its map; the solver's cells, or a mask and intensities while it settles."""
 ADVICE = "Close other programs, or crop the volume to the region of interest, or resample it to larger voxels."
 
 
