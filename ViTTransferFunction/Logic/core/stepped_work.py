@@ -7,6 +7,7 @@ from collections.abc import Generator, Iterator
 from typing import Generic, TypeVar
 
 from .geometry import Box
+from .progress import Between, nothing_between
 
 Result = TypeVar("Result")
 
@@ -51,11 +52,11 @@ class SteppedWork(Generic[Result]):
                 return False
 
 
-def finished(steps: Steps[Result]) -> Result:
-    """Take all steps at once, where no event loop waits."""
+def finished(steps: Steps[Result], between: Between = nothing_between) -> Result:
+    """Take all steps at once, where no event loop waits; `between` is called after each, and may raise `Cancelled`."""
     work = SteppedWork(steps)
-    while not work.advance(float("inf")):
-        pass
+    while not work.advance(0.0):
+        between()
     return work.result  # type: ignore[return-value]
 
 

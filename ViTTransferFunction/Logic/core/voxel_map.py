@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -53,6 +53,14 @@ class VoxelMap:
         rows = partial(_no_rows, columns=shape[2])
         return VoxelMap(shape, nothing, rows, box, self.array)
 
+    def changed_in(self, box: Box) -> VoxelMap:
+        """The same map, in whose `held` values of a box, all of which is held, have been changed."""
+        return replace(self, refined=common_box([self._refined_box, box]))
+
+    @property
+    def _refined_box(self) -> Box:
+        return self.box if self.refined is None else self.refined
+
     @property
     def array(self) -> np.ndarray:
         """The map as one array, (K, J, I) float32: for maps of small volumes, and where it cannot be helped."""
@@ -73,7 +81,7 @@ class VoxelMap:
 
     def box_above(self, similarity: float) -> Box | None:
         """A box that holds all voxels of at least `similarity`, and maybe others; None where there are none."""
-        refined = self.box if self.refined is None else self.refined
+        refined = self._refined_box
         boxes = [refined] if all(extent.start < extent.stop for extent in refined) else []
         if refined != whole_box(self.shape):
             # One cell more on every side: voxels lie between the centres of cells.

@@ -12,17 +12,18 @@ independent witnesses:
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
 
 from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
+from .intensity_histograms import BINS, bins_of, density
 
 TEMPER = 0.5
 """β."""
 LARGEST_LOG_RATIO = 1.5
 """Bounds the ratio from either side: with β, a voxel's map changes by a factor of 2.1 at most."""
-_BINS = 64
+_BINS_SIGMA = 1.0
+"""Standard deviation by which histograms are smoothed, in bins."""
 _SMALLEST_SHARE = 0.08
 """Share of voxels spread over all bins, so that intensities hardly seen do not decide."""
 
@@ -56,7 +57,7 @@ def weigh_by_intensity(
     between: Between = nothing_between,
 ) -> None:
     """As `with_intensity_likelihood`, in place; `between` is called for each slice, and may raise `Cancelled`."""
-    inside, outside = np.zeros(_BINS), np.zeros(_BINS)
+    inside, outside = np.zeros(BINS), np.zeros(BINS)
     # What is learned does not depend on how far it is applied: a larger size must not alter the map of a smaller one.
     learned_from = NEAR_SHARE_OF_ISO * iso
     applied_to = learned_from if near is None else near
@@ -65,8 +66,8 @@ def weigh_by_intensity(
         between()
         voxels, bins = _near_voxels(similarities, plane, window, learned_from)
         probability = similarities[voxels] ** 2 / (similarities[voxels] ** 2 + np.float32(iso) ** 2)
-        inside += np.bincount(bins, probability, _BINS)
-        outside += np.bincount(bins, 1.0 - probability, _BINS)
+        inside += np.bincount(bins, probability, BINS)
+        outside += np.bincount(bins, 1.0 - probability, BINS)
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
     for similarities, plane in zip(similarity, intensities, strict=True):
         between()
@@ -79,17 +80,11 @@ def _near_voxels(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which voxels of a slice are near the structure, and the bins of their intensities, (near voxels,)."""
     near = (similarities > threshold) & np.isfinite(plane)
-    return near, np.minimum((window.apply(plane[near]) * _BINS).astype(np.int64), _BINS - 1)
+    return near, bins_of(plane[near], window)
 
 
 def _log_ratio(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
     """The logarithm log p(bin | inside) − log p(bin | outside), bounded, (bins,), from the histograms."""
-    ratio = np.log(_density(inside)) - np.log(_density(outside))
+    ratio = np.log(density(inside, _BINS_SIGMA, _SMALLEST_SHARE)) - np.log(density(outside, _BINS_SIGMA, _SMALLEST_SHARE))
     bounded: np.ndarray = np.clip(ratio, -LARGEST_LOG_RATIO, LARGEST_LOG_RATIO)
     return bounded
-
-
-def _density(histogram: np.ndarray) -> np.ndarray:
-    smooth = ndimage.gaussian_filter1d(histogram, 1.0)
-    density: np.ndarray = (smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_SHARE / _BINS) / (1.0 + _SMALLEST_SHARE)
-    return density

@@ -7,11 +7,9 @@ wrong side. Threshold dynamics (`threshold_dynamics`) put all three right.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from ..core.bounding_box import bounding_box, common_box, common_part, grown, out_of, within
+from ..core.bounding_box import bounding_box, common_part, grown, out_of, within
 from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.iso_proposals import LARGER, SMALLER
@@ -64,7 +62,7 @@ def settle(
     window = class_window(volume, display, positive_ras)
     for layers, now, sums in settled(inside, volume.array[box], window, marks, between):
         _change_sides(part[layers], inside[layers], now, sums, threshold)
-    return replace(voxels, refined=common_box([voxels.box if voxels.refined is None else voxels.refined, box]))
+    return voxels.changed_in(box)
 
 
 def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:

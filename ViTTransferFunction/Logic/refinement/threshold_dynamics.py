@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
+from .intensity_histograms import BINS, bins_of, density
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -37,12 +37,11 @@ REACH = 2
 """Voxels to either side that G reaches: 1 4 6 4 1 along each axis."""
 WHOLE = 16**3
 """The sum of G's weights, which are whole numbers."""
-_BINS = 64
 _BINS_SIGMA = 3.0
 """Standard deviation by which histograms are smoothed, in bins."""
-_SMALLEST_DENSITY = 1e-3
-"""Added to each bin's, so that intensities hardly seen do not decide."""
-_UNKNOWN = _BINS
+_SMALLEST_SHARE = 0.064
+"""Of voxels, spread over all bins."""
+_UNKNOWN = BINS
 """Bin of voxels that are not finite: of those, the neighbourhood alone decides."""
 _VOXELS_AT_ONCE = 2**17
 """So many stay near the processor."""
@@ -140,20 +139,20 @@ def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) ->
     if intensities.dtype in (np.int16, np.uint16, np.int8, np.uint8):
         # Looked up, several times as fast as computed; negative ones count from the table's end, as indices do.
         values = np.arange(2 ** (8 * intensities.dtype.itemsize), dtype=np.int64).astype(intensities.dtype)
-        known = _bins_of(values, window)
+        known = _known_bins_of(values, window)
 
     def look_up(slices: Sequence[int]) -> None:
         for k in slices:
             workers.between()
-            bins[k] = _bins_of(intensities[k], window) if known is None else known[intensities[k]]
+            bins[k] = _known_bins_of(intensities[k], window) if known is None else known[intensities[k]]
 
     workers.share_out(range(len(bins)), look_up)
     return bins
 
 
-def _bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
+def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
     """The bins of some intensities, uint8 of their shape."""
-    bins: np.ndarray = np.minimum(window.apply(intensities) * _BINS, _BINS - 1).astype(np.uint8)
+    bins = bins_of(intensities, window)
     bins[~np.isfinite(intensities)] = _UNKNOWN
     return bins
 
@@ -184,20 +183,15 @@ def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.
     It is where the odds are even: (G * m)(x) = 1 / (1 + (1 − ℓ) / ℓ · ratio^β).
     """
     # Both histograms by one count: bins of what is inside come after those of the rest.
-    counts = np.zeros(2 * (_BINS + 1))
+    counts = np.zeros(2 * (BINS + 1))
     for plane, of_plane in zip(bins, learned_from, strict=True):
-        counts += np.bincount((plane + of_plane.view(np.uint8) * np.uint8(_BINS + 1)).ravel(), minlength=len(counts))
+        counts += np.bincount((plane + of_plane.view(np.uint8) * np.uint8(BINS + 1)).ravel(), minlength=len(counts))
     outside, inside = counts.reshape(2, -1)
-    ratio = _density(inside[:_BINS]) / _density(outside[:_BINS])
+    within, around = (density(of[:BINS], _BINS_SIGMA, _SMALLEST_SHARE) for of in (inside, outside))
+    ratio = within / around
     even = WHOLE / (1.0 + (1.0 - level) / level * np.append(ratio**TEMPER, 1.0))
     least: np.ndarray = np.clip(np.ceil(even), 1, WHOLE).astype(np.int16)
     return least
-
-
-def _density(histogram: np.ndarray) -> np.ndarray:
-    smooth = ndimage.gaussian_filter1d(histogram, _BINS_SIGMA)
-    density: np.ndarray = smooth / max(float(smooth.sum()), 1e-9) + _SMALLEST_DENSITY
-    return density
 
 
 def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:

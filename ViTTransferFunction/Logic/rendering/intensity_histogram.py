@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, grown, whole_box
 from ..core.geometry import Box
 from .composition import DEPTH, INTENSITY, NUMBER, SURFACE
 from .structure_volume import StructureVolume
@@ -81,10 +81,7 @@ def _level_counts(structures: StructureVolume, number: int) -> tuple[np.ndarray,
     if box is None:
         return np.zeros(256), np.zeros(256)
     reach = np.ceil(NEIGHBOURHOOD_MM / np.array(structures.geometry.spacing_mm)[::-1]).astype(int)
-    around = tuple(
-        slice(max(extent.start - more, 0), min(extent.stop + more, size))
-        for extent, more, size in zip(box, reach.tolist(), voxels.shape[:3], strict=True)
-    )
+    around = grown(box, reach.tolist(), whole_box(voxels.shape[:3]))
     step = _step(voxels[around])
     sample = voxels[around][::step, ::step, ::step]
     inside = _belongs(sample, number)

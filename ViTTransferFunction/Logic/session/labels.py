@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from ..core.bounding_box import common_part, whole_box, within
 from ..core.geometry import Box, Geometry
 from ..core.iso_proposals import SMALLEST_ISO
-from ..core.stepped_work import STEP_VOXELS, SteppedWork, slabs
+from ..core.progress import Between, nothing_between
+from ..core.stepped_work import STEP_VOXELS, finished, slabs
 from ..core.voxel_digest import label_boxes
 
 BLOCK_VOXELS = 64
@@ -112,7 +113,7 @@ def keep_annotated_components(
     labels: np.ndarray,
     geometry: Geometry,
     points_of_label: Mapping[int, np.ndarray],
-    between: Callable[[], None] = lambda: None,
+    between: Between = nothing_between,
 ) -> None:
     """Keep of some labels only the connected components (26-neighbourhood) that hold a point; in place.
 
@@ -124,10 +125,7 @@ def keep_annotated_components(
         points_of_label: the points of each label, (N, 3) RAS millimetres.
         between: called between short steps; may raise `Cancelled`, and the labels are of no use then.
     """
-    looking = SteppedWork(label_boxes(labels))
-    while not looking.advance(0.0):
-        between()
-    boxes = looking.result or {}
+    boxes = finished(label_boxes(labels), between)
     for label, points_ras in points_of_label.items():
         if label in boxes:
             between()

@@ -326,7 +326,7 @@ class SegmentationSession:
         geometry: Geometry,
         requests: Sequence[ClassRequest],
         wanted: bool,
-        between: Callable[[], None] = lambda: None,
+        between: Between = nothing_between,
     ) -> None:
         with self.watch.step("components"):
             if wanted:
