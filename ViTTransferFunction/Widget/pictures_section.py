@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.file_ending import with_ending
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
 from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
@@ -18,6 +21,9 @@ from ViTTransferFunction.Logic.scene.png_file import save_png
 from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
+
+_FORBIDDEN = re.compile(r'[\\/:*?"<>|\x00-\x1f]')
+"""In names of files, by some system; volumes from DICOM are called '2: CT Chest', say."""
 
 
 class PicturesSection(Section):
@@ -46,13 +52,13 @@ class PicturesSection(Section):
             button.enabled = self.session is not None and self._filming is None
 
     def _take_picture(self) -> None:
-        path = self._asked_for_path(_("Save picture"), ".png", _("Pictures") + " (*.png)")
+        path = self._asked_for_path(_("Save picture"), (".png",), _("Pictures") + " (*.png)")
         if path is not None:
             transparent = self.ui.pictureTransparentCheckBox.checked
             save_png(view_picture(view_window(), self._size(), transparent=transparent), path)
 
     def _start_film(self) -> None:
-        path = self._asked_for_path(_("Save film"), ".gif", _("Films") + " (*.gif *.mp4)")
+        path = self._asked_for_path(_("Save film"), (".gif", ".mp4"), _("Films") + " (*.gif *.mp4)")
         if path is None:
             return
         seconds = self.ui.filmSecondsSpinBox.value
@@ -85,7 +91,7 @@ class PicturesSection(Section):
 
     def _save_camera(self) -> None:
         middle = self._middle()
-        path = self._asked_for_path(_("Save camera"), ".json", _("Cameras") + " (*.json)")
+        path = self._asked_for_path(_("Save camera"), (".json",), _("Cameras") + " (*.json)")
         if path is not None:
             write_camera(camera_of(view_window(), self._size(), middle), path)
 
@@ -113,15 +119,12 @@ class PicturesSection(Section):
     def _size(self) -> Size:
         return self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value
 
-    def _asked_for_path(self, title: str, ending: str, kinds: str) -> Path | None:
-        """Where the user wants a file, which ends in `ending` unless they wrote another; None where they cancel."""
+    def _asked_for_path(self, title: str, endings: Sequence[str], kinds: str) -> Path | None:
+        """Where the user wants a file, with one of the `endings`; None where they cancel."""
         volume = self.session.parameters.volume if self.session else None
-        name = f"{volume.GetName() if volume else 'ViTTransferFunction'}{ending}".replace("/", "_")
+        name = _FORBIDDEN.sub("_", (volume.GetName() if volume else "") or "ViTTransferFunction") + endings[0]
         chosen = ask_path_to_write(title, name, kinds, self.ui.pictureButton)
-        if not chosen:
-            return None
-        path = Path(chosen)
-        return path if path.suffix else path.with_name(path.name + ending)
+        return with_ending(Path(chosen), endings) if chosen else None
 
 
 def view_window() -> Any:

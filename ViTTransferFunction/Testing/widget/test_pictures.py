@@ -80,10 +80,41 @@ def test_a_picture_is_of_the_size_that_was_chosen_with_or_without_background(
     assert picture.shape == (48, 64, 3)
     assert picture[0, 0].tolist() == [0, 0, 255]
     widget.ui.pictureTransparentCheckBox.click()
+    files["write"] = str(tmp_path / "view.png")
     widget.ui.pictureButton.click()
     picture = pixels(tmp_path / "view.png")
     assert picture.shape == (48, 64, 4)
     assert (picture[0, 0, 3], picture[24, 32, 3]) == (0, 255)
+
+
+def test_a_number_with_a_point_is_no_ending(
+    widget: Any, files: dict[str, str], tmp_path: Path, volume: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_3d(widget, monkeypatch, volume)
+    files["write"] = str(tmp_path / "liver 2.5")
+    for _ in range(2):
+        widget.ui.pictureButton.click()
+        widget.ui.saveCameraButton.click()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["liver 2.5.json", "liver 2.5.png"]
+    assert "is there already" in widget.ui.messageLabel.text()
+
+
+def test_a_name_is_offered_that_every_system_takes(
+    widget: Any, files: dict[str, str], volume: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ViTTransferFunction.Widget import pictures_section
+
+    offered: list[str] = []
+
+    def cancel(title: str, name: str, *_: Any) -> str:
+        offered.append(name)
+        return ""
+
+    monkeypatch.setattr(pictures_section, "ask_path_to_write", cancel)
+    volume.SetName("2: CT/Chest <5 mm>")
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.pictureButton.click()
+    assert offered == ["2_ CT_Chest _5 mm_.png"]
 
 
 def test_nothing_is_made_where_the_user_cancels(widget: Any, files: dict[str, str], tmp_path: Path) -> None:
@@ -125,7 +156,7 @@ def test_a_film_that_cannot_be_made_says_why(
 ) -> None:
     files["write"] = str(tmp_path / "turn.avi")
     widget.ui.filmButton.click()
-    assert "end in .mp4 or .gif" in widget.ui.messageLabel.text()
+    assert "end in .gif or .mp4" in widget.ui.messageLabel.text()
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     files["write"] = str(tmp_path / "turn.mp4")
     widget.ui.filmButton.click()

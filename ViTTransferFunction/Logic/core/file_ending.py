@@ -1,0 +1,34 @@
+"""Endings of names that users give to files which are to be written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from .errors import InputError
+from .regular_file import mode_of
+
+_LOOKS_LIKE_ENDING = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,3}")
+"""Of another kind of file, such as .jpg or .webm. What else follows a dot is part of the name, as in 'liver 2.5' or 'No. 3'."""
+
+
+def with_ending(path: Path, endings: Sequence[str]) -> Path:
+    """The path with an ending of the kind of file that is written, added where the name has none.
+
+    Args:
+        path: as the user chose it.
+        endings: of that kind, such as `(".mp4", ".gif")`, in lower case; the first one is added.
+
+    Raises:
+        InputError: the name ends as another kind of file does; or there is a file of the completed name, which the user did not
+            choose to replace.
+    """
+    if path.suffix.lower() in endings:
+        return path
+    if _LOOKS_LIKE_ENDING.fullmatch(path.suffix):
+        raise InputError(f"{path}: expected the name to end in {' or '.join(endings)}.")
+    completed = path.with_name(path.name + endings[0])
+    if mode_of(completed) is not None:
+        raise InputError(f"{completed} is there already. Choose it by its whole name to replace it, or choose another name.")
+    return completed
