@@ -86,11 +86,13 @@ def files_of(path: Path) -> list[Path]:
 
 
 def image_geometry(image: sitk.Image | sitk.ImageFileReader) -> Geometry:
-    """Geometry of a 3D SimpleITK image, or of the one whose header was read."""
+    """Geometry of a 3D SimpleITK image, or of the one whose header was read; further axes are passed over."""
+    axes = image.GetDimension()
+    directions = np.array(image.GetDirection()).reshape(axes, axes)[:3, :3]
     ijk_to_lps = np.eye(4)
-    ijk_to_lps[:3, :3] = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    ijk_to_lps[:3, 3] = image.GetOrigin()
-    return Geometry(image.GetSize()[::-1], LPS_TO_RAS @ ijk_to_lps)
+    ijk_to_lps[:3, :3] = directions * np.array(image.GetSpacing()[:3])
+    ijk_to_lps[:3, 3] = image.GetOrigin()[:3]
+    return Geometry(image.GetSize()[2::-1], LPS_TO_RAS @ ijk_to_lps)
 
 
 def _geometry(image: sitk.Image | sitk.ImageFileReader, path: Path) -> Geometry:
@@ -119,7 +121,7 @@ def _check_millimetres(geometry: Geometry, path: Path) -> None:
 
 def _voxels(image: sitk.Image) -> np.ndarray:
     """The voxels (K, J, I) of an image that nobody else has: its own memory, of which a copy would take as much again."""
-    return np.asarray(_Memory(image))
+    return np.asarray(_Memory(image)).reshape(image.GetSize()[2::-1])
 
 
 class _Memory:
@@ -221,13 +223,15 @@ def _entries(folder: Path) -> list[Path]:
 
 
 def _check_header(size: Sequence[int], components: int, path: Path) -> None:
-    if len(size) != 3 or components != 1:
+    """Raise InputError unless it is of a scalar 3D volume; one that has further axes is, if it has one frame along these."""
+    if len(size) < 3 or math.prod(size[3:]) != 1 or components != 1:
         kind = f"{len(size)}D image of size {'×'.join(map(str, size))}" + (
             f" with {components} components" if components > 1 else ""
         )
-        raise InputError(
-            f"{path} is a {kind}; expected a scalar 3D volume. Choose one channel or time point and save it alone."
+        advice = (
+            "Choose one channel or time point and save it alone." if len(size) > 2 else "Name the stack that it is a slice of."
         )
+        raise InputError(f"{path} is a {kind}; expected a scalar 3D volume. {advice}")
 
 
 def _warn_of_unread_files(folder: Path, files: tuple[str, ...], on_warning: Callable[[str], None]) -> None:

@@ -56,6 +56,21 @@ def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending:
     assert volume.name == "scan"
 
 
+@pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
+def test_of_one_time_point_alone_is_the_volume_that_it_is(tmp_path: Path, ending: str) -> None:
+    frame = image(ramp((4, 5, 6)))
+    frame.SetSpacing([2.0, 1.5, 5.0])
+    frame.SetOrigin([30.0, -20.0, 7.0])
+    frame.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
+    sitk.WriteImage(frame, str(tmp_path / f"frame{ending}"))
+    sitk.WriteImage(sitk.JoinSeries([frame], 0.0, 2.5), str(tmp_path / f"sequence{ending}"))
+
+    expected, volume = read_volume(tmp_path / f"frame{ending}"), read_volume(tmp_path / f"sequence{ending}")
+
+    np.testing.assert_array_equal(volume.array, ramp((4, 5, 6)))
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras, expected.geometry.ijk_to_ras, atol=1e-6)
+
+
 def test_a_volume_is_never_held_twice_while_it_is_read(tmp_path: Path) -> None:
     sitk.WriteImage(image(ramp((128, 160, 160))), str(tmp_path / "scan.nrrd"))
     # What numpy allocates, that is; the reader needs the volume once.
@@ -109,8 +124,8 @@ def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (image(ramp((5, 6))), "is a 2D image"),
-        (sitk.JoinSeries([image(ramp((4, 5, 6)))] * 2), "is a 4D image"),
+        (image(ramp((5, 6))), "is a 2D image.* Name the stack"),
+        (sitk.JoinSeries([image(ramp((4, 5, 6)))] * 2), "is a 4D image.* time point"),
         (image(np.zeros((4, 5, 6, 3), np.uint8), isVector=True), "3 components"),
         (image(ramp((1, 5, 6))), "at least 2 along every axis"),
         (image(np.full((4, 5, 6), np.nan, np.float32)), "no finite voxel"),
