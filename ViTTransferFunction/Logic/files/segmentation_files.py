@@ -15,7 +15,8 @@ from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
 from .image_headers import locate_voxels
-from .volume_files import last_line, read_geometry, read_image
+from .itk_errors import last_line
+from .volume_files import read_geometry, read_image
 
 LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 

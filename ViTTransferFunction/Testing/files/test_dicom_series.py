@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -80,3 +83,26 @@ def test_distances_are_those_along_the_stack_whatever_order_the_files_have(tmp_p
     (tmp_path / "2.dcm").unlink()
     (warning,) = warnings_of(tmp_path)
     assert "vary from 3.00 to 6.00 mm" in warning
+
+
+def test_a_series_with_a_missing_slice_is_read_with_a_warning(
+    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    for index, file in enumerate(sorted(real_volume("torso_dicom").iterdir())):
+        if index != 7:
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    with caplog.at_level(logging.WARNING):
+        read_volume(tmp_path)
+    assert "slices may be missing" in caplog.text
+
+
+def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
+    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    files = [Path(name) for name in sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(real_volume("torso_dicom")))]
+    for file in files:
+        content = file.read_bytes()
+        (tmp_path / file.name).write_bytes(content if file != files[-1] else content[:3000])
+    with caplog.at_level(logging.WARNING):
+        assert read_volume(tmp_path).shape[0] == len(files) - 1
+    assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -96,29 +95,6 @@ def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, real_
 
     np.testing.assert_array_equal(dicom.array, nifti.array)
     np.testing.assert_allclose(dicom.geometry.ijk_to_ras, nifti.geometry.ijk_to_ras, atol=1e-3)
-
-
-def test_a_series_with_a_missing_slice_is_read_with_a_warning(
-    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
-) -> None:
-    for index, file in enumerate(sorted(real_volume("torso_dicom").iterdir())):
-        if index != 7:
-            (tmp_path / file.name).write_bytes(file.read_bytes())
-    with caplog.at_level(logging.WARNING):
-        read_volume(tmp_path)
-    assert "slices may be missing" in caplog.text
-
-
-def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
-    tmp_path: Path, real_volume: Callable[[str], Path], caplog: pytest.LogCaptureFixture
-) -> None:
-    files = [Path(name) for name in sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(real_volume("torso_dicom")))]
-    for file in files:
-        content = file.read_bytes()
-        (tmp_path / file.name).write_bytes(content if file != files[-1] else content[:3000])
-    with caplog.at_level(logging.WARNING):
-        assert read_volume(tmp_path).shape[0] == len(files) - 1
-    assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text
 
 
 @pytest.mark.parametrize(

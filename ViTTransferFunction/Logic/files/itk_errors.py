@@ -1,0 +1,12 @@
+"""What ITK complains of, in words for users."""
+
+from __future__ import annotations
+
+import re
+
+
+def last_line(error: Exception) -> str:
+    """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
+    lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
+    # ITK names the object that complains, and where that is in memory.
+    return re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)
