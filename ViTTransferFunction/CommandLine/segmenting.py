@@ -12,15 +12,18 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import ClassResult, Segmentation, SegmentationSession
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +48,7 @@ def segment_classes(
         progress: called with what is done of each step.
         on_features: is called when the features are there.
         on_map: is shown each class's full-resolution map.
-        on_warning: is told what was done otherwise than asked for.
+        on_warning: is told what was done otherwise than asked for, and which classes have no voxel.
 
     Raises:
         InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
@@ -57,7 +60,29 @@ def segment_classes(
     on_features(session)
     requests = requests_with_close_ups(session, classes, on_warning)
     session.look_closer(requests, progress)
-    return session.segment(requests, method, only_annotated_components, progress, on_map)
+    segmentation = session.segment(requests, method, only_annotated_components, progress, on_map)
+    for request, result in zip(requests, segmentation.classes, strict=True):
+        if not result.voxels:
+            on_warning(_why_empty(request, result, session.volume.geometry, segmentation))
+    return segmentation
+
+
+def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, segmentation: Segmentation) -> str:
+    """What to tell the user of a class without a voxel."""
+    if not result.reaches_iso:
+        advice = "Give it a larger 'size'" if request.iso is None else "Lower its 'iso'"
+        return (
+            f"Class '{request.name}' has no voxel: nothing is as similar to its points as its threshold, iso {result.iso:.2f}, "
+            f"asks for. {advice}, or place more points on it."
+        )
+    nearest = np.rint(geometry.ras_to_ijk(request.positive)[:, ::-1]).astype(int)
+    k, j, i = np.clip(nearest, 0, np.array(geometry.shape) - 1).T
+    there = [segmentation.classes[label - 1].name for label in np.unique(segmentation.labels[k, j, i]) if label]
+    where = f"; its points lie in {' and '.join(repr(name) for name in there)}" if there else ""
+    return (
+        f"Class '{request.name}' has no voxel: all that are similar to its points are more similar to other classes{where}. "
+        "Check that each point is on its own structure, and place more points on this one."
+    )
 
 
 def write_classes(

@@ -47,12 +47,14 @@ class ClassResult:
         iso: the threshold that was used on the full-resolution map.
         voxels: how many voxels the segment has.
         millilitres: their volume.
+        reaches_iso: whether its map reaches that threshold anywhere; if it does, a segment without voxels lost them to others.
     """
 
     name: str
     iso: float
     voxels: int
     millilitres: float
+    reaches_iso: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +278,7 @@ class SegmentationSession:
         """
         check_requests(requests, self.volume.geometry)
         progress(0, len(requests), SEGMENTING)
-        isos = []
+        thresholds = []
         telling = thinned(requests, self.volume.geometry)
         low_maps = self.low_resolution_maps(telling, partial(progress, 0, len(requests), SEGMENTING))
         dtype = np.uint8 if len(requests) < 256 else np.uint16
@@ -291,13 +293,13 @@ class SegmentationSession:
                 on_map(request, full)
             box = full.voxels.box_above(full.iso)
             competition.enter(full.voxels.part(box) if box else None, full.iso, box)
-            isos.append(full.iso)
+            thresholds.append((full.iso, box is not None))
             # Before the next one is made.
             del full
             progress(index + 1, len(requests), SEGMENTING)
         between = partial(progress, len(requests), len(requests), SEGMENTING)
         self._drop_parts_without_points(competition.labels, self.volume.geometry, requests, only_annotated_components, between)
-        return Segmentation(competition.labels, tuple(self._results(requests, isos, competition.labels)))
+        return Segmentation(competition.labels, tuple(self._results(requests, thresholds, competition.labels)))
 
     def low_resolution_volumes_ml(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
@@ -339,10 +341,14 @@ class SegmentationSession:
             raise RuntimeError("this session has no source of features; give it some by use_features")
         return self._source
 
-    def _results(self, requests: Sequence[ClassRequest], isos: list[float], labels: np.ndarray) -> Iterator[ClassResult]:
+    def _results(
+        self, requests: Sequence[ClassRequest], thresholds: Sequence[tuple[float, bool]], labels: np.ndarray
+    ) -> Iterator[ClassResult]:
+        """The results by the classes' iso values, and whether their maps reach these."""
         voxel_ml = _voxel_ml(self.volume.geometry)
-        for request, iso, count in zip(requests, isos, count_labels(labels, len(requests)), strict=True):
-            yield ClassResult(request.name, iso, count, count * voxel_ml)
+        counts = count_labels(labels, len(requests))
+        for request, (iso, reaches), count in zip(requests, thresholds, counts, strict=True):
+            yield ClassResult(request.name, iso, count, count * voxel_ml, reaches)
 
 
 class _Loaded:

@@ -24,7 +24,7 @@ from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.session.opening import open_session
-from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation_session import ClassResult, Segmentation, SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
@@ -52,9 +52,11 @@ class Listener:
         segment_classes(self.session, classes, "none", True, on_warning=self.warnings.append)
         return [request.close_up for request in self.requests]
 
-    def _segment(self, requests: Sequence[ClassRequest], *_: Any) -> None:
+    def _segment(self, requests: Sequence[ClassRequest], *_: Any) -> Segmentation:
         assert self.looked_at == requests, "segmented without its close-ups"
         self.requests.extend(requests)
+        results = tuple(ClassResult(request.name, 0.5, 1, 0.1, True) for request in requests)
+        return Segmentation(np.ones((1, 1, 1), np.uint8), results)
 
 
 @pytest.fixture

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import csv
+import json
 import random
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 import torch
 
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
@@ -71,6 +74,27 @@ def test_a_series_with_a_slice_missing_is_segmented_and_its_line_in_the_table_sa
     outcome = segment_case(CaseJob(Case("scan", tmp_path / "scan", points), cohort, tmp_path))
     assert outcome.status == "done"
     assert "slices may be missing" in outcome.message
+
+
+def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
+    voxels = np.random.default_rng(0).integers(0, 100, (6, 7, 8)).astype(np.int16)
+    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(tmp_path / "scan.nrrd"))
+    points = tmp_path / "scan.annotations.json"
+    classes = [{"name": name, "positive": [[4, 3, 3]]} for name in ("liver", "spleen")]
+    points.write_text(json.dumps({"coordinate_system": "IJK", "classes": classes}))
+    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
+    job = CaseJob(
+        Case("scan", tmp_path / "scan.nrrd", points), CohortSettings(settings, sha256_of(tmp_path / "tiny.pth")), tmp_path
+    )
+    outcome, again = segment_case(job), job.finished()
+    assert outcome.status == "done"
+    assert outcome.message.startswith("Class 'spleen' has no voxel")
+    assert again is not None
+    assert again.message == outcome.message
 
 
 @pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])
