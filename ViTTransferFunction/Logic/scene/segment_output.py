@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import slicer
@@ -18,6 +18,7 @@ from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments
 from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
+from .wording import empty_text, taken_text
 
 WRITING = "Writing segments"
 """What `progress` is about, once labels are there."""
@@ -49,6 +50,7 @@ class SegmentOutput:
         self._work: _Work | None = None
         self._then: Callable[[], None] = lambda: None
         self._corrected: tuple[str, ...] = ()
+        self._notices: tuple[str, ...] = ()
 
     @property
     def busy(self) -> bool:
@@ -74,6 +76,11 @@ class SegmentOutput:
         """Names of the corrected segments that were found since the last call."""
         names, self._corrected = self._corrected, ()
         return names
+
+    def take_notices(self) -> tuple[str, ...]:
+        """What the user should know of the segments that were written since the last call: which of them are empty, and why."""
+        notices, self._notices = self._notices, ()
+        return notices
 
     def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections) -> None:
         """Begin to turn labels into segments of the classes that are still there; a new segmentation is made if none is chosen.
@@ -105,7 +112,8 @@ class SegmentOutput:
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys():
-                writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
+                empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
+                self._notices = tuple(_about_empty(empty, wanted, looks))
             else:  # A class was removed meanwhile.
                 self.write(labels, class_ids, corrections)
 
@@ -134,7 +142,7 @@ class SegmentOutput:
 
     def cancel(self) -> None:
         """Stop; nothing has changed."""
-        self._work, self._corrected = None, ()
+        self._work, self._corrected, self._notices = None, (), ()
 
     def _on_searched(self, search: _CorrectionSearch, if_none: Callable[[], None]) -> None:
         self._corrected = search.names
@@ -145,6 +153,17 @@ class SegmentOutput:
         node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", f"{volume.GetName()} segmentation")
         self._parameters.set_reference("segmentation", node)
         return node
+
+
+def _about_empty(class_ids: Sequence[str], labels: ClassLabels, looks: Mapping[str, ClassLook]) -> Iterator[str]:
+    """What to tell the user of classes whose segments have no voxel."""
+    lost = {id_: bool((labels.array == labels.label_of_class[id_]).any()) for id_ in class_ids}
+    for names, text in (
+        ([looks[id_].name for id_ in class_ids if not lost[id_]], empty_text),
+        ([looks[id_].name for id_ in class_ids if lost[id_]], taken_text),
+    ):
+        if names:
+            yield text(names)
 
 
 class _Work(Protocol):
@@ -211,11 +230,12 @@ class _SegmentWriting:
             return False
         return True
 
-    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes) -> None:
-        """Write what is ready, at once, into a new segmentation where none was given."""
+    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes) -> list[str]:
+        """Write what is ready, at once, into a new segmentation where none was given; returns whose segments have no voxel."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
         write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes)
+        return prepared.empty
 
     @property
     def progress(self) -> WorkProgress:

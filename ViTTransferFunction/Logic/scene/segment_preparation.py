@@ -69,6 +69,11 @@ class PreparedSegments:
     kept: dict[str, str]
     freed: dict[str, Any]
 
+    @property
+    def empty(self) -> list[str]:
+        """Ids of the classes that have no voxel."""
+        return [class_id for class_id, label in self.labels.items() if not any(self.digests[label].shape)]
+
 
 def prepare_segments(
     segmentation_node: Any | None,

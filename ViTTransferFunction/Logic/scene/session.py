@@ -469,6 +469,8 @@ class SceneSession:
                 self._output.write(labels, ids, self._corrections)
             else:
                 self._output.advance()
+            if notices := self._output.take_notices():
+                self._report(" ".join(notices))
         except InputError as error:
             self._report(str(error))
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ..core.progress import WorkProgress
 from ..rendering.appearance import STYLES
 from .classes import ClassState, EdgesMm
 from .context import OFF
 from .translation import tr as _
+
+_MOST_NAMES = 5
+"""In one message."""
 
 
 def duration(seconds: float) -> str:
@@ -65,6 +70,28 @@ def volume_text(volume_ml: float | None) -> str:
     if volume_ml is None:
         return "–"
     return f"{volume_ml:.1f}" if volume_ml < 99.95 else f"{volume_ml:.0f}"
+
+
+def empty_text(names: Sequence[str]) -> str:
+    """Of structures that have no voxel anywhere."""
+    return _(
+        "The segment of {names} is empty: nothing is similar enough to its points, or all that is similar belongs to another "
+        "structure. Make it larger, or check its points and place more of them."
+    ).format(names=_listing(names))
+
+
+def taken_text(names: Sequence[str]) -> str:
+    """Of structures whose voxels other segments have, all of them."""
+    return _(
+        "The segment of {names} is empty: all its voxels belong to other segments. To have it overlap them, switch "
+        '"Do not overlap other segments" off and create the segments again.'
+    ).format(names=_listing(names))
+
+
+def _listing(names: Sequence[str]) -> str:
+    """Names in quotes, as many as one reads."""
+    quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
+    return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")
 
 
 def choice_words() -> dict[str, str]:

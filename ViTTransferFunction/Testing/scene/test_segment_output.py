@@ -204,3 +204,34 @@ def test_a_segment_that_is_deleted_while_corrections_are_looked_for_ends_it_quie
         segmentation.RemoveSegment(segmentation.GetSegmentIDs()[-1])
         desk.finish()
         assert desk.output.take_corrected() == ()
+
+
+def test_of_segments_with_voxels_there_is_nothing_to_say(desk: Desk) -> None:
+    desk.begin()
+    desk.finish()
+    assert desk.output.take_notices() == ()
+
+
+def test_which_segments_are_empty_is_said_once(desk: Desk) -> None:
+    desk.classes = (*CLASSES, ClassState("other", "vessel", Appearance((0.0, 0.0, 1.0))))
+    desk.output.write(Labels(LABELS, (0, 0, 0)), ["b", "a", "other"], "keep")
+    desk.finish()
+    assert desk.voxels()["vessel"] == 0
+    (notice,) = desk.output.take_notices()
+    assert notice.startswith("The segment of 'vessel' is empty: nothing is similar enough")
+    assert desk.output.take_notices() == ()
+
+
+def test_a_segment_is_empty_as_well_where_no_class_has_a_voxel(desk: Desk) -> None:
+    desk.output.write(Labels(np.zeros((0, 0, 0), np.uint8), (0, 0, 0)), ["a", "b"], "keep")
+    desk.finish()
+    (notice,) = desk.output.take_notices()
+    assert notice.startswith("The segment of 'liver', 'spleen' is empty: nothing")
+
+
+def test_a_segment_whose_voxels_others_have_is_said_to_be_empty_for_that(desk: Desk) -> None:
+    add_segment(desk.segmentation, "body", LABELS > 0, OBLIQUE)
+    desk.begin()
+    desk.finish()
+    (notice,) = desk.output.take_notices()
+    assert notice.startswith("The segment of 'liver', 'spleen' is empty: all its voxels belong to other segments")

@@ -84,6 +84,21 @@ def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
     assert session.volume_ml(ids[0]) is None
 
 
+def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    copy = session.annotations.add_class("copy")
+    session.annotations.add_points(copy.id, centre_ras(spheres, 2), positive=True)
+    session.wait()
+    session.write_segments()
+    session.wait()
+    assert "The segment of 'copy' is empty" in (session.take_error() or "")
+    assert len(session.errors) == 1
+    session.annotations.remove_class(copy.id)
+    assert session.errors == ()
+
+
 @pytest.mark.slow
 def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
