@@ -351,6 +351,8 @@ class WebApp:
         volume = self.session.parameters.volume
         if volume is not None and volume.GetImageData() is None:
             volume = None  # Its file was not in the session, which the user is told.
+        if volume is not None:
+            volume.CreateDefaultDisplayNodes()  # A session that was not written by Slicer may lack them.
         self.views.show(volume)
         self._offer_windows(volume)
         self._on_changed()

@@ -22,11 +22,13 @@ from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
-from .derived_nodes import nodes_of_class
 from .folder import put_into_folder
+from .nodes import node_of_class, nodes_of_class
 
 CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
+LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
+"""Of lists of points."""
 _PREFIX = "ViTTransferFunction."
 
 Point = tuple[float, float, float]
@@ -98,15 +100,25 @@ def changed(state: ClassState, **changes: Any) -> ClassState:
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
-    """The lists of positive points of all classes, in order."""
+    """The lists of positive points of all classes, in order; of several of one class the first."""
     count = parameter_node.GetNumberOfNodeReferences(CLASS_ROLE)
-    nodes = (parameter_node.GetNthNodeReference(CLASS_ROLE, n) for n in range(count))
-    return [node for node in nodes if node is not None]
+    nodes = (_point_list(parameter_node.GetNthNodeReference(CLASS_ROLE, n), "positive") for n in range(count))
+    by_id: dict[str, slicer.vtkMRMLMarkupsFiducialNode] = {}
+    for node in nodes:
+        if node is not None and class_id(node):
+            by_id.setdefault(class_id(node), node)
+    return list(by_id.values())
 
 
 def negative_node(positive: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsFiducialNode | None:
     """A class's list of negative points; None where the user deleted it."""
-    return positive.GetNodeReference(NEGATIVE_ROLE)
+    return _point_list(positive.GetNodeReference(NEGATIVE_ROLE), "negative")
+
+
+def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode | None:
+    """A node that is a class's list of points of this polarity; None in place of any other."""
+    points = node_of_class(node, LIST_CLASS)
+    return points if points is not None and points.GetAttribute(f"{_PREFIX}polarity") == polarity else None
 
 
 def class_id(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
@@ -121,11 +133,12 @@ def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
 
 def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
-    negative = negative_node(positive)
+    negative, display = negative_node(positive), positive.GetDisplayNode()
+    color = tuple(display.GetSelectedColor()) if display else default_color(0)
     return ClassState(
         class_id(positive),
         positive.GetName() or "",
-        Appearance(tuple(positive.GetDisplayNode().GetSelectedColor()), **_read_attributes(positive, Appearance, LOOK)),
+        Appearance(color, **_read_attributes(positive, Appearance, LOOK)),
         **_read_attributes(positive, ClassState, SETTINGS),
         positive=defined_points(positive),
         negative=defined_points(negative) if negative else (),
@@ -138,9 +151,8 @@ def create_class(
     scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, state: ClassState
 ) -> slicer.vtkMRMLMarkupsFiducialNode:
     """Add a class to the scene, after the others; returns its list of positive points."""
-    positive = _create_list(scene, slicer.vtkMRMLMarkupsDisplayNode.Sphere3D)
+    positive = _create_list(scene, "positive")
     positive.SetAttribute(f"{_PREFIX}class", state.id)
-    positive.SetAttribute(f"{_PREFIX}polarity", "positive")
     _create_negative(scene, positive)
     write_class(scene, positive, state)
     parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
@@ -176,7 +188,7 @@ def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFidu
 
 def remove_widowed_lists(scene: slicer.vtkMRMLScene) -> None:
     """Take negative points out of the scene whose class is gone: whoever deletes a list in Slicer deletes the positive one."""
-    lists = nodes_of_class(scene, "vtkMRMLMarkupsFiducialNode")
+    lists = nodes_of_class(scene, LIST_CLASS)
     wanted = {node.GetNodeReferenceID(NEGATIVE_ROLE) for node in lists}
     negative = [node for node in lists if node.GetAttribute(f"{_PREFIX}polarity") == "negative"]
     _remove_lists(scene, [node for node in negative if node.GetID() not in wanted])
@@ -226,24 +238,35 @@ def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def _create_list(scene: slicer.vtkMRMLScene, glyph: int) -> slicer.vtkMRMLMarkupsFiducialNode:
-    node = scene.AddNewNodeByClass("vtkMRMLMarkupsFiducialNode")
-    node.CreateDefaultDisplayNodes()
+def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:
+    node = scene.AddNewNodeByClass(LIST_CLASS)
+    node.SetAttribute(f"{_PREFIX}polarity", polarity)
+    _create_display(node)
     put_into_folder(scene, node)
+    return node
+
+
+def _display_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsDisplayNode:
+    """What displays a list of points, made where it is missing."""
+    return node.GetDisplayNode() or _create_display(node)
+
+
+def _create_display(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsDisplayNode:
+    node.CreateDefaultDisplayNodes()
     display = node.GetDisplayNode()
     # Told apart without colour: what belongs to the structure is a dot, what does not is a cross.
-    display.SetGlyphType(glyph)
+    negative = node.GetAttribute(f"{_PREFIX}polarity") == "negative"
+    display.SetGlyphType(display.ThickCross2D if negative else display.Sphere3D)
     display.SetGlyphScale(2.0)
     display.SetPointLabelsVisibility(False)
     display.SetPropertiesLabelVisibility(False)
-    return node
+    return display
 
 
 def _create_negative(
     scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode
 ) -> slicer.vtkMRMLMarkupsFiducialNode:
-    negative = _create_list(scene, slicer.vtkMRMLMarkupsDisplayNode.ThickCross2D)
-    negative.SetAttribute(f"{_PREFIX}polarity", "negative")
+    negative = _create_list(scene, "negative")
     positive.SetNodeReferenceID(NEGATIVE_ROLE, negative.GetID())
     return negative
 
@@ -292,15 +315,16 @@ def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:
 
 
 def _set_color(node: slicer.vtkMRMLMarkupsFiducialNode, color: Color) -> None:
-    display = node.GetDisplayNode()
+    display = _display_of(node)
     if display.GetSelectedColor() != color:
         display.SetSelectedColor(*color)
         display.SetColor(*color)
 
 
 def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None:
-    if bool(node.GetDisplayNode().GetVisibility()) != visible:
-        node.GetDisplayNode().SetVisibility(visible)
+    display = _display_of(node)
+    if bool(display.GetVisibility()) != visible:
+        display.SetVisibility(visible)
 
 
 def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:

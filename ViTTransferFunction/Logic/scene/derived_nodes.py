@@ -61,8 +61,3 @@ class DerivedNodes:
             if node is not None and self._scene.IsNodePresent(node):
                 self._scene.RemoveNode(node)
         self._nodes.clear()
-
-
-def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
-    """All nodes of a class and its subclasses, in the order of the scene."""
-    return [scene.GetNthNodeByClass(index, class_name) for index in range(scene.GetNumberOfNodesByClass(class_name))]

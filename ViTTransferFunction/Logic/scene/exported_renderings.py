@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .derived_nodes import nodes_of_class
+from .nodes import nodes_of_class
 from .rendering import DISPLAY_CLASS
 
 

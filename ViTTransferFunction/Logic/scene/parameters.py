@@ -15,9 +15,17 @@ from ..core.intensity_window import IntensityWindow
 from ..refinement.refinement import REFINEMENT_METHODS
 from ..session.presets import DEFAULT_PRESET, PRESETS
 from ..session.settings import SessionSettings
+from .nodes import node_of_class
 
 RENDERINGS: tuple[str, ...] = ("off", *get_args(RenderingMode))
 CUTS = ("off", "box", "plane")
+REFERENCES = {
+    "volume": "vtkMRMLScalarVolumeNode",
+    "segmentation": "vtkMRMLSegmentationNode",
+    "renderingBox": "vtkMRMLMarkupsROINode",
+    "renderingPlane": "vtkMRMLMarkupsPlaneNode",
+}
+"""Of which class the nodes are that the parameter node refers to, by role."""
 
 
 class SceneParameters:
@@ -116,25 +124,29 @@ class SceneParameters:
     @property
     def volume(self) -> Any:
         """The volume to segment, a vtkMRMLScalarVolumeNode; None where none is chosen."""
-        return self.node.GetNodeReference("volume")
+        return self._reference("volume")
 
     @property
     def segmentation(self) -> Any:
         """The vtkMRMLSegmentationNode that gets the segments; None where none is chosen."""
-        return self.node.GetNodeReference("segmentation")
+        return self._reference("segmentation")
 
     @property
     def rendering_box(self) -> Any:
         """The vtkMRMLMarkupsROINode that 3D views are cut to; None where there is none yet."""
-        return self.node.GetNodeReference("renderingBox")
+        return self._reference("renderingBox")
 
     @property
     def rendering_plane(self) -> Any:
         """The vtkMRMLMarkupsPlaneNode that 3D views are cut by; None where there is none yet."""
-        return self.node.GetNodeReference("renderingPlane")
+        return self._reference("renderingPlane")
+
+    def _reference(self, name: str) -> Any:
+        """The node that is referred to; None where it is gone, or of another class."""
+        return node_of_class(self.node.GetNodeReference(name), REFERENCES[name])
 
     def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
-        """Refer to a node as "volume", "segmentation", "renderingBox" or "renderingPlane"."""
+        """Refer to a node as one of `REFERENCES`."""
         self.node.SetNodeReferenceID(name, node.GetID() if node else None)
 
     def session_settings(self) -> SessionSettings:

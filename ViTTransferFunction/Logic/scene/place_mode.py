@@ -8,9 +8,7 @@ from typing import Any
 
 import slicer
 
-from .classes import is_list_of_a_class
-
-LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
+from .classes import LIST_CLASS, is_list_of_a_class
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from ..core.errors import InputError
 from ..core.region_points import points_within_box, points_within_outline
 from .annotations import SceneAnnotations
-from .derived_nodes import nodes_of_class
+from .nodes import nodes_of_class
 from .volume import numpy_matrix
 
 _MARKUPS = ("vtkMRMLMarkupsClosedCurveNode", "vtkMRMLMarkupsROINode")

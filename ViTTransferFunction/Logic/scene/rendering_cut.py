@@ -25,9 +25,15 @@ def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: s
         nodes["plane"] = _added_plane(scene, volume)
         parameters.set_reference("renderingPlane", nodes["plane"])
     for name, node in nodes.items():
-        if node is not None and bool(node.GetDisplayNode().GetVisibility()) != (name == cut):
-            node.GetDisplayNode().SetVisibility(name == cut)
+        if node is not None:
+            _show(node, name == cut)
     return nodes.get(cut)
+
+
+def _show(node: slicer.vtkMRMLMarkupsNode, visible: bool) -> None:
+    node.CreateDefaultDisplayNodes()
+    if bool(node.GetDisplayNode().GetVisibility()) != visible:
+        node.GetDisplayNode().SetVisibility(visible)
 
 
 def _added_box(scene: slicer.vtkMRMLScene, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLMarkupsROINode:

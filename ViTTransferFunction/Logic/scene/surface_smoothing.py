@@ -10,7 +10,7 @@ from typing import Any
 import slicer
 import vtk
 
-from .derived_nodes import nodes_of_class
+from .nodes import nodes_of_class
 from .observers import SceneObservers
 
 VIEW_CLASS = "vtkMRMLViewNode"

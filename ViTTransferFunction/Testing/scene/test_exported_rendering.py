@@ -17,8 +17,8 @@ from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
-from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.exported_renderings import exported_renderings, remove_exported
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels

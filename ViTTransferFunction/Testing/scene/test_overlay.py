@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.scene.contours import PART_VOXELS, Contours, Surface, iso_surface
-from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
 from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.scenes import put_under

@@ -24,7 +24,7 @@ from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene import rendering as rendering_module
-from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres

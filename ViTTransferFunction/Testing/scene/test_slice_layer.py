@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import slicer
 
-from ViTTransferFunction.Logic.scene.derived_nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS, SliceLayer
 from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.views import BACKGROUND_GRAY, Views, pixels, slice_pixel

@@ -1,0 +1,21 @@
+"""Nodes of the scene by their class."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import slicer
+
+
+def node_of_class(node: Any, class_name: str) -> Any:
+    """A node that is of a class or a subclass of it; None in place of any other.
+
+    What a scene refers to may be anything: it may have been written by hand, or merged with another one.
+    """
+    return node if node is not None and node.IsA(class_name) else None
+
+
+def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
+    """All nodes of a class and its subclasses, in the order of the scene."""
+    return [scene.GetNthNodeByClass(index, class_name) for index in range(scene.GetNumberOfNodesByClass(class_name))]
