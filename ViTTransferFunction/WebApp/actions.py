@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ..Logic.core.errors import InputError
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.cache_contents import CacheContents
-from ..Logic.scene.choices import choices, is_possible
+from ..Logic.scene.choices import check_possible, choices
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.wording import style_words
@@ -197,12 +197,12 @@ class Actions:
             session.select_class(session.annotations.duplicate_class(selected.id).id)
 
     def _set_parameter(self, name: str, value: Any) -> None:
-        """Set one of the session's settings; what it cannot be is ignored."""
+        """Set one of the session's settings. Raises InputError where it cannot be that."""
         if name in PARAMETERS and value is not None:
             parameters = self._app.session.parameters
             value = type(parameters.DEFAULTS[name])(value)
-            if is_possible(name, value, self._offered):
-                parameters.set(name, value)
+            check_possible(name, value, self._offered)
+            parameters.set(name, value)
 
     def _set_style(self, style: str) -> None:
         """Choose how the selected class looks in 3D; another style brings its own of all that it is made of."""

@@ -81,6 +81,7 @@ class WebApp:
         self.scene = self._slicer.scene
         self._settings = dict(settings or {})
         self._messages = Messages()
+        self._replaced: list[str] = []
         self._news = asyncio.Event()
         self._stale = False
         self._tasks: set[asyncio.Task[None]] = set()
@@ -264,7 +265,7 @@ class WebApp:
             parameter_node(self.scene),
             windows_3d=lambda: [self.views.view_3d.render_window()],
         )
-        make_possible(session.parameters, choices())
+        self._replaced = make_possible(session.parameters, choices())
         for name, value in self._settings.items():
             if not saved or name in OF_THIS_COMPUTER:
                 session.parameters.set(name, value)
@@ -355,6 +356,8 @@ class WebApp:
             volume.CreateDefaultDisplayNodes()  # A session that was not written by Slicer may lack them.
         self.views.show(volume)
         self._offer_windows(volume)
+        for message in self._replaced:
+            self.report(message)
         self._on_changed()
 
     def _offer_windows(self, volume: Any) -> list[IntensityWindow]:

@@ -122,6 +122,8 @@ class Panel:
         """Keep widgets and parameter node equal, and end what the scene was saved in the midst of."""
         if self.session is not None and self._bound is None:
             self._bound = BoundParameters(self.session.parameters, self._ui)
+            for message in self._bound.replaced:
+                self._messages.show(message, partial(self._is_over, self.session))
             self.tools.end_unfinished()
 
     def release_parameters(self) -> None:
@@ -141,7 +143,10 @@ class Panel:
         self._set_pace()
 
     def _is_solved(self, session: SceneSession, error: str) -> bool:
-        return self.session is not session or error not in session.errors
+        return self._is_over(session) or error not in session.errors
+
+    def _is_over(self, session: SceneSession) -> bool:
+        return self.session is not session
 
     def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
         """Show why something that the user asked for was not done; by default until the structures are changed next."""

@@ -43,10 +43,13 @@ class BoundParameters:
     Args:
         parameters: of the node; what has no place in the widgets is replaced by its default.
         ui: the widgets of the panel, by name.
+
+    Attributes:
+        replaced: what the user should know of that.
     """
 
     def __init__(self, parameters: SceneParameters, ui: Any) -> None:
-        make_possible(parameters, _CHOICES)
+        self.replaced = make_possible(parameters, _CHOICES)
         # The decorator replaces the constructor and adds methods, which type checkers do not see.
         wrap: Any = PanelParameters
         self._parameters = wrap(parameters.node)

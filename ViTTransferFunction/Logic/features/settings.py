@@ -55,8 +55,7 @@ class FeatureSettings:
     precision: Precision | Literal["device"] = "device"
 
     def __post_init__(self) -> None:
-        if not SMALLEST_GRID <= self.grid <= LARGEST_GRID:
-            raise InputError(f"The grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {self.grid}.")
+        check_grid(self.grid)
         if self.most_patches is not None and self.most_patches < 1:
             raise InputError(f"The network must see 1 patch or more; got {self.most_patches}.")
         if self.layer_step < 1 or (self.every_slice and self.layer_step > 1):
@@ -80,6 +79,12 @@ class FeatureSettings:
 
         dtype: torch.dtype = getattr(torch, self.on(device).precision)
         return dtype
+
+
+def check_grid(grid: int) -> None:
+    """Raise InputError unless a grid may have so many cells along the volume's longest edge."""
+    if not SMALLEST_GRID <= grid <= LARGEST_GRID:
+        raise InputError(f"The grid must have {SMALLEST_GRID} to {LARGEST_GRID} cells; got {grid}.")
 
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:

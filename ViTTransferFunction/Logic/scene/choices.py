@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..core.errors import InputError, shown
 from ..features.device import DEVICE_NAMES
-from ..features.settings import LARGEST_GRID
+from ..features.settings import LARGEST_GRID, check_grid
 from ..refinement.refinement import REFINEMENT_METHODS
 from ..session.presets import PRESETS
 from ..weights.models import PRETRAINED_MODELS
@@ -37,16 +38,45 @@ def choices() -> dict[str, dict[str, str]]:
     return {name: {value: words.get(value, value) for value in of_one} for name, of_one in values.items()}
 
 
-def is_possible(name: str, value: Any, offered: dict[str, dict[str, str]]) -> bool:
-    """Whether a parameter may have a value; `offered`: what `choices` has. One without choices or range may have any."""
+def check_possible(name: str, value: Any, offered: dict[str, dict[str, str]]) -> None:
+    """Check that a parameter may have a value; one without choices or range may have any.
+
+    Args:
+        name: of the parameter.
+        value: of its default's type.
+        offered: what `choices` has.
+
+    Raises:
+        InputError: it may not.
+    """
     if name in offered:
-        return value in offered[name]
-    low, high = RANGES.get(name, (value, value))
-    return bool(low <= value <= high)
+        if value not in offered[name]:
+            known = ", ".join(word for word in offered[name] if word)
+            text = _("'{name}' cannot be {value}; expected {known}.")
+            raise InputError(text.format(name=name, value=shown(value), known=known))
+    elif name == "grid":
+        if value:  # 0 is the preset's.
+            check_grid(value)
+    elif name in RANGES:
+        low, high = RANGES[name]
+        if not low <= value <= high:
+            text = _("'{name}' cannot be {value}; expected {low} to {high}.")
+            raise InputError(text.format(name=name, value=shown(value), low=f"{low:g}", high=f"{high:g}"))
 
 
-def make_possible(parameters: SceneParameters, offered: dict[str, dict[str, str]]) -> None:
-    """Replace what is not offered by its default: a scene may come from another version, or have been edited by hand."""
+def make_possible(parameters: SceneParameters, offered: dict[str, dict[str, str]]) -> list[str]:
+    """Replace what is not offered by its default: a scene may come from another version, or have been edited by hand.
+
+    Returns:
+        What the user should know of that.
+    """
+    replaced = []
     for name in (*offered, *RANGES):
         value = parameters.get(name)
-        parameters.set(name, value if is_possible(name, value, offered) else parameters.DEFAULTS[name])
+        try:
+            check_possible(name, value, offered)
+        except InputError as error:
+            replaced.append(_("{reason} The saved setting was replaced by the default.").format(reason=error))
+            value = parameters.DEFAULTS[name]
+        parameters.set(name, value)
+    return replaced

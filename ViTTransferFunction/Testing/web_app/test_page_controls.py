@@ -33,7 +33,18 @@ def test_the_panels_settings_reach_the_session_and_come_back(opened: Callable[[J
     opened(journey)
 
 
-def test_what_a_setting_cannot_be_is_ignored(opened: Callable[[Journey], None]) -> None:
+@pytest.mark.parametrize("grid", [3, 129, -1])
+def test_a_grid_out_of_range_is_refused_with_the_range(opened: Callable[[Journey], None], grid: int) -> None:
+    async def journey(app: WebApp) -> None:
+        before = app.session.parameters.get("grid")
+        app.actions("parameter", "grid", grid)
+        assert app.session.parameters.get("grid") == before
+        assert f"The grid must have 4 to 128 cells; got {grid}." in app.server.state.message
+
+    opened(journey)
+
+
+def test_what_a_setting_cannot_be_leaves_it_as_it_is(opened: Callable[[Journey], None]) -> None:
     hostile = {
         "preset": "none such", "model": "", "grid": 129, "device": "tpu", "refinement": None, "overlayOpacity": 1.5,
         "selectedClass": "x", "windowLow": 3.0, "no such setting": 1,
@@ -131,14 +142,22 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
     opened(journey)
 
 
-def test_a_setting_of_another_version_becomes_its_default(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "value", "why"),
+    [("model", "of tomorrow", "'model' cannot be 'of tomorrow'; expected"), ("grid", 500, "must have 4 to 128 cells; got 500")],
+)
+def test_a_setting_of_another_version_becomes_its_default_and_the_page_says_so(
+    opened: Callable[[Journey], None], tmp_path: Path, name: str, value: Any, why: str
+) -> None:
     async def journey(app: WebApp) -> None:
-        app.session.parameters.set("model", "of tomorrow")
+        default = app.session.parameters.get(name)
+        app.session.parameters.set(name, value)
         path = tmp_path / "session.mrb"
         assert app.scene.WriteToMRB(path.as_posix())
-        app.session.parameters.set("model", "")
+        app.session.parameters.set(name, default)
         await app.open_files([path])
-        assert app.server.state.message == ""
-        assert app.session.parameters.get("model") == ""
+        assert why in app.server.state.message
+        assert "The saved setting was replaced by the default." in app.server.state.message
+        assert app.session.parameters.get(name) == default
 
-    in_app(journey)
+    opened(journey)

@@ -65,6 +65,17 @@ def test_values_that_a_saved_scene_cannot_mean_become_defaults(host: Host) -> No
     assert [parameters.get(name) for name in ("model", "rendering", "grid", "overlayOpacity")] == ["", "similarity", 0, 0.5]
 
 
+def test_a_grid_that_a_saved_scene_has_out_of_range_is_told_with_the_range(host: Host) -> None:
+    node = slicer.vtkMRMLScriptedModuleNode()
+    node.SetSingletonTag("ViTTransferFunction")
+    node = slicer.mrmlScene.AddNode(node)
+    node.SetParameter("grid", "500")
+    widget = host.open_panel()
+    assert widget.panel.session.parameters.get("grid") == 0
+    assert "The grid must have 4 to 128 cells; got 500. The saved setting was replaced" in widget.ui.messageLabel.text()
+    assert widget.panel.session.take_error() is None
+
+
 def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -> None:
     ui, parameters = widget.ui, widget.panel.session.parameters
     display = volume.GetScalarVolumeDisplayNode()
