@@ -139,23 +139,36 @@ def draw_legend(canvas: Canvas, top: int, segments: Sequence[PictureSegment], te
     """Draw a colour swatch and the name of every segment in centred rows below `top`; say so where there is none."""
     y = top + 0.95 * text_size
     for row in _legend_rows(segments, canvas.pixels.shape[1], text_size):
-        x = (canvas.pixels.shape[1] - sum(width for _, width in row)) / 2
-        for segment, width in row:
-            canvas.bar(x + 0.5 * text_size, y, text_size, text_size, segment.color)
-            canvas.text(x + 1.5 * text_size, y, segment.name, text_size)
+        x = (canvas.pixels.shape[1] - sum(width for *_, width in row)) / 2
+        for name, color, width in row:
+            canvas.bar(x + 0.5 * text_size, y, text_size, text_size, color)
+            canvas.text(x + 1.5 * text_size, y, name, text_size)
             x += width
         y += 1.9 * text_size
 
 
-def _legend_rows(segments: Sequence[PictureSegment], width: int, text_size: int) -> list[list[tuple[PictureSegment, int]]]:
-    """The segments in rows that fit into `width`, each with the width that it takes."""
-    rows: list[list[tuple[PictureSegment, int]]] = [[]]
+def _legend_rows(segments: Sequence[PictureSegment], width: int, text_size: int) -> list[list[tuple[str, Color, int]]]:
+    """Names and colours of the segments in rows that fit into `width`, each with the width that it takes."""
+    rows: list[list[tuple[str, Color, int]]] = [[]]
+    room = width - 2 * text_size
     for segment in segments:
-        entry = segment, text_coverage(segment.name, text_size).shape[1] + 3 * text_size
-        if rows[-1] and sum(taken for _, taken in rows[-1]) + entry[1] > width - 2 * text_size:
+        name = _fitting(segment.name, text_size, room - 3 * text_size)
+        entry = name, segment.color, text_coverage(name, text_size).shape[1] + 3 * text_size
+        if rows[-1] and sum(taken for *_, taken in rows[-1]) + entry[2] > room:
             rows.append([])
         rows[-1].append(entry)
     return rows
+
+
+def _fitting(text: str, size: int, width: int) -> str:
+    """The text, or as much of its beginning as fits into `width` pixels with an ellipsis after it."""
+    if text_coverage(text, size).shape[1] <= width:
+        return text
+    # Few letters are narrower than a sixth of their size, and each takes time to measure.
+    shortened = text[: 6 * max(width, 0) // size]
+    while shortened and text_coverage(f"{shortened}…", size).shape[1] > width:
+        shortened = shortened[: -max(1, len(shortened) // 20)]
+    return f"{shortened}…"
 
 
 def _offsets(x: float, y: float, reach: float) -> tuple[int, int, np.ndarray, np.ndarray]:

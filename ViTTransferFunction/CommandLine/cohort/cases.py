@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ViTTransferFunction.CommandLine.file_names import is_device
+from ViTTransferFunction.CommandLine.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.core.errors import InputError
 
 logger = logging.getLogger(__name__)
@@ -22,9 +22,6 @@ ANNOTATIONS_ENDING = ".annotations.json"
 """Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
 FOLDER_ANNOTATIONS = "annotations.json"
 """In a folder of DICOM files."""
-
-LONGEST_NAME_BYTES = 200
-"""Files on most disks have names of up to 255 bytes, and endings follow."""
 
 
 @dataclass(frozen=True)

@@ -163,3 +163,10 @@ def test_a_window_that_shows_nothing_is_refused(
 )
 def test_the_name_of_a_class_becomes_a_file_name_that_every_platform_takes(name: str, stem: str) -> None:
     assert file_stem(name) == stem
+
+
+@pytest.mark.parametrize("letter", ["n", "肝", "ü"])
+def test_the_name_of_a_class_that_is_too_long_for_a_file_is_shortened(tmp_path: Path, letter: str) -> None:
+    stem = file_stem(300 * letter)
+    assert set(stem) == {letter}
+    (tmp_path / f"{stem}.nii.gz").touch()

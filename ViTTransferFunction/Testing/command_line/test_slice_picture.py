@@ -125,6 +125,19 @@ def test_legend_of_many_classes_takes_several_rows(aligned: Geometry) -> None:
     assert many.shape[0] > one.shape[0] + 50
 
 
+def test_a_name_that_is_too_long_for_the_legend_is_shortened_beside_its_colour(aligned: Geometry) -> None:
+    empty = np.zeros(aligned.shape, dtype=bool)
+    short, long = (
+        draw_slices(dark_volume(aligned), [PictureSegment(name, GREEN, 1.0, empty)], window=WINDOW, width=600)
+        for name in ("w", 300 * "w")
+    )
+
+    assert long.shape == short.shape
+    assert pixels_of(long, GREEN).sum() == pixels_of(short, GREEN).sum()
+    legend = long[pixels_of(long, GREEN).any(axis=1)]
+    assert (legend[:, [*range(5), *range(-5, 0)]] == legend[0, 0]).all()
+
+
 def test_an_empty_segment_keeps_its_place_in_the_legend(aligned: Geometry) -> None:
     empty = PictureSegment("empty", GREEN, 1.0, np.zeros(aligned.shape, dtype=bool))
 
