@@ -80,7 +80,7 @@ def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, s
     there = [segmentation.classes[label - 1].name for label in np.unique(segmentation.labels[k, j, i]) if label]
     where = f"; its points lie in {' and '.join(repr(name) for name in there)}" if there else ""
     return (
-        f"Class '{request.name}' has no voxel: all that are similar to its points are more similar to other classes{where}. "
+        f"Class '{request.name}' has no voxel: whatever is similar to its points is more similar to another class{where}. "
         "Check that each point is on its own structure, and place more points on this one."
     )
 

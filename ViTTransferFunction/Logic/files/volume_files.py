@@ -15,6 +15,7 @@ import SimpleITK as sitk  # noqa: N813 - the name that its own documentation use
 
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
+from ..core.given_numbers import FARTHEST
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
 from .dicom_series import read_series, series_files
@@ -44,6 +45,7 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) 
     image = _read_series(path, on_warning) if is_folder(path) else _read_file(path)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
+    _check_near(geometry, path)
     return Volume(_voxels(image), geometry, name=_name(path))
 
 
@@ -111,6 +113,16 @@ def _check_millimetres(geometry: Geometry, path: Path) -> None:
         f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
         f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."
     )
+
+
+def _check_near(geometry: Geometry, path: Path) -> None:
+    """No point could be given in a volume that lies farther away than any coordinate may be."""
+    farthest_mm = float(np.abs(geometry.ijk_to_ras[:3, 3]).max())
+    if farthest_mm > FARTHEST:
+        raise InputError(
+            f"{path} lies {farthest_mm:g} mm from the middle of the coordinates; expected {FARTHEST:g} mm at most. Its header "
+            "is damaged: save it again from its source."
+        )
 
 
 def _voxels(image: sitk.Image) -> np.ndarray:

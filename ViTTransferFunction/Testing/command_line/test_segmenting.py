@@ -28,7 +28,7 @@ def test_of_classes_that_all_have_voxels_there_is_nothing_to_say(spheres: Sphere
 
 def test_a_class_that_loses_all_its_voxels_to_another_is_warned_of_with_its_name(spheres: Spheres) -> None:
     (warning,) = warnings_of(spheres, [*requests_of(spheres), ClassRequest("copy", centre_ras(spheres, 2))])
-    assert warning.startswith("Class 'copy' has no voxel: all that are similar")
+    assert warning.startswith("Class 'copy' has no voxel: whatever is similar")
     assert "its points lie in 'sphere 2'" in warning
 
 

@@ -114,6 +114,18 @@ def test_images_that_are_no_usable_volume_are_refused(tmp_path: Path, content: s
         read_volume(tmp_path / "scan.nrrd")
 
 
+def test_a_volume_farther_away_than_any_point_may_be_is_refused(tmp_path: Path) -> None:
+    scan = image(ramp((4, 5, 6)))
+    for origin, far in ((9e8, False), (-1e12, True)):
+        scan.SetOrigin([0.0, origin, 0.0])
+        sitk.WriteImage(scan, str(tmp_path / "scan.nrrd"))
+        if far:
+            with pytest.raises(InputError, match=r"lies 1e\+12 mm from the middle"):
+                read_volume(tmp_path / "scan.nrrd")
+        else:
+            assert read_volume(tmp_path / "scan.nrrd").shape == (4, 5, 6)
+
+
 def test_a_compressed_file_without_the_ending_for_it_is_told_which_it_needs(tmp_path: Path) -> None:
     sitk.WriteImage(image(ramp((4, 5, 6))), str(tmp_path / "scan.nii.gz"))
     (tmp_path / "scan.nii.gz").rename(tmp_path / "scan.nii")
