@@ -63,6 +63,10 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     """
     content = read_json(path)
     classes = content.get("classes") if isinstance(content, dict) else None
+    if isinstance(content, dict) and "markups" in content and classes is None:
+        raise InputError(
+            f"{path} is a Slicer point list, of one class and without its name; give it by --positive NAME={path.name}."
+        )
     if not isinstance(classes, list) or not all(isinstance(entry, dict) for entry in classes):
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')
     to_ras = _to_ras_matrix(content.get("coordinate_system"), geometry, path)
@@ -75,6 +79,8 @@ def read_markups(path: Path) -> np.ndarray:
     Raises:
         InputError: unreadable or not a markups file.
     """
+    if path.suffix.lower() == ".fcsv":
+        raise InputError(f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json.")
     content = read_json(path)
     try:
         lists = [
@@ -83,7 +89,8 @@ def read_markups(path: Path) -> np.ndarray:
         ]
     except (LookupError, TypeError, AttributeError) as error:
         raise InputError(
-            f"{path} is not a Slicer markups file (.mrk.json): {error!r:.100} while reading its points."
+            f"{path} is not a Slicer markups file (.mrk.json), which has control points with their positions under 'markups'. "
+            "Save the point list again in Slicer."
         ) from error
     return np.concatenate([no_points(), *lists])
 

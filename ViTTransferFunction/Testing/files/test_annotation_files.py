@@ -271,3 +271,15 @@ def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> Non
 def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
     with pytest.raises(InputError, match=r"not a Slicer markups file|not a list of finite|unknown coordinate system"):
         read_markups(write(tmp_path / "l.mrk.json", content))
+
+
+def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Path) -> None:
+    path = write(tmp_path / "l.mrk.json", markups([{"position": [1, 2, 3]}]))
+    with pytest.raises(InputError, match=r"give it by --positive NAME=l\.mrk\.json"):
+        read_annotations(path, GEOMETRY)
+
+
+def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_path: Path) -> None:
+    (tmp_path / "F.fcsv").write_text("# Markups fiducial file version = 4.11\n")
+    with pytest.raises(InputError, match=r"save it as \.mrk\.json"):
+        read_markups(tmp_path / "F.fcsv")
