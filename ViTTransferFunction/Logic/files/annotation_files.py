@@ -65,7 +65,8 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     classes = content.get("classes") if isinstance(content, dict) else None
     if isinstance(content, dict) and "markups" in content and classes is None:
         raise InputError(
-            f"{path} is a Slicer point list, of one class and without its name; give it by --positive NAME={path.name}."
+            f"{path} is a Slicer point list, of one class and without its name; `vittf segment` takes it by "
+            f"--positive NAME={path.name}."
         )
     if not isinstance(classes, list) or not all(isinstance(entry, dict) for entry in classes):
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')

@@ -17,7 +17,7 @@ LARGEST_SPACING_DEVIATION = 0.01
 """Relative deviation of slice distances above which a DICOM series is not a regular grid; and of slices from lying straight
 above each other, and from being parallel."""
 
-RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png")
+RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4")
 """Endings of files that are no slices: results may be written, and written again, beside a DICOM series."""
 
 

@@ -12,7 +12,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom
 
 SAGITTAL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -41,6 +41,13 @@ def write_moved(folder: Path, scan: Scan, step: tuple[float, float, float]) -> N
 def test_of_a_regular_stack_there_is_nothing_to_say(tmp_path: Path, direction: np.ndarray) -> None:
     write_dicom(tmp_path, stack(direction=direction))
     assert warnings_of(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["liver.seg.nrrd", "Liver.NII.GZ", "view.png", "turn.gif", "turn.mp4", "camera.json"])
+def test_a_result_beside_the_slices_is_none_of_them_and_may_be_written_again(tmp_path: Path, name: str) -> None:
+    paths = write_dicom(tmp_path, stack())
+    (tmp_path / name).touch()
+    assert files_of(tmp_path) == sorted(paths)
 
 
 def test_slices_of_a_tilted_gantry_are_read_with_a_warning_of_how_far_off_they_are(tmp_path: Path) -> None:
