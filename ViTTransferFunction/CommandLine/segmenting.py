@@ -48,7 +48,8 @@ def segment_classes(
         progress: called with what is done of each step.
         on_features: is called when the features are there.
         on_map: is shown each class's full-resolution map.
-        on_warning: is told what was done otherwise than asked for, and which classes have no voxel.
+        on_warning: is told what was done otherwise than asked for, of points that contradict each other, and which classes
+            have no voxel.
 
     Raises:
         InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
@@ -56,6 +57,8 @@ def segment_classes(
     # Before the features, which may take minutes.
     check_requests([annotated.request for annotated in classes], session.volume.geometry)
     check_close_ups(classes, session.volume.geometry)
+    for annotated in classes:
+        _warn_of_contradictions(annotated.request, on_warning)
     session.load_features(progress)
     on_features(session)
     requests = requests_with_close_ups(session, classes, on_warning)
@@ -65,6 +68,16 @@ def segment_classes(
         if not result.voxels:
             on_warning(_why_empty(request, result, session.volume.geometry, segmentation))
     return segmentation
+
+
+def _warn_of_contradictions(request: ClassRequest, on_warning: Callable[[str], None]) -> None:
+    """A list that was given for both polarities, say, would be segmented by as if that were meant."""
+    both = set(map(tuple, request.positive.tolist())) & set(map(tuple, request.negative.tolist()))
+    if both:
+        on_warning(
+            f"Class '{request.name}': of {len(request.positive)} positive points, {len(both)} stand among the negative ones as "
+            "well. Remove each from one of the two."
+        )
 
 
 def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, segmentation: Segmentation) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
@@ -33,7 +35,13 @@ def test_a_class_that_loses_all_its_voxels_to_another_is_warned_of_with_its_name
 
 
 def test_a_class_whose_iso_value_is_reached_nowhere_is_warned_of(spheres: Spheres) -> None:
-    first, *others = requests_of(spheres, negative=centre_ras(spheres, 1))
-    (warning,) = warnings_of(spheres, [replace(first, iso=1.0), *others])
+    first, *others = requests_of(spheres)
+    (warning,) = warnings_of(spheres, [replace(first, iso=1.0, negative=centre_ras(spheres, 3)), *others])
     assert warning.startswith("Class 'sphere 1' has no voxel: nothing is as similar to its points as its threshold, iso 1.00")
     assert "Lower its 'iso'" in warning
+
+
+def test_a_point_that_is_positive_and_negative_is_warned_of(spheres: Spheres) -> None:
+    first, *others = requests_of(spheres)
+    (warning,) = warnings_of(spheres, [replace(first, negative=np.concatenate([first.positive, others[0].positive])), *others])
+    assert warning.startswith("Class 'sphere 1': of 1 positive points, 1 stand among the negative ones as well")
