@@ -16,8 +16,9 @@ from ..core.iso_proposals import LARGER, SMALLER
 from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
+from .neighbourhood_sums import WHOLE
 from .refinement import class_window
-from .threshold_dynamics import STEPS, WHOLE, Mark, settled
+from .threshold_dynamics import STEPS, Mark, settled
 
 SURROUNDINGS_CELLS = 2.0
 """What a structure's intensities are told apart from lies within so many feature cells of its box."""

@@ -13,15 +13,18 @@ they are apart, as in the folds of a brain, each voxel does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
 from .intensity_histograms import BINS, bins_of, density
+from .neighbourhood_sums import REACH, WHOLE, neighbourhood_sums, updated_sums
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -33,20 +36,14 @@ TEMPER = 0.6
 """β: neighbouring voxels are no independent witnesses."""
 THIN, COMPACT = 0.4, 0.45
 """Up to which level that keeps the volume ℓ is that level, and from which on it is ½; between them, ℓ is between."""
-REACH = 2
-"""Voxels to either side that G reaches: 1 4 6 4 1 along each axis."""
-WHOLE = 16**3
-"""The sum of G's weights, which are whole numbers."""
 _BINS_SIGMA = 3.0
 """Standard deviation by which histograms are smoothed, in bins."""
 _SMALLEST_SHARE = 0.064
 """Of voxels, spread over all bins."""
 _UNKNOWN = BINS
 """Bin of voxels that are not finite: of those, the neighbourhood alone decides."""
-_VOXELS_AT_ONCE = 2**17
-"""So many stay near the processor."""
 _VOXELS_HELD = 2**23
-"""Steps are made in so many at once, for which ten bytes each are held."""
+"""Steps are made in so many at once, for which nine bytes each are held."""
 
 
 @dataclass(frozen=True)
@@ -95,41 +92,60 @@ def settled(
     from .workers import Workers
 
     before = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
+    parts = _parts(mask.shape)
     with Workers(torch.device("cpu"), between) as workers:
+        # Most masks are one part, whose sums are found once for the level and the steps.
+        sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[parts[n].around], workers))
+        level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(parts)))
         bins = _bins(intensities, window, workers)
-        least_of_bin = _least_sums(bins, mask, _level(before, workers))
-        for layers in _layers(mask.shape, _VOXELS_HELD):
-            # A step reaches so far, and so does the sum after the last one: within the layers, nothing is cut off.
-            around = _wider(layers, (STEPS + 1) * REACH, len(mask))
-            least = np.take(least_of_bin, bins[around])
-            _set_marks(least, [mark.in_layers(around) for mark in marks])
-            now, sums = _after_steps(before[around], torch.from_numpy(least), workers)
-            here = slice(layers.start - around.start, layers.stop - around.start)
-            yield layers, now[here].numpy().view(bool), sums[here].numpy()
+        least_of_bin = _least_sums(bins, mask, level)
+        for n, part in enumerate(parts):
+            least = np.take(least_of_bin, bins[part.around])
+            _set_marks(least, [mark.in_layers(part.around) for mark in marks])
+            now, sums = _after_steps(before[part.around], sums_of(n), least, workers)
+            yield part.layers, now[part.within].numpy().view(bool), sums[part.within].numpy()
 
 
-def _after_steps(now: Tensor, least: Tensor, workers: Workers) -> tuple[Tensor, Tensor]:
-    """A mask (K, J, I) uint8 after all steps, and its G * m times `WHOLE`."""
+def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> tuple[Tensor, Tensor]:
+    """A mask (K, J, I) uint8 after all steps, and its G * m times `WHOLE`, from that before, which is changed."""
     import torch
 
-    sums = _sums(now, workers)
     for _ in range(STEPS):
-        before, now = now, torch.ge(sums, least).view(torch.uint8)
-        if torch.equal(before, now):
+        workers.between()
+        now = sums.numpy() >= least
+        changed = np.flatnonzero(now != mask.numpy().view(bool))
+        if not len(changed):
             break
-        sums = _sums(now, workers)
-    return now, sums
+        mask = torch.from_numpy(now).view(torch.uint8)
+        sums = updated_sums(sums, mask, changed, workers)
+    return mask, sums
 
 
-def _layers(shape: tuple[int, ...], voxels: int) -> list[slice]:
-    """All layers along K, about so many voxels at a time, and one layer at least."""
-    count = max(voxels // (shape[1] * shape[2]), 1)
-    return [slice(start, min(start + count, shape[0])) for start in range(0, shape[0], count)]
+class _Part(NamedTuple):
+    """Some layers along K, and as many around them as steps reach.
+
+    Attributes:
+        layers: of the mask.
+        around: the same and those around them.
+        within: the layers, in those around.
+    """
+
+    layers: slice
+    around: slice
+    within: slice
 
 
-def _wider(layers: slice, reach: int, count: int) -> slice:
-    """Layers, and as many more on either side as there are, `reach` at most, of `count`."""
-    return slice(max(layers.start - reach, 0), min(layers.stop + reach, count))
+def _parts(shape: tuple[int, ...]) -> list[_Part]:
+    """All of a mask, `_VOXELS_HELD` at a time, and one layer at least."""
+    # A step reaches so far, and so does the sum after the last one: within the layers, nothing is cut off.
+    reach = (STEPS + 1) * REACH
+    count = max(_VOXELS_HELD // (shape[1] * shape[2]), 1)
+    parts = []
+    for start in range(0, shape[0], count):
+        stop, first = min(start + count, shape[0]), max(start - reach, 0)
+        around = slice(first, min(stop + reach, shape[0]))
+        parts.append(_Part(slice(start, stop), around, slice(start - first, stop - first)))
+    return parts
 
 
 def _bins(intensities: np.ndarray, window: IntensityWindow, workers: Workers) -> np.ndarray:
@@ -157,24 +173,17 @@ def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarr
     return bins
 
 
-def _level(mask: Tensor, workers: Workers) -> float:
-    """ℓ of a mask (K, J, I) uint8, in (0, ½]."""
-    voxels, compact, counts = int(mask.sum()), 0, np.zeros(WHOLE + 1, dtype=np.int64)
-    for sums in _sums_in_turn(mask, workers):
-        compact += int((sums >= COMPACT * WHOLE).sum())
+def _level(voxels: int, sums_in_turn: Callable[[], Iterable[Tensor]]) -> float:
+    """ℓ of a mask of so many voxels, in (0, ½], from its G * m times `WHOLE`, of some layers after the other."""
+    least = math.ceil(COMPACT * WHOLE)
+    compact = sum(int(np.count_nonzero(sums.numpy() >= least)) for sums in sums_in_turn())
     if compact >= voxels:
         return 0.5
-    for sums in _sums_in_turn(mask, workers):
-        counts += np.bincount(sums.numpy().ravel(), minlength=WHOLE + 1)
+    counts = np.zeros(WHOLE + 1, dtype=np.int64)
+    for sums in sums_in_turn():
+        counts += np.bincount(sums[sums > 0].numpy(), minlength=WHOLE + 1)
     keeps_volume = (np.count_nonzero(counts[::-1].cumsum()[::-1] >= voxels) - 1) / WHOLE
     return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
-
-
-def _sums_in_turn(mask: Tensor, workers: Workers) -> Iterator[Tensor]:
-    """G * m of a mask (K, J, I) uint8, times `WHOLE`, of some layers after the other."""
-    for layers in _layers(mask.shape, _VOXELS_HELD):
-        around = _wider(layers, REACH, len(mask))
-        yield _sums(mask[around], workers)[layers.start - around.start : layers.stop - around.start]
 
 
 def _least_sums(bins: np.ndarray, learned_from: np.ndarray, level: float) -> np.ndarray:
@@ -212,39 +221,3 @@ def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
         voxel = tuple(round(at) for at in mark.centre)
         if all(0 <= x < n for x, n in zip(voxel, least.shape, strict=True)):
             least[voxel] = 0 if mark.inside else WHOLE + 1
-
-
-def _sums(mask: Tensor, workers: Workers) -> Tensor:
-    """G * m of a mask (K, J, I) uint8, times `WHOLE`, int16; beyond its faces, m goes on as it is there."""
-    import torch
-
-    sums = torch.empty(mask.shape, dtype=torch.int16)
-
-    def find(shares: Sequence[slice]) -> None:
-        for layers in shares:
-            workers.between()
-            sums[layers] = _sums_of(mask, layers)
-
-    workers.share_out(_layers(mask.shape, _VOXELS_AT_ONCE), find)
-    return sums
-
-
-def _sums_of(mask: Tensor, layers: slice) -> Tensor:
-    """Those of some layers, (layers, J, I)."""
-    import torch
-
-    sums = mask[torch.arange(layers.start - REACH, layers.stop + REACH).clamp_(0, len(mask) - 1)]
-    for axis in (0, 1, 2):
-        if axis:
-            n = sums.shape[axis]
-            sums = sums.index_select(axis, torch.arange(-REACH, n + REACH).clamp_(0, n - 1))
-        # Bytes hold the first axis's sums, up to 16, and no others.
-        sums = _sums_along(sums, axis).to(torch.int16)
-    return sums
-
-
-def _sums_along(values: Tensor, axis: int) -> Tensor:
-    """Sums weighted by 1 4 6 4 1 along an axis, of which those are left that have all five."""
-    n = values.shape[axis] - 2 * REACH
-    first, second, middle, fourth, last = (values.narrow(axis, start, n) for start in range(2 * REACH + 1))
-    return (first + last).add_(second + fourth, alpha=4).add_(middle, alpha=6)

@@ -12,7 +12,8 @@ from scipy import ndimage
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import threshold_dynamics
-from ViTTransferFunction.Logic.refinement.threshold_dynamics import WHOLE, Mark, settled
+from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
+from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
 
 WINDOW = IntensityWindow(0.0, 200.0)
