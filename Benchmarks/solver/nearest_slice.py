@@ -39,10 +39,10 @@ def slice_nearest(
 
     def slice_layers(layers: Sequence[tuple[int, slice]]) -> None:
         for layer, slices in layers:
-            within_layer = places.dense_layer(layer, values)
+            within_layer = places.dense(slice(layer, layer + 1), values)
             for piece in voxel_cells.pieces(slices):
-                part = voxel_cells.taking_part(layer, piece)
-                keys = voxel_cells.keys(piece, part)
+                part = voxel_cells.taking_part(piece)
+                keys = voxel_cells.keys(piece, part, layer)
                 if part is None and out[piece].is_contiguous():
                     torch.index_select(within_layer, 0, keys.view(-1), out=out[piece].view(-1))
                 else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,38 +70,46 @@ class CellPlaces:
 
     Attributes:
         layout: the dense grid.
-        within_layer: (cells,) int32: each cell's place in its layer.
+        in_grid: (cells,) int32: each cell's place in the dense grid.
         of_layers: the numbers of each layer's red cells and of its black cells.
     """
 
     layout: GridLayout
-    within_layer: Tensor
+    in_grid: Tensor
     of_layers: Sequence[tuple[slice, slice]]
 
-    def dense_layer(self, layer: int, values: Tensor, elsewhere: float = 0.0) -> Tensor:
-        """(layer size,): `values` (cells,) where cells are occupied; in layers beyond the grid, none are."""
-        dense = values.new_full((self.layout.layer_size,), elsewhere)
-        if 0 <= layer < len(self.of_layers):
-            self.put(layer, values, dense)
+    def dense(self, layers: slice, values: Tensor, elsewhere: float = 0.0) -> Tensor:
+        """(layers · layer size,): `values` (cells,) where cells are occupied; in layers beyond the grid, none are."""
+        dense = values.new_full(((layers.stop - layers.start) * self.layout.layer_size,), elsewhere)
+        self.put(layers, values, dense)
         return dense
 
-    def put(self, layer: int, values: Tensor, dense: Tensor) -> None:
-        """Write `values` (cells,) to where the occupied cells lie in a dense layer."""
+    def put(self, layers: slice, values: Tensor, dense: Tensor) -> None:
+        """Write `values` (cells,) to where the occupied cells lie in some dense layers."""
+        for cells, places in self.in_layers(layers):
+            dense.scatter_(0, places, values[cells])
+
+    def in_layers(self, layers: slice) -> list[tuple[slice, Tensor]]:
+        """The numbers of some layers' red cells and of their black ones, and their places from the first layer on, int64."""
         import torch
 
-        for cells in self.of_layers[layer]:
-            dense.scatter_(0, self.within_layer[cells].to(torch.int64), values[cells])
+        within = self.of_layers[max(layers.start, 0) : max(layers.stop, 0)]
+        if not within:
+            return []
+        of_colours = [slice(first.start, last.stop) for first, last in zip(within[0], within[-1], strict=True)]
+        start = layers.start * self.layout.layer_size
+        return [(cells, self.in_grid[cells].to(torch.int64).sub_(start)) for cells in of_colours]
 
 
 def splat(
     voxel_cells: VoxelCells, target: Target, confidence: Tensor | None, workers: Workers
 ) -> tuple[OccupiedCells, CellPlaces]:
     """Sum a finite target and its confidence (K, J, I) over cells; without confidence, every voxel counts 1."""
-    (within_layer, mass, weighted_target, *rest), counts = _occupied(voxel_cells, target, confidence, workers)
+    (in_grid, mass, weighted_target, *rest), counts = _occupied(voxel_cells, target, confidence, workers)
     ends = [0, *itertools.accumulate(counts)]
     numbers = [slice(*ends_of_part) for ends_of_part in itertools.pairwise(ends)]
     layers = len(numbers) // 2
-    places = CellPlaces(voxel_cells.layout, within_layer, list(zip(numbers[:layers], numbers[layers:], strict=True)))
+    places = CellPlaces(voxel_cells.layout, in_grid, list(zip(numbers[:layers], numbers[layers:], strict=True)))
     neighbours = _neighbours(places, workers)
     return OccupiedCells(mass, rest[0] if rest else mass, weighted_target, ends[layers], neighbours), places
 
@@ -110,32 +117,39 @@ def splat(
 def _occupied(
     voxel_cells: VoxelCells, target: Target, confidence: Tensor | None, workers: Workers
 ) -> tuple[list[Tensor], list[int]]:
-    """Places of the occupied cells in their layers and what their voxels sum to, (cells,) each; cells by colour and layer.
+    """Places of the occupied cells and what their voxels sum to, (cells,) each; and how many there are by colour and layer.
 
-    The sums are of 1, of confidence × target and, where given, of confidence.
+    Cells come in that order. The sums are of 1, of confidence × target and, where given, of confidence.
     """
     import torch
 
     layout = voxel_cells.layout
     unit = _packing_unit(voxel_cells, target.largest) if confidence is None else None
-    found: list[list[Tensor]] = [[] for _ in range(2 * layout.cells[0])]
+    runs = layout.runs()
+    found: list[list[Tensor]] = [[] for _ in range(2 * len(runs))]
+    counts = [0] * (2 * layout.cells[0])
 
-    def sum_layers(layers: Sequence[tuple[int, slice]]) -> None:
-        for layer, slices in layers:
+    def sum_runs(shares: Sequence[int]) -> None:
+        for run in shares:
             workers.between()
+            layers = runs[run]
             if unit is None:
-                sums = _separate_sums(voxel_cells, layer, slices, target, confidence)
+                sums = _separate_sums(voxel_cells, layers, target, confidence)
             else:
-                sums = [_packed_sums(voxel_cells, layer, slices, target, unit)]
+                sums = [_packed_sums(voxel_cells, layers, target, unit)]
             for colour in (0, 1):
-                places = _places_of_colour(layer, colour, sums[0])
+                places = _places_of_colour(layers.start, colour, sums[0])
                 of_cells = [dense.index_select(0, places) for dense in sums]
                 if unit is not None:
                     of_cells = _unpacked(of_cells[0], unit)
-                found[colour * layout.cells[0] + layer] = [places.to(torch.int32), *of_cells]
+                of_layers = torch.bincount(places // layout.layer_size, minlength=layers.stop - layers.start)
+                first = colour * layout.cells[0]
+                counts[first + layers.start : first + layers.stop] = of_layers.tolist()
+                in_grid = places.add_(layers.start * layout.layer_size).to(torch.int32)
+                found[colour * len(runs) + run] = [in_grid, *of_cells]
 
-    workers.share_out(layout.layers(), sum_layers)
-    return [torch.cat(parts) for parts in zip(*found, strict=True)], [len(places) for places, *_ in found]
+    workers.share_out(range(len(runs)), sum_runs)
+    return [torch.cat(parts) for parts in zip(*found, strict=True)], counts
 
 
 def _packing_unit(voxel_cells: VoxelCells, largest_target: float) -> float | None:
@@ -150,17 +164,19 @@ def _packing_unit(voxel_cells: VoxelCells, largest_target: float) -> float | Non
     return 4.0 * most_voxels * largest_target if largest_target > 0.0 else 1.0
 
 
-def _packed_sums(voxel_cells: VoxelCells, layer: int, slices: slice, target: Target, unit: float) -> Tensor:
-    """(layer size,) float64: sum over the layer's voxels in each place of `unit` + target."""
+def _packed_sums(voxel_cells: VoxelCells, layers: slice, target: Target, unit: float) -> Tensor:
+    """(layers · layer size,) float64: sum over the layers' voxels in each place of `unit` + target."""
     import torch
 
-    sums = torch.zeros(voxel_cells.layout.layer_size, dtype=torch.float64, device=voxel_cells.intensities.device)
-    for piece in voxel_cells.pieces(slices):
-        keys = voxel_cells.keys(piece, voxel_cells.taking_part(layer, piece)).view(-1).to(torch.int64)
+    layout = voxel_cells.layout
+    places = (layers.stop - layers.start) * layout.layer_size
+    sums = torch.zeros(places, dtype=torch.float64, device=voxel_cells.intensities.device)
+    for piece in voxel_cells.pieces(layout.slices(layers)):
+        keys = voxel_cells.keys(piece, voxel_cells.taking_part(piece), layers.start).view(-1).to(torch.int64)
         # One addition to memory for each voxel, where `_separate_sums` makes two.
         sums.scatter_add_(0, keys, target.read(piece).reshape(-1).to(torch.float64).add_(unit))
     # What was counted into padding takes no part.
-    sums[-1] = 0.0
+    sums[layout.layer_size - 1] = 0.0
     return sums
 
 
@@ -172,16 +188,15 @@ def _unpacked(sums: Tensor, unit: float) -> list[Tensor]:
     return [voxels.to(torch.float32), sums.sub_(voxels, alpha=unit).to(torch.float32)]
 
 
-def _separate_sums(
-    voxel_cells: VoxelCells, layer: int, slices: slice, target: Target, confidence: Tensor | None
-) -> list[Tensor]:
-    """Sums over the layer's voxels in each place, (layer size,): of 1, confidence × target and, where given, confidence."""
+def _separate_sums(voxel_cells: VoxelCells, layers: slice, target: Target, confidence: Tensor | None) -> list[Tensor]:
+    """As `_packed_sums`, but separate sums of 1, of confidence × target and, where given, of confidence."""
     import torch
 
-    device = voxel_cells.intensities.device
-    sums = [torch.zeros(voxel_cells.layout.layer_size, device=device) for _ in range(2 if confidence is None else 3)]
-    for piece in voxel_cells.pieces(slices):
-        keys = voxel_cells.keys(piece, voxel_cells.taking_part(layer, piece)).view(-1).to(torch.int64)
+    layout, device = voxel_cells.layout, voxel_cells.intensities.device
+    places = (layers.stop - layers.start) * layout.layer_size
+    sums = [torch.zeros(places, device=device) for _ in range(2 if confidence is None else 3)]
+    for piece in voxel_cells.pieces(layout.slices(layers)):
+        keys = voxel_cells.keys(piece, voxel_cells.taking_part(piece), layers.start).view(-1).to(torch.int64)
         values = target.read(piece).to(torch.float32)
         addends = [torch.ones_like(values), values]
         if confidence is not None:
@@ -190,15 +205,16 @@ def _separate_sums(
         for dense, addend in zip(sums, addends, strict=True):
             dense.scatter_add_(0, keys, addend.reshape(-1))
     for dense in sums:
-        dense[-1] = 0.0
+        dense[layout.layer_size - 1] = 0.0
     return sums
 
 
-def _places_of_colour(layer: int, colour: int, mass: Tensor) -> Tensor:
-    """int64, ascending: places within a layer of the occupied cells that are red (0) or black (1)."""
+def _places_of_colour(first_layer: int, colour: int, mass: Tensor) -> Tensor:
+    """int64, ascending: places, from a layer on, of the occupied cells that are red (0) or black (1)."""
     import torch
 
-    first = (layer + colour) % 2
+    # Layers have an odd size, so that this holds for those after the first as well.
+    first = (first_layer + colour) % 2
     of_colour = mass[first::2]
     if mass.device.type == "cpu":
         # The same as below, several times faster.
@@ -211,29 +227,21 @@ def _places_of_colour(layer: int, colour: int, mass: Tensor) -> Tensor:
 def _neighbours(places: CellPlaces, workers: Workers) -> Tensor:
     """(8, cells) int32: numbers of the cells before and after each along every axis."""
     import torch
-    from torch.nn.functional import pad
 
-    layout, device = places.layout, places.within_layer.device
-    cells = len(places.within_layer)
+    layout, device = places.layout, places.in_grid.device
+    cells = len(places.in_grid)
     numbers = torch.arange(cells, dtype=torch.int32, device=device)
     neighbours = large_arrays.empty((2 * DIMENSIONS, cells), torch.int32, device)
-    # Padding before the layer, for the first row.
-    before = layout.strides[0]
-    steps = [step for stride in layout.strides for step in (-stride, stride)]
+    steps = [step for stride in (layout.layer_size, *layout.strides) for step in (-stride, stride)]
 
-    def find(layers: Sequence[tuple[int, slice]]) -> None:
-        @lru_cache(maxsize=3)
-        def numbers_in(layer: int) -> Tensor:
-            return pad(places.dense_layer(layer, numbers, elsewhere=cells), (before, 0), value=cells)
-
-        for layer, _ in layers:
+    def find(runs: Sequence[slice]) -> None:
+        for layers in runs:
             workers.between()
-            tables = [numbers_in(layer - 1)[before:], numbers_in(layer + 1)[before:]]
-            tables += [numbers_in(layer)[before + step :] for step in steps]
-            for of_colour in places.of_layers[layer]:
-                at = places.within_layer[of_colour]
-                for along, table in zip(neighbours, tables, strict=True):
-                    torch.index_select(table, 0, at, out=along[of_colour])
+            # One layer more on either side; beyond a row, a column or a layer's last row is padding.
+            around = places.dense(slice(layers.start - 1, layers.stop + 1), numbers, elsewhere=cells)
+            for of_colour, at in places.in_layers(layers):
+                for along, step in zip(neighbours, steps, strict=True):
+                    torch.index_select(around[layout.layer_size + step :], 0, at, out=along[of_colour])
 
-    workers.share_out(layout.layers(), find)
+    workers.share_out(layout.runs(), find)
     return neighbours

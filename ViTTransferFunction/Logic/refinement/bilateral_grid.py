@@ -3,10 +3,10 @@
 A 4D grid over (K, J, I, luma). Spatial cells are whole numbers of voxels; luma cells are centred on the multiples of
 `sigma_luma`, in units of the intensity window. A voxel's place in the dense grid is arithmetic: nothing is sorted or hashed.
 
-The grid is walked in layers, all cells with the same K, and a layer's voxels in pieces of a few slices or rows: what either
-needs stays in the processor's cache, and no temporary has the volume's or the dense grid's size. Unoccupied cells pad every row
-and column of a layer, so that neighbours are found without looking for borders; voxels that take no part are counted into
-padding.
+The grid is walked in layers, all cells with the same K, or in runs of small ones, and their voxels in pieces of a few slices
+or rows: what either needs stays in the processor's cache, and no temporary has the volume's or the dense grid's size.
+Unoccupied cells pad every row and column of a layer, so that neighbours are found without looking for borders; voxels that take
+no part are counted into padding.
 
 Cells are coloured red and black like a chessboard: every neighbour of a red cell is black, and the other way round. The padding
 makes every stride odd, so that a cell's colour is the parity of its layer and of its place in it.
@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 DIMENSIONS = 4
 PIECE_VOXELS = 2**17
 """Half a megabyte for each number that a voxel has: a piece's temporaries stay in the cache of one processor core."""
+RUN_CELLS = 2**17
+"""Of small layers, so many cells are walked through at once: half a megabyte for each number that a cell has."""
 MAX_DENSE_CELLS = 2**27
 """Bounds the dense grid, every layer of which is walked through. A 600³ volume in cells of 5 voxels fits twice."""
 
@@ -99,8 +101,17 @@ class GridLayout:
 
     def layers(self) -> list[tuple[int, slice]]:
         """Number of each layer of cells, and its voxels along K."""
-        edge, end = self.cell_voxels[0], self.voxels[0]
-        return [(layer, slice(layer * edge, min((layer + 1) * edge, end))) for layer in range(self.cells[0])]
+        return [(layer, self.slices(slice(layer, layer + 1))) for layer in range(self.cells[0])]
+
+    def runs(self) -> list[slice]:
+        """All layers of cells, some at a time: about `RUN_CELLS` cells, and one layer at least."""
+        count, end = max(RUN_CELLS // self.layer_size, 1), self.cells[0]
+        return [slice(start, min(start + count, end)) for start in range(0, end, count)]
+
+    def slices(self, layers: slice) -> slice:
+        """The voxels of some layers along K."""
+        edge = self.cell_voxels[0]
+        return slice(layers.start * edge, min(layers.stop * edge, self.voxels[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,17 +141,23 @@ class VoxelCells:
             for j in range(0, rows, row_step):
                 yield slice(k, min(k + slice_step, slices.stop)), slice(j, min(j + row_step, rows))
 
-    def taking_part(self, layer: int, piece: Piece) -> Tensor | None:
-        """(slices, rows, I) bool: whether the voxels of a piece of a layer take part; None where all do."""
+    def taking_part(self, piece: Piece) -> Tensor | None:
+        """(slices, rows, I) bool: whether the voxels of a piece take part; None where all do."""
         import torch
 
         part = None
-        if self.active is not None and not bool(self.active[layer].all()):
+        if self.active is not None:
             slices, rows = piece
-            _, edge_j, edge_i = self.layout.cell_voxels
-            columns = self.active[layer].repeat_interleave(edge_i, 1)[:, : self.layout.voxels[2]]
-            of_rows = torch.arange(rows.start, rows.stop, device=columns.device) // edge_j
-            part = columns[of_rows].expand(slices.stop - slices.start, -1, -1)
+            layers, of_rows, of_columns = self._cells_of_voxels
+            edge = self.layout.cell_voxels[0]
+            first, last = slices.start // edge, (slices.stop - 1) // edge
+            part = self.active[first : last + 1].index_select(2, of_columns).index_select(1, of_rows[rows])
+            part = (
+                part.index_select(0, layers[slices] - first)
+                if last > first
+                else part.expand(slices.stop - slices.start, -1, -1)
+            )
+            part = None if bool(part.all()) else part
         if large_arrays.all_finite(self.intensities[piece]):
             return part
         finite = torch.isfinite(self.intensities[piece])
@@ -167,20 +184,31 @@ class VoxelCells:
         last_cell = min(1.0 / self.sigma_luma, self.layout.luma_cells - 1.0)
         return coordinates.clamp_(origin, origin + unit * last_cell)
 
-    def keys(self, piece: Piece, part: Tensor | None) -> Tensor:
-        """(slices, rows, I) int32: place of each voxel's cell within its layer; the last one, padding, where not in `part`."""
+    def keys(self, piece: Piece, part: Tensor | None, first_layer: int) -> Tensor:
+        """(slices, rows, I) int32: place of each voxel's cell among those of the layers from one on.
+
+        Where not in `part`, it is the last place of that layer, padding.
+        """
         import torch
 
-        keys = self.luma_coordinates(piece, part, origin=0.5, unit=1.0).to(torch.int32).add_(self._column_keys[piece[1]])
+        slices, rows = piece
+        keys = self.luma_coordinates(piece, part, origin=0.5, unit=1.0).to(torch.int32).add_(self._column_keys[rows])
+        layers = self._cells_of_voxels[0][slices] - first_layer
+        keys += (layers * self.layout.layer_size)[:, None, None]
         return keys if part is None else torch.where(part, keys, self.layout.layer_size - 1)
+
+    @cached_property
+    def _cells_of_voxels(self) -> list[Tensor]:
+        """The number of each voxel's cell along K, J and I, int32."""
+        import torch
+
+        return [
+            torch.arange(n, dtype=torch.int32, device=self.intensities.device) // edge
+            for n, edge in zip(self.layout.voxels, self.layout.cell_voxels, strict=True)
+        ]
 
     @cached_property
     def _column_keys(self) -> Tensor:
         """(J, I) int32: the place within a layer of the first of the luma cells that a voxel may lie in."""
-        import torch
-
-        rows, columns = (
-            torch.arange(n, dtype=torch.int32, device=self.intensities.device) // edge
-            for n, edge in zip(self.layout.voxels[1:], self.layout.cell_voxels[1:], strict=True)
-        )
+        _, rows, columns = self._cells_of_voxels
         return rows[:, None] * self.layout.strides[0] + columns * self.layout.strides[1]

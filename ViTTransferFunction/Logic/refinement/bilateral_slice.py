@@ -55,11 +55,11 @@ def slice_multilinear(
         # (luma and I, rows, I): each in one piece, as `grid_sample` reads them fastest.
         coordinates = torch.empty(2, max(band.voxel_rows for band in bands), layout.voxels[2], device=out.device)
         coordinates[1] = along_columns
-        for layer, slices in layers:
+        for _, slices in layers:
             for k, band in itertools.product(range(slices.start, slices.stop), bands):
                 workers.between()
                 piece = slice(k, k + 1), band.rows
-                part = voxel_cells.taking_part(layer, piece)
+                part = voxel_cells.taking_part(piece)
                 if part is not None and not bool(part.any()):
                     out[piece] = target.read(piece)
                     continue
@@ -123,7 +123,8 @@ def _extended_layers(places: CellPlaces, values: Tensor) -> Callable[[int], Tens
 
         In padding, anything.
         """
-        total, count = places.dense_layer(layer, values), places.dense_layer(layer, ones)
+        here = slice(layer, layer + 1)
+        total, count = places.dense(here, values), places.dense(here, ones)
         for stride in layout.strides:
             total, count = _with_neighbours(total, stride), _with_neighbours(count, stride)
         return total, count
@@ -136,7 +137,7 @@ def _extended_layers(places: CellPlaces, values: Tensor) -> Callable[[int], Tens
         cells = torch.empty(1 + rows + 1, *layout.layer_shape[1:], device=values.device)
         inner = cells[1:-1].view(-1)
         torch.div(total[: len(inner)], count[: len(inner)].clamp_(min=1), out=inner)
-        places.put(layer, values, inner)
+        places.put(slice(layer, layer + 1), values, inner)
         cells[0], cells[-1] = cells[1], cells[-2]
         return cells
 

@@ -231,7 +231,12 @@ def test_number_of_threads_changes_no_bit(solve):
 
 @pytest.mark.parametrize(
     ("constant", "value"),
-    [("bilateral_energy.CHUNK_CELLS", 7), ("bilateral_grid.PIECE_VOXELS", 30), ("bilateral_slice.BAND_NUMBERS", 1)],
+    [
+        ("bilateral_energy.CHUNK_CELLS", 7),
+        ("bilateral_grid.PIECE_VOXELS", 30),
+        ("bilateral_grid.RUN_CELLS", 1),
+        ("bilateral_slice.BAND_NUMBERS", 1),
+    ],
 )
 @pytest.mark.parametrize("threshold", [None, 0.5])
 def test_working_in_small_pieces_changes_no_bit(constant, value, threshold, monkeypatch):
