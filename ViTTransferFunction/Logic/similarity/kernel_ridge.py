@@ -190,11 +190,15 @@ class KernelRidge:
         wanted = np.concatenate([targets, background])
         ridge = np.concatenate([np.full(len(targets), POINT_RIDGE), np.full(len(background), BACKGROUND_RIDGE)])
         seen = ~np.isnan(wanted)
-        for _ in range(BACKGROUND_ROUNDS):
-            scores = (kernel @ _solve(kernel, ridge, wanted, seen))[len(targets) :]
-            # A cell that turns out to lie inside any of the classes is no background for the others either.
-            seen[len(targets) :] &= (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
         weights = _solve(kernel, ridge, wanted, seen)
+        for _ in range(BACKGROUND_ROUNDS):
+            scores = kernel[len(targets) :] @ weights
+            # A cell that turns out to lie inside any of the classes is no background for the others either.
+            stays = seen[len(targets) :] & (scores <= BACKGROUND_LIMIT).all(axis=1, keepdims=True)
+            if np.array_equal(stays, seen[len(targets) :]):
+                break
+            seen[len(targets) :] = stays
+            weights = _solve(kernel, ridge, wanted, seen)
         return weights[: len(targets)], weights[len(targets) :]
 
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
@@ -273,10 +277,13 @@ def _annotated(requests: Sequence[ClassRequest]) -> _Annotated:
 def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """(K + Λ)⁻¹ Y, for every class over the places that it sees; 0 at the others."""
     weights = np.zeros_like(wanted)
-    patterns, pattern_of_class = np.unique(seen, axis=1, return_inverse=True)
+    classes_of_pattern: dict[bytes, list[int]] = {}
+    for index, rows in enumerate(seen.T):
+        classes_of_pattern.setdefault(rows.tobytes(), []).append(index)
     # Classes without negative points of their own all see the same places, and share one factorisation.
-    for index, rows in enumerate(patterns.T):
-        classes = np.flatnonzero(pattern_of_class.ravel() == index)
+    for numbers in classes_of_pattern.values():
+        classes = np.array(numbers)
+        rows = seen[:, classes[0]]
         system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
         weights[np.ix_(rows, classes)] = np.linalg.solve(system, wanted[np.ix_(rows, classes)])
     return weights
