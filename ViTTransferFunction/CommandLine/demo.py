@@ -9,12 +9,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from ViTTransferFunction.CommandLine.file_names import rendering_path
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.library_output import silenced_libraries
 from ViTTransferFunction.CommandLine.options import load_features
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
+from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.Logic.core.atomic_file import check_writable
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress

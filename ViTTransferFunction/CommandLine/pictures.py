@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
-from ViTTransferFunction.CommandLine.file_names import rendering_path
+from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
 from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.file_names import rendering_path
 from ViTTransferFunction.CommandLine.options import Subparsers
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
+from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.Logic.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ViTTransferFunction.CommandLine.file_names import file_stem
 from ViTTransferFunction.CommandLine.options import (
     Subparsers,
     add_feature_options,
@@ -21,6 +20,7 @@ from ViTTransferFunction.CommandLine.options import (
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.file_names import file_stem
 
 if TYPE_CHECKING:
     from ViTTransferFunction.Logic.core.class_request import ClassRequest

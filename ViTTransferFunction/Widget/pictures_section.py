@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_ending import with_ending
+from ViTTransferFunction.Logic.core.file_names import file_stem, with_ending
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
 from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
@@ -21,9 +20,6 @@ from ViTTransferFunction.Logic.scene.png_file import save_png
 from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
-
-_FORBIDDEN = re.compile(r'[\\/:*?"<>|\x00-\x1f]')
-"""In names of files, by some system; volumes from DICOM are called '2: CT Chest', say."""
 
 
 class PicturesSection(Section):
@@ -122,7 +118,7 @@ class PicturesSection(Section):
     def _asked_for_path(self, title: str, endings: Sequence[str], kinds: str) -> Path | None:
         """Where the user wants a file, with one of the `endings`; None where they cancel."""
         volume = self.session.parameters.volume if self.session else None
-        name = _FORBIDDEN.sub("_", (volume.GetName() if volume else "") or "ViTTransferFunction") + endings[0]
+        name = file_stem((volume.GetName() if volume else "") or "ViTTransferFunction") + endings[0]
         chosen = ask_path_to_write(title, name, kinds, self.ui.pictureButton)
         return with_ending(Path(chosen), endings) if chosen else None
 

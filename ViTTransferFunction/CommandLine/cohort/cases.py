@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ViTTransferFunction.CommandLine.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 
 logger = logging.getLogger(__name__)
 

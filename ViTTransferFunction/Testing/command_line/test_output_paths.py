@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.CommandLine.file_names import file_stem
 from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.core.file_names import file_stem
 
 VOXELS = np.random.default_rng(0).integers(1, 1000, (8, 9, 10)).astype(np.int16)
 

@@ -1,4 +1,4 @@
-"""Endings of names that users give to files which are to be written."""
+"""Names of files: that every system takes, for what users call their volumes, classes and cases; and with an ending."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from pathlib import Path
 from .errors import InputError
 from .regular_file import mode_of
 
+_DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port in ("COM", "LPT") for number in range(10))}
+
+LONGEST_NAME_BYTES = 200
+"""Files on most disks have names of up to 255 bytes, and endings follow."""
 _LOOKS_LIKE_ENDING = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,3}")
 """Of another kind of file, such as .jpg or .webm. What else follows a dot is part of the name, as in 'liver 2.5' or 'No. 3'."""
 
@@ -32,3 +36,15 @@ def with_ending(path: Path, endings: Sequence[str]) -> Path:
     if mode_of(completed) is not None:
         raise InputError(f"{completed} is there already. Choose it by its whole name to replace it, or choose another name.")
     return completed
+
+
+def file_stem(name: str) -> str:
+    """A volume's or class's name as a file name that every platform takes; the beginning of one that is too long."""
+    stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
+    stem = stem.encode()[:LONGEST_NAME_BYTES].decode(errors="ignore").strip()
+    return f"_{stem}" if not stem or is_device(stem) else stem
+
+
+def is_device(name: str) -> bool:
+    """Whether Windows takes a file's name for that of a device, as it does in every folder and with every ending."""
+    return name.partition(".")[0].strip().upper() in _DEVICES_OF_WINDOWS

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_ending import with_ending
+from ViTTransferFunction.Logic.core.file_names import with_ending
 
 FILM = (".gif", ".mp4")
 
