@@ -38,12 +38,18 @@ def ramp(shape: tuple[int, ...]) -> np.ndarray:
     return np.arange(np.prod(shape), dtype=np.int16).reshape(shape)
 
 
+def turned_ramp() -> sitk.Image:
+    """A ramp of 4 × 5 × 6 voxels that lies off the origin, with unequal edges, mirrored and turned about S."""
+    turned = image(ramp((4, 5, 6)))
+    turned.SetSpacing([2.0, 1.5, 5.0])
+    turned.SetOrigin([30.0, -20.0, 7.0])
+    turned.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
+    return turned
+
+
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
 def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending: str) -> None:
-    source = image(ramp((4, 5, 6)))
-    source.SetSpacing([2.0, 1.5, 5.0])
-    source.SetOrigin([30.0, -20.0, 7.0])
-    source.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
+    source = turned_ramp()
     sitk.WriteImage(source, str(tmp_path / f"scan{ending}"))
 
     volume = read_volume(tmp_path / f"scan{ending}")
@@ -57,10 +63,7 @@ def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending:
 
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
 def test_of_one_time_point_alone_is_the_volume_that_it_is(tmp_path: Path, ending: str) -> None:
-    frame = image(ramp((4, 5, 6)))
-    frame.SetSpacing([2.0, 1.5, 5.0])
-    frame.SetOrigin([30.0, -20.0, 7.0])
-    frame.SetDirection([-0.8, 0.6, 0.0, 0.6, 0.8, 0.0, 0.0, 0.0, 1.0])
+    frame = turned_ramp()
     sitk.WriteImage(frame, str(tmp_path / f"frame{ending}"))
     sitk.WriteImage(sitk.JoinSeries([frame], 0.0, 2.5), str(tmp_path / f"sequence{ending}"))
 
