@@ -17,6 +17,9 @@ FULL_SCALE = 255
 NEAR_SHARE_OF_ISO = 0.5
 """Below this share of its iso value, a map is far from the surface: nothing there is refined, learned from, kept or drawn."""
 
+_UNIT_BALL = np.array([place for place in (np.indices((9, 9, 9)).reshape(3, -1).T - 4) / 4.0 if np.linalg.norm(place) <= 1.0])
+"""(257, 3)."""
+
 
 @dataclass(frozen=True, eq=False)
 class ClassMap:
@@ -47,16 +50,21 @@ class ClassMap:
 
 
 def is_near(class_map: ClassMap, point_ras: np.ndarray, reach_mm: float) -> bool:
-    """Whether a map reaches its iso value at a point (3,), RAS millimetres of its frame, or up to `reach_mm` from there.
+    """Whether a map reaches its iso value at a point (3,), RAS millimetres of its frame, or up to `reach_mm` from there."""
+    around = ball_around(point_ras, reach_mm)
+    return bool(is_inside(class_map, around[class_map.geometry.contains(around)]).any())
 
-    It is looked for at the point and, in 26 directions, half as far and as far as it reaches.
-    """
-    directions = np.array(list(np.ndindex(3, 3, 3)), dtype=float) - 1.0
-    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1.0)
-    around = point_ras + np.concatenate([0.5 * reach_mm * directions, reach_mm * directions])
-    around = around[class_map.geometry.contains(around)]
-    values = sample_at(class_map.array[..., None], class_map.geometry, around)
-    return bool((values >= in_units_of(class_map.array, class_map.iso)).any())
+
+def ball_around(point_ras: np.ndarray, radius_mm: float) -> np.ndarray:
+    """Places (N, 3) all over the ball around a point (3,), RAS millimetres: a quarter of the radius apart on any grid."""
+    return point_ras + radius_mm * _UNIT_BALL
+
+
+def is_inside(class_map: ClassMap, points_ras: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether a map, interpolated, reaches its iso value at points (N, 3), RAS millimetres of its frame."""
+    values = sample_at(class_map.array[..., None], class_map.geometry, points_ras)[:, 0]
+    inside: np.ndarray = values >= in_units_of(class_map.array, class_map.iso)
+    return inside
 
 
 def in_units_of(array: np.ndarray, similarity: float) -> float:
