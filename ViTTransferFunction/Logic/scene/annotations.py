@@ -187,6 +187,11 @@ class SceneAnnotations:
             write_class(self._scene, self._positive(id_), replace(state, **{field: getattr(state, field)[:-1]}))
 
     @property
+    def continued(self) -> bool:
+        """Whether the last change belongs to the step for undo before it, as each point of a stroke but the first does."""
+        return self._history.continued
+
+    @property
     def can_undo(self) -> bool:
         """Whether a change of classes or points can be taken back."""
         return self._history.can_undo

@@ -15,12 +15,16 @@ class AnnotationHistory(Generic[State]):
 
     Args:
         first: the state to begin with. States are compared with ==, and must not change.
+
+    Attributes:
+        continued: whether the state that was recorded last belongs to the step before, as those of one stroke do.
     """
 
     def __init__(self, first: State) -> None:
         self._states = [first]
         self._current = 0
         self._last_kind: str | None = None
+        self.continued = False
 
     def record(self, state: State, kind: str | None = None) -> bool:
         """Make `state` the current one, and forget what had been undone.
@@ -36,7 +40,8 @@ class AnnotationHistory(Generic[State]):
         if state == self._states[self._current]:
             return False
         del self._states[self._current + 1 :]
-        if kind is not None and kind == self._last_kind and self._current > 0:
+        self.continued = kind is not None and kind == self._last_kind and self._current > 0
+        if self.continued:
             self._states[-1] = state
         else:
             self._states.append(state)

@@ -26,6 +26,7 @@ from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, EdgesMm, Point, Polarity
+from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
 from .observers import SceneObservers
@@ -92,6 +93,7 @@ class SceneSession:
         self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
+        self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
         other_scene = (
             slicer.vtkMRMLScene.EndImportEvent,
             slicer.vtkMRMLScene.EndRestoreEvent,
@@ -243,6 +245,10 @@ class SceneSession:
         """Edges of the box that a class is looked at in; None: in the whole volume. See `SceneCloseUps.size_mm`."""
         return self._close_ups.size_mm(state, self._requests)
 
+    def suggests_closer_look(self, state: ClassState) -> bool:
+        """Whether a class needed such corrections that a closer look may find it better. See `CloseUpHints`."""
+        return self._hints.of(state, self._requests)
+
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
         volume, selected = self.parameters.volume, self.selected_class
@@ -364,6 +370,7 @@ class SceneSession:
         """The user went on, or took back what they did."""
         self._problems.solve("segments")
         self._problems.solve("close-up")
+        self._hints.note()
         self._follow()
 
     def _follow(self) -> None:
@@ -392,6 +399,8 @@ class SceneSession:
             self._output.cancel()
         self._take_problem()
         self.annotations.refresh()
+        if anew:
+            self._hints.forget()
         self._follow()
 
     def _on_node_removed(self, caller: vtk.vtkObject, event: str) -> None:
@@ -401,6 +410,7 @@ class SceneSession:
 
     def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
         self.annotations.restart()
+        self._hints.forget()
         self._other_segments.forget()
 
     def _on_batch_end(self, caller: vtk.vtkObject, event: str) -> None:

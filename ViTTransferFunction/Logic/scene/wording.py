@@ -8,6 +8,7 @@ from ..core.progress import WorkProgress
 from ..rendering.appearance import STYLES
 from .classes import ClassState, EdgesMm
 from .context import OFF
+from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
 _MOST_NAMES = 5
@@ -49,6 +50,12 @@ def close_up_text(edges_mm: EdgesMm | None) -> str:
         return ""
     edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in edges_mm)
     return _("In a box of {edges} mm").format(edges=edges)
+
+
+def closer_look_text() -> str:
+    """That a closer look may help with a structure which needed large corrections."""
+    key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
+    return _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.').format(key=key)
 
 
 def progress_text(progress: WorkProgress) -> str:
