@@ -13,7 +13,7 @@ from ..Logic.scene.exported_renderings import exported_renderings
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
 from ..Logic.scene.segment_tags import CLASS_TAG
 from ..Logic.scene.session import SceneSession
-from ..Logic.scene.wording import close_up_text, progress_text, size_in_steps, threshold_text, volume_text
+from ..Logic.scene.wording import close_up_text, closer_look_text, progress_text, size_in_steps, threshold_text, volume_text
 from .look_state import NO_LOOK, look_state
 
 PARAMETERS = (
@@ -130,6 +130,7 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
         "can_grow": stepped(selected, 1) != selected,
         "can_reset": selected.size != 0.0 or selected.iso is not None,
         "close_up": close_up_text(session.close_up_mm(selected)),
+        "close_up_hint": closer_look_text() if session.suggests_closer_look(selected) else "",
         "can_look_closer": session.phase == "ready" and bool(selected.positive),
         "can_look_at_whole": selected.close_up is not None,
     }

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from ViTTransferFunction.Logic.scene.wording import close_up_text
+from ViTTransferFunction.Logic.scene.wording import close_up_text, closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
+
+SUGGESTED = "font-weight: bold"
+"""Of the button that is suggested: a style that leaves it as large and as native as the platform has it."""
 
 
 class CloseUpControls(Section):
@@ -15,6 +18,7 @@ class CloseUpControls(Section):
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "closeUp")
+        self._suggested = False
         ui.lookCloserButton.clicked.connect(self.look_closer)
         ui.lookAtWholeButton.clicked.connect(self.look_at_whole)
         self._progress.cancel_button.clicked.connect(self._on_cancel)
@@ -27,7 +31,17 @@ class CloseUpControls(Section):
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
+        self._suggest(session is not None and selected is not None and session.suggests_closer_look(selected))
         self._progress.show(session.progress if session is not None and session.looks_closer else None)
+
+    def _suggest(self, suggested: bool) -> None:
+        """Point at *Look closer*, or do not: a line below it, and nothing that has to be closed."""
+        ui = self.ui
+        if suggested != self._suggested:
+            self._suggested = suggested
+            ui.lookCloserButton.styleSheet = SUGGESTED if suggested else ""
+        ui.closeUpHintLabel.visible = suggested
+        ui.closeUpHintLabel.text = closer_look_text() if suggested else ""
 
     def look_closer(self) -> None:
         """Look at a box around the structure, fitted to what is shown of it now."""

@@ -234,6 +234,23 @@ def test_a_small_structure_is_looked_at_closer_and_in_the_whole_again_by_keys(at
     page["close-up-text"].wait_for(state="detached")
 
 
+def test_a_closer_look_is_suggested_below_its_button_without_a_message(at_app: AppPage, volume: Path) -> None:
+    page, hint = at_app, "Large corrections so far."
+    open_volume(page, volume)
+    add_structure(page, 0)
+    assert page["close-up-hint"].count() == 0
+    before = page["look-closer"].bounding_box()
+    show = "hint => trame.state.set('settings', { ...trame.state.get('settings'), close_up_hint: hint })"
+    page.page.evaluate(show, hint)
+    page["close-up-hint"].wait_for()
+    assert page["close-up-hint"].inner_text() == hint
+    assert "suggested" in page["look-closer"].get_attribute("class")
+    assert page["look-closer"].bounding_box() == before
+    assert page["message"].count() == 0
+    page.page.evaluate(show, "")
+    page["close-up-hint"].wait_for(state="detached")
+
+
 def test_what_is_typed_stays_while_the_page_changes(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)

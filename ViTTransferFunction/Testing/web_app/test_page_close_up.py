@@ -118,6 +118,24 @@ def test_the_page_tells_a_closer_look_from_the_writing_of_segments(
     ready(journey)
 
 
+def test_the_page_suggests_a_closer_look_at_the_selected_structure(
+    ready: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        add_structure(app, positive=True)
+        first, second = app.session.classes
+        assert app.server.state.settings["close_up_hint"] == ""
+        monkeypatch.setattr(SceneSession, "suggests_closer_look", lambda self, state: state.id == second.id)
+        app.refresh()
+        assert '"Look closer" (C) may help' in app.server.state.settings["close_up_hint"]
+        assert app.server.state.message == ""
+        app.actions("select", first.id)
+        assert app.server.state.settings["close_up_hint"] == ""
+
+    ready(journey)
+
+
 def test_without_a_structure_nothing_happens(ready: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("lookCloser")

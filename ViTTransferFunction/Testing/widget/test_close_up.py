@@ -13,6 +13,7 @@ import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
+from ViTTransferFunction.Logic.core import close_up_choice
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -116,6 +117,40 @@ def test_the_key_looks_closer_and_says_why_where_it_cannot(clicked: Any, host: H
     QTest.keyClick(host.window, Qt.Key.Key_C)
     assert close_up(clicked) is None
     assert "Place a point on liver first" in clicked.ui.messageLabel.text()
+
+
+def test_a_closer_look_is_suggested_below_its_button_while_the_structure_is_selected(
+    clicked: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 1.0)
+    ui = clicked.ui
+    assert suggestion(clicked) == ""
+    for label in (2, 3):
+        place(clicked, tuple(centre_ras(spheres, label)[0]))
+        wait_until(lambda: clicked.panel.session.up_to_date and not clicked.panel.session.busy)
+    assert '"Look closer" (C) may help' in suggestion(clicked)
+    assert ui.lookCloserButton.font().bold()
+    assert not ui.messageFrame.isVisible()
+    ui.classTable.setCurrentCell(add_row(clicked), 1)
+    assert (suggestion(clicked), ui.lookCloserButton.font().bold()) == ("", False)
+    ui.classTable.setCurrentCell(0, 1)
+    assert suggestion(clicked) != ""
+    ui.lookCloserButton.click()
+    assert (suggestion(clicked), ui.lookCloserButton.font().bold()) == ("", False)
+    assert ui.closeUpLabel.text().startswith("In a box of ")
+
+
+def add_row(widget: Any) -> int:
+    """Add a class; returns its row."""
+    add_class(widget, "other")
+    return len(widget.panel.session.classes) - 1
+
+
+def suggestion(widget: Any) -> str:
+    """The line that suggests a closer look; "" where it is not shown."""
+    label = widget.ui.closeUpHintLabel
+    assert label.isHidden() == (not label.text())
+    return str(label.text())
 
 
 def test_how_far_a_closer_look_is_shows_below_its_button_and_can_be_stopped_there(
