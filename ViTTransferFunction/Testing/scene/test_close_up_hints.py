@@ -1,250 +1,308 @@
-"""When a closer look is suggested: after the second large correction of a structure, and until what ends it."""
+"""When a closer look is suggested: after the second large correction of what is shown, and until what ends it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import slicer
 
-from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import add_volume, open_spheres, put_under
-from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
+from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
+from ViTTransferFunction.Logic.scene.class_requests import class_requests
+from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.close_up_hints import CloseUpHints
+from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.scenes import MOVED, add_parameter_node, put_under
 
-SHIFT = np.array([[1.0, 0.0, 0.0, 100.0], [0.0, 1.0, 0.0, -50.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+VOXELS = Geometry((60, 60, 60), np.diag([2.0, 2.0, 2.0, 1.0]))
+CELLS = VOXELS.resized((24, 24, 24))
+"""Of 5 mm."""
+MIDDLE, RADIUS_MM = np.array([59.0, 59.0, 59.0]), 20.0
+DEEP, DEEPER = MIDDLE + np.array([10.0, 0.0, 0.0]), MIDDLE + np.array([0.0, 3.0, 0.0])
+"""Within what is shown, and farther from its surface than a cell is wide."""
+SHALLOW, BESIDE = MIDDLE + np.array([18.0, 0.0, 0.0]), MIDDLE + np.array([23.0, 0.0, 0.0])
+FAR = MIDDLE + np.array([30.0, 0.0, 0.0])
+
+
+def sphere(geometry: Geometry, in_bytes: bool) -> ClassMap:
+    away = np.linalg.norm(geometry.voxel_centres_ras() - MIDDLE, axis=1).reshape(geometry.shape)
+    array = np.clip(0.5 + (RADIUS_MM - away) / 10.0, 0.0, 1.0).astype(np.float32)
+    return ClassMap(np.rint(FULL_SCALE * array).astype(np.uint8) if in_bytes else array, geometry, 0.5)
+
+
+class Corrected:
+    """A class of which a sphere is shown whatever is clicked, and what is made of how it is corrected.
+
+    Attributes:
+        annotations: of the class; after each change, the answer is there at once, unless `proxy.up_to_date` says otherwise.
+        proxy: has the maps.
+        volume: is looked at.
+    """
+
+    proxy: Any
+    volume: Any
+
+    def __init__(self, scene: Any) -> None:
+        self.node = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+        set_image(self.node, np.zeros(VOXELS.shape, dtype=np.int16), VOXELS.ijk_to_ras)
+        self.volume = SimpleNamespace(content=SimpleNamespace(geometry=VOXELS), changed=False)
+        self.proxy = SimpleNamespace(phase="ready", up_to_date=True, maps={}, low_maps={})
+        self.annotations = SceneAnnotations(scene, add_parameter_node(scene), lambda: self.hints.note())
+        parameters: Any = SimpleNamespace(volume=self.node)
+        self.hints = CloseUpHints(parameters, self.annotations, self.volume, self.proxy)
+        self.id = self.annotations.add_class("aorta").id
+        self.add(MIDDLE)
+        self.show(self.id)
+
+    @property
+    def state(self) -> ClassState:
+        return self.annotations.classes[0]
+
+    def show(self, id_: str) -> None:
+        self.proxy.maps[id_], self.proxy.low_maps[id_] = sphere(VOXELS, in_bytes=True), sphere(CELLS, in_bytes=False)
+
+    def add(self, *points_ras: np.ndarray, positive: bool = True, continued: bool = False) -> None:
+        self.annotations.add_points(self.id, np.array(points_ras), positive, continued)
+
+    def cut(self, *points_ras: np.ndarray, continued: bool = False) -> None:
+        self.add(*points_ras, positive=False, continued=continued)
+
+    def move(self, positive: bool, index: int, to_ras: np.ndarray) -> None:
+        """Drag a point."""
+        points = self.annotations.points_node(self.id, positive)
+        points.SetNthControlPointPositionWorld(index, *to_ras)
+        points.InvokeEvent(slicer.vtkMRMLMarkupsNode.PointEndInteractionEvent)
+
+    def suggests(self, state: ClassState | None = None) -> bool:
+        return self.hints.of(state or self.state, class_requests(self.annotations.classes, {}, self.node, VOXELS))
 
 
 @pytest.fixture
-def session(slicer_app: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> Iterator[SceneSession]:
-    """A session whose first class has a click on the first sphere, which is shown. Boxes may be of any size."""
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
-    session = open_spheres(slicer_app, spheres)
-    session.annotations.add_class("sphere")
-    correct(session, centre_ras(spheres, 1))
-    yield session
-    session.close()
+def corrected(slicer_app: Any) -> Any:
+    corrected = Corrected(slicer_app.scene)
+    yield corrected
+    corrected.annotations.close()
 
 
-def correct(session: SceneSession, points_ras: np.ndarray, positive: bool = True, continued: bool = False) -> None:
-    """Add points (N, 3) to the first class in one step, and wait for the answer."""
-    session.annotations.add_points(session.classes[0].id, points_ras, positive, continued)
-    session.wait()
-    assert session.take_error() is None
+def test_a_closer_look_is_suggested_from_the_second_gross_correction_until_one_that_is_not(corrected: Corrected) -> None:
+    said = [corrected.suggests()]
+    # The last two: what was passed over is not said again.
+    for point in (DEEP, DEEPER, DEEP + 1.0, SHALLOW, DEEP - 1.0, DEEPER - 1.0):
+        corrected.cut(point)
+        said.append(corrected.suggests())
+    assert said == [False, False, True, True, False, False, False]
 
 
-def correct_grossly(session: SceneSession, spheres: Spheres, count: int = 2) -> None:
-    """Click on the other spheres, one after the other, of which nothing is shown yet."""
-    for label in range(2, 2 + count):
-        correct(session, centre_ras(spheres, label))
+def test_points_on_the_structure_count_as_well(corrected: Corrected) -> None:
+    corrected.add(FAR)
+    assert not corrected.suggests()
+    corrected.cut(DEEP)
+    assert corrected.suggests()
 
 
-def suggested(session: SceneSession) -> bool:
-    return session.suggests_closer_look(session.classes[0])
+def test_small_corrections_suggest_nothing(corrected: Corrected) -> None:
+    for shift in (0.0, 0.5, 1.0):
+        corrected.cut(SHALLOW + shift)
+        corrected.add(BESIDE + shift)
+        corrected.add(MIDDLE + shift)
+        corrected.cut(FAR + shift)
+    assert not corrected.suggests()
 
 
-def test_a_closer_look_is_suggested_from_the_second_gross_correction_until_one_that_is_not(
-    session: SceneSession, spheres: Spheres
-) -> None:
-    assert not suggested(session)
-    correct_grossly(session, spheres, 1)
-    assert not suggested(session)
-    correct(session, centre_ras(spheres, 3))
-    assert suggested(session)
-    correct(session, centre_ras(spheres, 1) + 2.0)
-    assert not suggested(session)
-    # What was once passed over is not said again.
-    correct(session, centre_ras(spheres, 1) + np.array([0.0, 0.0, 4.0]), positive=False)
-    assert not suggested(session)
+def test_between_gross_corrections_there_may_be_others(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(SHALLOW)
+    corrected.cut(DEEPER)
+    assert corrected.suggests()
 
 
-def test_points_off_the_structure_count_as_well(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres, 1)
-    correct(session, centre_ras(spheres, 2) + np.array([2.0, 2.0, 2.0]), positive=False)
-    assert suggested(session)
+def test_what_is_refined_is_judged_as_it_is_shown_by_the_width_of_a_cell(corrected: Corrected) -> None:
+    nothing = ClassMap(np.zeros(VOXELS.shape, dtype=np.uint8), VOXELS, 0.5)
+    corrected.proxy.maps[corrected.id] = nothing
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    assert not corrected.suggests()
+    corrected.add(BESIDE)
+    corrected.add(DEEP + 1.0)
+    assert corrected.suggests()
 
 
-def test_small_corrections_suggest_nothing(session: SceneSession, spheres: Spheres) -> None:
-    for distance in (12.0, 13.0, 14.0):
-        correct(session, centre_ras(spheres, 1) + np.array([distance, 0.0, 0.0]))
-    for distance in (18.0, 17.0):
-        correct(session, centre_ras(spheres, 1) - np.array([distance, 0.0, 0.0]), positive=False)
-    assert not suggested(session)
+def test_it_goes_with_what_is_undone_and_comes_back_with_it(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.cut(SHALLOW)
+    said, undo, redo = [], corrected.annotations.undo, corrected.annotations.redo
+    for step in (undo, undo, redo, redo):
+        step()
+        said.append(corrected.suggests())
+    assert said == [True, False, True, False]
 
 
-def test_it_goes_with_what_is_undone_and_comes_back_with_it(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    session.annotations.undo()
-    assert not suggested(session)
-    session.annotations.redo()
-    session.wait()
-    assert suggested(session)
-    correct(session, centre_ras(spheres, 1) + 2.0)
-    session.annotations.undo()
-    session.wait()
-    assert suggested(session)
+def test_points_that_are_brought_back_are_not_judged_again(corrected: Corrected) -> None:
+    corrected.proxy.phase = "extracting"
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.proxy.phase = "ready"
+    corrected.annotations.undo()
+    corrected.annotations.undo()
+    corrected.annotations.redo()
+    corrected.annotations.redo()
+    assert len(corrected.state.negative) == 2
+    assert not corrected.suggests()
 
 
-def test_points_that_are_brought_back_are_not_judged_again(session: SceneSession, spheres: Spheres) -> None:
-    correct(session, centre_ras(spheres, 1) + 2.0)
-    correct_grossly(session, spheres, 1)
-    for _ in range(3):
-        session.annotations.undo()
-        session.annotations.undo()
-        session.wait()
-        session.annotations.redo()
-        session.annotations.redo()
-        session.wait()
-    assert not suggested(session)
+def test_it_goes_with_points_that_are_removed_and_comes_with_new_ones(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.annotations.erase_points(np.array([DEEP, DEEPER]), 1.0)
+    assert not corrected.suggests()
+    corrected.cut(DEEP + 1.0)
+    assert not corrected.suggests()
+    corrected.cut(DEEPER + 1.0)
+    assert corrected.suggests()
 
 
-def test_it_goes_with_points_that_are_removed(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    session.annotations.remove_last_point(session.classes[0].id)
-    assert not suggested(session)
-    session.wait()
-    assert not suggested(session)
+def test_who_has_looked_closer_is_not_told_again(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.annotations.set_close_up(corrected.id, (*MIDDLE.tolist(), 50.0, 50.0, 50.0))
+    assert not corrected.suggests()
+    corrected.annotations.set_close_up(corrected.id, None)
+    corrected.cut(DEEP + 1.0)
+    assert not corrected.suggests()
 
 
-def test_who_has_looked_closer_is_not_told_again(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    session.look_closer(session.classes[0].id)
-    assert session.classes[0].close_up is not None
-    assert not suggested(session)
-    session.annotations.undo()
-    assert session.classes[0].close_up is None
-    session.wait()
-    assert not suggested(session)
+def test_what_is_wrong_in_a_close_up_is_not_the_whole_volumes_fault(corrected: Corrected) -> None:
+    corrected.annotations.set_close_up(corrected.id, (*MIDDLE.tolist(), 50.0, 50.0, 50.0))
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.annotations.set_close_up(corrected.id, None)
+    assert not corrected.suggests()
 
 
-def test_where_no_box_is_possible_there_is_nothing_to_suggest(
-    session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 0.15)
-    correct_grossly(session, spheres)
-    assert not suggested(session)
+def test_where_no_box_is_possible_there_is_nothing_to_suggest(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.add(np.array([5.0, 5.0, 5.0]))
+    assert not corrected.suggests()
 
 
-def test_points_that_the_scene_comes_with_corrected_nothing(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    node = session.parameters.node
-    session.close()
-    again = SceneSession(slicer_app.scene, slicer_app.app_logic, node)
-    again.wait()
-    assert len(again.classes[0].positive) == 3
-    assert not suggested(again)
-    # One is not enough.
-    correct(again, centre_ras(spheres, 2) + 1.0, positive=False)
-    assert not suggested(again)
-    again.close()
+def test_whether_a_box_is_possible_follows_the_map_and_stays_while_one_is_awaited(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.proxy.up_to_date = False
+    assert not corrected.suggests()
+    corrected.proxy.up_to_date = True
+    corrected.cut(DEEPER)
+    assert corrected.suggests()
+    everything = ClassMap(np.ones(CELLS.shape, dtype=np.float32), CELLS, 0.5)
+    corrected.proxy.low_maps[corrected.id] = everything
+    corrected.proxy.up_to_date = False
+    assert corrected.suggests()
+    corrected.proxy.up_to_date = True
+    assert not corrected.suggests()
+    del corrected.proxy.low_maps[corrected.id]
+    assert not corrected.suggests()
 
 
-def test_what_is_placed_before_the_answer_corrected_nothing_that_was_shown(session: SceneSession, spheres: Spheres) -> None:
-    id_ = session.classes[0].id
-    for label in (2, 3):
-        session.annotations.add_points(id_, centre_ras(spheres, label), positive=True)
-    session.wait()
-    assert not suggested(session)
+@pytest.mark.parametrize("unseen", ["awaited", "coarse", "stale", "hidden", "missing"])
+def test_what_is_placed_while_nothing_of_it_is_shown_corrected_nothing(corrected: Corrected, unseen: str) -> None:
+    if unseen == "awaited":
+        corrected.proxy.up_to_date = False
+    elif unseen == "coarse":
+        corrected.proxy.phase = "extracting"
+    elif unseen == "stale":
+        corrected.volume.changed = True
+    elif unseen == "hidden":
+        corrected.annotations.set_class(corrected.id, visible=False)
+    else:
+        corrected.proxy.maps = {}
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.proxy.up_to_date, corrected.proxy.phase, corrected.volume.changed = True, "ready", False
+    corrected.annotations.set_class(corrected.id, visible=True)
+    corrected.show(corrected.id)
+    assert not corrected.suggests()
+    # One is not enough, and those before are none.
+    corrected.cut(DEEP + 1.0)
+    assert not corrected.suggests()
 
 
-def test_a_class_that_begins_with_points_was_not_corrected(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    copied = session.annotations.duplicate_class(session.classes[0].id)
-    session.wait()
-    assert not session.suggests_closer_look(next(state for state in session.classes if state.id == copied.id))
-    assert suggested(session)
+def test_a_class_that_begins_with_points_was_not_corrected(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    copied = corrected.annotations.duplicate_class(corrected.id)
+    corrected.show(copied.id)
+    assert not corrected.suggests(copied)
+    assert corrected.suggests()
+    corrected.annotations.remove_class(corrected.id)
+    corrected.annotations.undo()
+    assert corrected.suggests()
 
 
-def test_a_stroke_is_one_correction(session: SceneSession, spheres: Spheres) -> None:
-    correct(session, centre_ras(spheres, 2), continued=False)
-    correct(session, centre_ras(spheres, 3), continued=True)
-    assert not suggested(session)
+def test_a_stroke_is_one_correction(corrected: Corrected) -> None:
+    corrected.cut(SHALLOW)
+    corrected.cut(DEEP, continued=True)
+    corrected.cut(DEEPER, continued=True)
+    assert not corrected.suggests()
+    corrected.cut(DEEP + 1.0)
+    assert corrected.suggests()
+    corrected.cut(SHALLOW + 1.0, continued=True)
+    assert corrected.suggests()
 
 
-def test_a_region_is_one_correction_and_gross_where_a_point_of_it_is(session: SceneSession, spheres: Spheres) -> None:
-    near = centre_ras(spheres, 1) + 2.0
-    correct(session, np.concatenate([near, centre_ras(spheres, 2), centre_ras(spheres, 2) + 1.0]))
-    assert not suggested(session)
-    correct(session, np.concatenate([near + 1.0, centre_ras(spheres, 3)]))
-    assert suggested(session)
+def test_a_region_is_one_correction_and_gross_where_a_point_of_it_is(corrected: Corrected) -> None:
+    corrected.cut(SHALLOW, DEEP, DEEPER)
+    assert not corrected.suggests()
+    corrected.cut(SHALLOW + 1.0, DEEP + 1.0)
+    assert corrected.suggests()
 
 
-def test_a_moved_point_is_no_new_correction(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres, 1)
-    correct(session, centre_ras(spheres, 1) + 2.0)
-    move_last(session, centre_ras(spheres, 3))
-    assert not suggested(session)
+def test_a_moved_point_is_no_new_correction(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(SHALLOW)
+    corrected.move(False, 1, DEEPER)
+    assert not corrected.suggests()
 
 
-def test_a_gross_correction_that_is_moved_stays_one(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    move_last(session, centre_ras(spheres, 3) + 1.0)
-    assert suggested(session)
-    session.annotations.undo()
-    session.wait()
-    assert suggested(session)
-    session.annotations.undo()
-    session.wait()
-    assert not suggested(session)
+def test_a_gross_correction_that_is_moved_stays_one(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.move(False, 0, SHALLOW)
+    assert corrected.suggests()
+    corrected.annotations.undo()
+    assert corrected.suggests()
+    corrected.annotations.undo()
+    assert not corrected.suggests()
 
 
-def move_last(session: SceneSession, to_ras: np.ndarray) -> None:
-    """Drag the positive point that was placed last."""
-    node = session.annotations.points_node(session.classes[0].id, positive=True)
-    node.SetNthControlPointPositionWorld(node.GetNumberOfControlPoints() - 1, *to_ras[0])
-    node.InvokeEvent(slicer.vtkMRMLMarkupsNode.PointEndInteractionEvent)
-    session.wait()
+def test_another_volume_begins_anew(corrected: Corrected) -> None:
+    corrected.cut(DEEP)
+    corrected.cut(DEEPER)
+    corrected.hints.forget()
+    assert not corrected.suggests()
+    corrected.annotations.undo()
+    corrected.annotations.redo()
+    assert not corrected.suggests()
+    corrected.cut(DEEP + 1.0)
+    assert not corrected.suggests()
+    corrected.cut(DEEPER + 1.0)
+    assert corrected.suggests()
 
 
-def test_another_volume_begins_anew(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
-    first = session.parameters.volume
-    correct_grossly(session, spheres)
-    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
-    session.wait()
-    assert session.phase == "ready"
-    assert not suggested(session)
-    session.set_volume(first)
-    session.wait()
-    assert not suggested(session)
-    session.annotations.undo()
-    session.wait()
-    session.annotations.redo()
-    session.wait()
-    assert not suggested(session)
+def test_points_are_judged_where_the_volume_was_moved_to(corrected: Corrected) -> None:
+    put_under(corrected.node, MOVED)
+    moved = [MOVED[:3, :3] @ point + MOVED[:3, 3] for point in (MIDDLE, DEEP, DEEPER)]
+    corrected.move(True, 0, moved[0])
+    corrected.cut(moved[1])
+    assert not corrected.suggests()
+    corrected.cut(moved[2])
+    assert corrected.suggests()
 
 
-def test_without_a_volume_nothing_is_suggested(session: SceneSession, spheres: Spheres) -> None:
-    correct_grossly(session, spheres)
-    session.set_volume(None)
-    assert not suggested(session)
-
-
-def test_what_is_not_shown_is_not_corrected(session: SceneSession, spheres: Spheres) -> None:
-    session.annotations.set_class(session.classes[0].id, visible=False)
-    session.wait()
-    correct_grossly(session, spheres)
-    assert not suggested(session)
-
-
-def test_a_moved_volume_is_corrected_where_it_is(session: SceneSession, spheres: Spheres) -> None:
-    session.annotations.remove_last_point(session.classes[0].id)
-    put_under(session.parameters.volume, SHIFT)
-    shift = SHIFT[:3, 3]
-    for label in (1, 2):
-        correct(session, centre_ras(spheres, label) + shift)
-    correct(session, centre_ras(spheres, 1) + shift + 2.0)
-    assert not suggested(session)
-    session.annotations.undo()
-    session.wait()
-    correct(session, centre_ras(spheres, 3) + shift)
-    assert suggested(session)
-
-
-def test_corrections_of_one_class_are_not_those_of_another(session: SceneSession, spheres: Spheres) -> None:
-    other = session.annotations.add_class("other").id
-    session.annotations.add_points(other, centre_ras(spheres, 3), positive=True)
-    session.wait()
-    correct_grossly(session, spheres)
-    assert suggested(session)
-    assert not session.suggests_closer_look(session.classes[1])
+def test_points_beyond_the_volume_correct_nothing(corrected: Corrected) -> None:
+    corrected.add(MIDDLE + 200.0)
+    corrected.add(MIDDLE - 200.0)
+    assert not corrected.suggests()

@@ -154,6 +154,51 @@ def cancel_looking(session: SceneSession) -> None:
     session.cancel()
 
 
+def test_a_closer_look_is_suggested_after_large_corrections_until_there_is_one(
+    session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    id_ = correct_grossly(session, spheres)
+    assert session.suggests_closer_look(session.classes[0])
+    session.annotations.undo()
+    assert not session.suggests_closer_look(session.classes[0])
+    session.annotations.redo()
+    assert session.suggests_closer_look(session.classes[0])
+    session.look_closer(id_)
+    assert not session.suggests_closer_look(session.classes[0])
+    assert session.take_error() is None
+
+
+def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
+    slicer_app: Any, session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    correct_grossly(session, spheres)
+    node, volume = session.parameters.node, session.parameters.volume
+    session.set_volume(None)
+    assert not session.suggests_closer_look(session.classes[0])
+    session.set_volume(volume)
+    session.wait()
+    assert (session.phase, session.suggests_closer_look(session.classes[0])) == ("ready", False)
+    session.close()
+    again = SceneSession(slicer_app.scene, slicer_app.app_logic, node)
+    again.wait()
+    assert (again.phase, again.suggests_closer_look(again.classes[0])) == ("ready", False)
+    again.annotations.add_points(again.classes[0].id, centre_ras(spheres, 2) + 1.0, positive=False)
+    again.wait()
+    assert not again.suggests_closer_look(again.classes[0])
+    again.close()
+
+
+def correct_grossly(session: SceneSession, spheres: Spheres) -> str:
+    """Click on the first sphere, and then on the others, of which nothing is shown yet; returns the class's id."""
+    id_ = session.annotations.add_class("sphere").id
+    for label in (1, 2, 3):
+        session.annotations.add_points(id_, centre_ras(spheres, label), positive=True)
+        session.wait()
+    return id_
+
+
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
     state = session.annotations.add_class("adrenal gland")
     session.look_closer(state.id)
