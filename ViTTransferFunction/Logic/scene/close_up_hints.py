@@ -83,7 +83,8 @@ class CloseUpHints:
     def note(self) -> None:
         """The annotations have changed, and what is shown has not followed yet."""
         before, self._classes = self._classes, {state.id: state for state in self._annotations.classes}
-        self._step += not self._annotations.continued
+        if not self._annotations.continued:
+            self._step += 1
         for state in self._annotations.classes:
             if state.close_up is not None:
                 self._looked_at.add(state.id)
