@@ -33,10 +33,12 @@ class Correction:
 
     Attributes:
         step: later ones have higher numbers.
+        on_it: whether it says that the structure is there.
         gross: whether a point of it lay deep within what was wrong (`corrects_grossly`), more than a cell's edge.
     """
 
     step: int
+    on_it: bool
     gross: bool
 
 
@@ -93,7 +95,8 @@ class CloseUpHints:
     def of(self, state: ClassState, requests: ClassRequests) -> bool:
         """Whether a class should be looked at closer, as far as one can tell: its user knows whether it is small or thin.
 
-        That is from its second gross correction on, until one that is not gross, and only before its first close-up.
+        That is from its second gross correction on, one of which was off the structure: else it may be several like objects,
+        clicked one after the other. It is until a correction that is not gross, and only before its first close-up.
 
         Args:
             state: of the class.
@@ -126,7 +129,7 @@ class CloseUpHints:
         points = world_to_local(volume, np.array(added))
         on_it = polarity == "positive"
         gross = any(corrects_grossly(shown, content.geometry, point, on_it, depth_mm) for point in points)
-        return Correction(self._step, gross)
+        return Correction(self._step, on_it, gross)
 
     def _is_badly_found(self, state: ClassState) -> bool:
         if state.id in self._looked_at:
@@ -134,8 +137,11 @@ class CloseUpHints:
         known = self._known.get(state.id, {})
         corrections = [correction for placed in _placed(state) if (correction := known.get(placed)) is not None]
         gross = sorted({correction.step for correction in corrections if correction.gross})
+        surplus = [correction.step for correction in corrections if correction.gross and not correction.on_it]
+        if len(gross) < ENOUGH or not surplus:
+            return False
         slight = {correction.step for correction in corrections} - set(gross)
-        return len(gross) >= ENOUGH and max(slight, default=0) < gross[ENOUGH - 1]
+        return max(slight, default=0) < max(gross[ENOUGH - 1], min(surplus))
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""

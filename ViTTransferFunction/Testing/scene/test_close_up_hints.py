@@ -104,6 +104,15 @@ def test_points_on_the_structure_count_as_well(corrected: Corrected) -> None:
     assert corrected.suggests()
 
 
+def test_several_like_objects_clicked_one_after_the_other_suggest_nothing(corrected: Corrected) -> None:
+    corrected.add(FAR)
+    corrected.add(FAR + np.array([0.0, 8.0, 0.0]))
+    corrected.add(FAR - np.array([0.0, 8.0, 0.0]))
+    assert not corrected.suggests()
+    corrected.cut(DEEP)
+    assert corrected.suggests()
+
+
 def test_small_corrections_suggest_nothing(corrected: Corrected) -> None:
     for shift in (0.0, 0.5, 1.0):
         corrected.cut(SHALLOW + shift)
@@ -121,13 +130,13 @@ def test_between_gross_corrections_there_may_be_others(corrected: Corrected) -> 
 
 
 def test_what_is_refined_is_judged_as_it_is_shown_by_the_width_of_a_cell(corrected: Corrected) -> None:
-    nothing = ClassMap(np.zeros(VOXELS.shape, dtype=np.uint8), VOXELS, 0.5)
-    corrected.proxy.maps[corrected.id] = nothing
-    corrected.cut(DEEP)
-    corrected.cut(DEEPER)
+    everything = ClassMap(np.full(VOXELS.shape, FULL_SCALE, dtype=np.uint8), VOXELS, 0.5)
+    corrected.proxy.maps[corrected.id] = everything
+    corrected.add(FAR)
+    corrected.add(FAR + 1.0)
     assert not corrected.suggests()
-    corrected.add(BESIDE)
-    corrected.add(DEEP + 1.0)
+    corrected.cut(BESIDE)
+    corrected.cut(SHALLOW)
     assert corrected.suggests()
 
 

@@ -191,10 +191,10 @@ def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
 
 
 def correct_grossly(session: SceneSession, spheres: Spheres) -> str:
-    """Click on the first sphere, and then on the others, of which nothing is shown yet; returns the class's id."""
+    """Click on the first sphere, then on another, of which nothing is shown yet, and take that back; returns the class's id."""
     id_ = session.annotations.add_class("sphere").id
-    for label in (1, 2, 3):
-        session.annotations.add_points(id_, centre_ras(spheres, label), positive=True)
+    for label, positive in ((1, True), (2, True), (2, False)):
+        session.annotations.add_points(id_, centre_ras(spheres, label) + (0.0 if positive else 2.0), positive)
         session.wait()
     return id_
 

@@ -125,8 +125,10 @@ def test_a_closer_look_is_suggested_below_its_button_while_the_structure_is_sele
     monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 1.0)
     ui = clicked.ui
     assert suggestion(clicked) == ""
-    for label in (2, 3):
-        place(clicked, tuple(centre_ras(spheres, label)[0]))
+    for tool, shift in ((ui.pointOnButton, 0.0), (ui.pointOffButton, 2.0)):
+        if not tool.isChecked():
+            tool.click()
+        place(clicked, tuple(centre_ras(spheres, 2)[0] + shift))
         wait_until(lambda: clicked.panel.session.up_to_date and not clicked.panel.session.busy)
     assert '"Look closer" (C) may help' in suggestion(clicked)
     assert ui.lookCloserButton.font().bold()
