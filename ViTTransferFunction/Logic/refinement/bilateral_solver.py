@@ -111,7 +111,7 @@ def refine_map(
     settings = settings or BilateralSolverSettings()
     layout = _layout(intensities, spacing_mm, settings)
     active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
-    with Workers(intensities.device, between) as workers:
+    with Workers(intensities.device, intensities.numel(), between) as workers:
         if in_place:
             target = Target(low_resolution_map.__getitem__, _largest(low_resolution_map))
             return _refine(target, None, intensities, window, active, layout, settings, workers, low_resolution_map)
@@ -160,7 +160,7 @@ def solve_bilateral(
     unit = (0.0 if confidence is None else float(confidence.max())) or 1.0
     confidence = None if confidence is None else confidence / unit
     settings = replace(settings, smoothness=min(settings.smoothness / unit, MAX_SMOOTHNESS))
-    with Workers(luma.device) as workers:
+    with Workers(luma.device, luma.numel()) as workers:
         known_target, confidence = _without_unknown_voxels(target, confidence)
         solution = _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
     return replace(solution, smoothness=solution.smoothness * unit)

@@ -96,7 +96,7 @@ def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Bo
             workers.between()
             part[index - k.start] = interpolated(index, j)[:, i]
 
-    with Workers(torch.device("cpu"), between) as workers:
+    with Workers(torch.device("cpu"), part.size, between) as workers:
         workers.share_out(range(k.start, k.stop), read)
     return part
 
