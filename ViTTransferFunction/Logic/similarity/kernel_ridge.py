@@ -161,7 +161,7 @@ class KernelRidge:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives = similarity.at(self._volume_geometry, request.positive)
-        at_cells = similarity.at_places(self._iso_cells_in_volume)
+        at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
         edge_strength = self._intensities.edge_strength

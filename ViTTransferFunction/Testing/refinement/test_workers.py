@@ -76,6 +76,13 @@ def test_it_can_be_cancelled_before_and_within_a_loop(voxels: int) -> None:
         if len(calls) == 3:
             raise Cancelled
 
-    with pytest.raises(Cancelled), Workers(CPU, voxels, between) as workers:
-        workers.share_out(range(5), lambda items: [workers.between() for _ in items])  # type: ignore[arg-type, return-value]
+    def count(workers: Workers) -> None:
+        def work(items: Sequence[int]) -> None:
+            for _ in items:
+                workers.between()
+
+        workers.share_out(range(5), work)
+
+    with Workers(CPU, voxels, between) as workers, pytest.raises(Cancelled):
+        count(workers)
     assert len(calls) >= 3
