@@ -169,7 +169,7 @@ def stages(phantom: Phantom) -> dict[str, float]:
     layout = GridLayout.of_sigmas((size, size, size), UNIT_SPACING, 5.0, SETTINGS.sigma_luma)
     voxel_cells = VoxelCells(layout, phantom.luma, WINDOW, SETTINGS.sigma_luma)
     target = Target(Upsampling(phantom.coarse_map, phantom.luma.shape).read, largest=1.0)
-    with Workers(phantom.luma.device) as workers:
+    with Workers(phantom.luma.device, phantom.luma.numel()) as workers:
         cells, places = splat(voxel_cells, target, None, workers)
         solve = partial(solve_cells, cells, SETTINGS.smoothness, SETTINGS.max_iterations, SETTINGS.tolerance, workers)
         values, out = solve().values, torch.empty_like(phantom.luma)

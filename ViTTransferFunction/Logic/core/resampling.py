@@ -8,7 +8,7 @@ from functools import reduce
 import numpy as np
 from scipy import ndimage
 
-from .geometry import Geometry
+from .geometry import Box, Geometry
 
 
 def sample_at(values: np.ndarray, geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
@@ -55,18 +55,34 @@ class FixedPlaces:
     """
 
     def __init__(self, geometry: Geometry, points_ras: np.ndarray) -> None:
-        self._corners = [
-            (np.ravel_multi_index(tuple(index.T), geometry.shape), weight)
-            for index, weight in corners_around(geometry, points_ras)
-        ]
+        corners = list(corners_around(geometry, points_ras))
+        # Along each axis, the voxel before each place and the one after: (2, 3, N).
+        self._ends = np.ascontiguousarray(np.stack([corners[0][0].T, corners[-1][0].T]))
+        self._weights = [weight for _, weight in corners]
 
-    def sample(self, values: np.ndarray) -> np.ndarray:
-        """(N,) float32, those of `sample_at` on values (K, J, I) of the grid."""
-        return self.sample_by(values.ravel().__getitem__)
+    def sample(self, values: np.ndarray, box: Box, elsewhere: np.ndarray) -> np.ndarray:
+        """Trilinear samples of a map of which a part is at hand.
 
-    def sample_by(self, values_at: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """As `sample`, from a function from indices (N,) of the flattened grid to the values there, (N,)."""
-        samples: np.ndarray = np.sum([weight * values_at(index) for index, weight in self._corners], axis=0).astype(np.float32)
+        Args:
+            values: (K, J, I) of the box.
+            box: of the grid.
+            elsewhere: (N,) samples for places that are not between voxels of the box alone.
+
+        Returns:
+            (N,) float32; where the box has all that is needed, those of `sample_at`.
+        """
+        samples = elsewhere.astype(np.float32)
+        first, end = np.array([(extent.start, extent.stop) for extent in box]).T[:, :, None]
+        inside = np.flatnonzero(((self._ends >= first) & (self._ends < end)).all(axis=(0, 1)))
+        if len(inside):
+            strides = np.array([values.shape[1] * values.shape[2], values.shape[2], 1])[:, None]
+            along = (self._ends[:, :, inside] - first) * strides
+            flat = values.ravel()
+            parts = [
+                weight[inside] * flat[along[k, 0] + along[j, 1] + along[i, 2]]
+                for (k, j, i), weight in zip(np.ndindex(2, 2, 2), self._weights, strict=True)
+            ]
+            samples[inside] = np.sum(parts, axis=0)
         return samples
 
 

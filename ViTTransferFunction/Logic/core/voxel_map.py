@@ -1,13 +1,13 @@
 """A class's map at a volume's resolution, S_H, of which only the part near the structure is held in memory.
 
-As one array, the map of a large volume takes twice as much memory as the volume. Away from the structure it is S_L,
-interpolated, and that can be had again whenever somebody looks.
+As one array, the map of a large volume takes twice as much memory as the volume, and of a small one more time than all else.
+Away from the structure it is S_L, interpolated, and that can be had again whenever somebody looks.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -103,45 +103,54 @@ class VoxelMap:
             samples += weight * at_corner
         return samples.astype(np.float32)
 
-    def at_places(self, places: FixedPlaces) -> np.ndarray:
-        """As `at`, at places of the volume's grid, (N,) float32."""
-        if self.held.shape == self.shape:
-            return places.sample(self.held)
-        return places.sample_by(lambda index: self._at_voxels(np.stack(np.unravel_index(index, self.shape), axis=1)))
-
-    def spread(self, most: int) -> np.ndarray:
-        """Values of voxels spread evenly, every n-th in the order of a flattened array, for an odd n; (N,) float32.
+    def at_cells(self, cells: np.ndarray, centres: FixedPlaces) -> np.ndarray:
+        """The map at the centres of cells: as `at` where it is held, else S_L itself; (N,) float32.
 
         Args:
-            most: about as many; fewer than twice.
+            cells: (N,) indices of the flattened cells.
+            centres: of the same, in the volume's grid.
         """
-        # Odd, so that it does not keep step with the rows.
-        step = math.prod(self.shape) // most | 1
-        if self.held.shape == self.shape:
-            return self.held.ravel()[::step]
-        slice_size = self.shape[1] * self.shape[2]
-        # Copied: a view would hold on to its slice.
-        planes = (self._slice(k).ravel()[-(k * slice_size) % step :: step].copy() for k in range(self.shape[0]))
-        return np.concatenate(list(planes))
+        return centres.sample(self.held, self.box, self.coarse.ravel()[cells])
 
-    def _slice(self, k: int) -> np.ndarray:
-        """(J, I), which must not be changed."""
-        _, rows, columns = whole_box(self.shape)
-        plane: np.ndarray = self.part((slice(k, k + 1), rows, columns))[0]
-        return plane
+    def spread(self, most: int) -> Iterator[tuple[np.ndarray, float]]:
+        """Values spread evenly over the map, and how many voxels each stands for.
+
+        What is held gives every n-th voxel in the order of a flattened array, all else the values of its cells.
+
+        Args:
+            most: about as many voxels; fewer than twice.
+
+        Yields:
+            (N,) float32, and voxels per value.
+        """
+        if self.held.size:
+            # Odd, so that it does not keep step with the rows.
+            step = self.held.size // most | 1
+            yield self.held.ravel()[::step], float(step)
+        if self.box != whole_box(self.shape):
+            elsewhere = np.ones(self.coarse.shape, dtype=bool)
+            elsewhere[self._cells_held] = False
+            yield self.coarse[elsewhere], math.prod(self.shape) / self.coarse.size
+
+    @property
+    def _cells_held(self) -> Box:
+        """The cells whose centres lie in what is held."""
+        k, j, i = (
+            slice(*(min(max(math.ceil(end * cells / voxels - 0.5), 0), cells) for end in (extent.start, extent.stop)))
+            for extent, cells, voxels in zip(self.box, self.coarse.shape, self.shape, strict=True)
+        )
+        return k, j, i
 
     def _at_voxels(self, kji: np.ndarray) -> np.ndarray:
         """Values of single voxels (N, 3), (N,) float32."""
-        values: np.ndarray
-        if self.held.shape == self.shape:
-            values = self.held[tuple(kji.T)]
-            return values
         values = np.empty(len(kji), dtype=np.float32)
-        order = np.argsort(kji[:, 0], kind="stable")
-        first_of_slice = np.searchsorted(kji[order, 0], np.arange(self.shape[0] + 1))
-        for k in np.flatnonzero(np.diff(first_of_slice)):
-            of_slice = order[first_of_slice[k] : first_of_slice[k + 1]]
-            values[of_slice] = self._slice(int(k))[kji[of_slice, 1], kji[of_slice, 2]]
+        first, end = np.array([(extent.start, extent.stop) for extent in self.box]).T
+        held = ((kji >= first) & (kji < end)).all(axis=1)
+        values[held] = self.held[tuple((kji[held] - first).T)]
+        _, rows, _ = whole_box(self.shape)
+        for k in np.unique(kji[~held, 0]):
+            of_slice = ~held & (kji[:, 0] == k)
+            values[of_slice] = self.interpolated(int(k), rows)[kji[of_slice, 1], kji[of_slice, 2]]
         return values
 
 

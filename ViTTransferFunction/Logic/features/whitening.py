@@ -135,11 +135,11 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
 
 
 def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (C,) and covariance (C, C) over evenly spread patches, at most about `STATISTICS_PATCHES`, in float64."""
+    """Mean (C,) and covariance (C, C) over evenly spread patches, at most `STATISTICS_PATCHES`, in float64."""
     import torch
 
     cells = array.reshape(-1, array.shape[-1])
-    cells = cells[:: max(1, len(cells) // STATISTICS_PATCHES)]
+    cells = cells[:: -(-len(cells) // STATISTICS_PATCHES)]
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
     total = sum(_as_single(block).sum(axis=0, dtype=np.float64) for block in blocks)
     mean = np.asarray(total / len(cells))

@@ -110,8 +110,8 @@ def refine_map(
     _check_volume("volume", intensities)
     settings = settings or BilateralSolverSettings()
     layout = _layout(intensities, spacing_mm, settings)
-    active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout)
-    with Workers(intensities.device, between) as workers:
+    active = None if threshold is None else _active_cells(low_resolution_map, threshold, layout, between)
+    with Workers(intensities.device, intensities.numel(), between) as workers:
         if in_place:
             target = Target(low_resolution_map.__getitem__, _largest(low_resolution_map))
             return _refine(target, None, intensities, window, active, layout, settings, workers, low_resolution_map)
@@ -160,7 +160,7 @@ def solve_bilateral(
     unit = (0.0 if confidence is None else float(confidence.max())) or 1.0
     confidence = None if confidence is None else confidence / unit
     settings = replace(settings, smoothness=min(settings.smoothness / unit, MAX_SMOOTHNESS))
-    with Workers(luma.device) as workers:
+    with Workers(luma.device, luma.numel()) as workers:
         known_target, confidence = _without_unknown_voxels(target, confidence)
         solution = _refine(known_target, confidence, luma, (0.0, 1.0), active, layout, settings, workers)
     return replace(solution, smoothness=solution.smoothness * unit)
@@ -181,12 +181,13 @@ def _layout(volume: Tensor, spacing_mm: Sequence[float], settings: BilateralSolv
     return GridLayout.of_sigmas((k, j, i), (spacing_k, spacing_j, spacing_i), settings.sigma_spatial_mm, settings.sigma_luma)
 
 
-def _active_cells(where: Tensor, threshold: float, layout: GridLayout) -> Tensor:
+def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: Between = nothing_between) -> Tensor:
     """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
     import torch
 
     above = where > threshold
     for axis, (n, cells) in enumerate(zip(where.shape, layout.cells, strict=True)):
+        between()
         # The map's elements from the first in the cell before each to the last in the cell after; axis by axis, as for boxes.
         cell = torch.arange(cells, device=where.device)
         first = (cell - 1).clamp_(min=0) * n // cells

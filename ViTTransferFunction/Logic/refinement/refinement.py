@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, covering_box, whole_box
+from ..core.bounding_box import bounding_box, covering_box, grown, whole_box, within
 from ..core.class_map import NEAR_SHARE_OF_ISO
 from ..core.errors import InputError
 from ..core.geometry import Box
@@ -19,11 +20,15 @@ from ..core.voxel_map import VoxelMap
 from .intensity_likelihood import weigh_by_intensity
 from .refinement_methods import REFINEMENT_METHODS as REFINEMENT_METHODS
 from .refinement_methods import RefinementMethod as RefinementMethod
+from .threshold_dynamics import STEPS
+
+if TYPE_CHECKING:
+    from .upsampling import Upsampling
 
 SIGMA_SHARE_OF_CELL = 0.6
 """Spatial σ of the bilateral solver in feature cells: what is to be put right is as wide as they are."""
-SMALL_VOXELS = 2**25
-"""Maps of volumes with no more voxels are held whole, in 134 MB: their values are looked up faster then."""
+SURROUNDINGS_CELLS = 2.0
+"""What a structure's intensities are told apart from lies within so many feature cells of its box (`settling`)."""
 
 
 def refine(
@@ -68,37 +73,36 @@ def refine(
         plane: np.ndarray = upsampling.read((slice(k, k + 1), rows))[0].numpy()
         return plane
 
-    nothing = (slice(0, 0), slice(0, 0), slice(0, 0))
-    unrefined = VoxelMap(volume.shape, similarity, interpolated, nothing, np.empty((0, 0, 0), dtype=np.float32))
     near = _near(iso, lowest_iso)
     box = None if method == "none" else active_box(similarity > near, volume.shape)
-    held_box = _held_part(box, volume.shape)
-    if held_box is None:
-        return unrefined
-    held = _interpolated_part(interpolated, held_box, between)
-    if box is not None:
-        target = held if held_box == box else held[box]
-        _refine_part(target, volume, box, class_window(volume, display, positive_ras), iso, method, near, similarity, between)
-    return VoxelMap(volume.shape, similarity, interpolated, held_box, held, refined=box or nothing)
+    if box is None:
+        nothing = (slice(0, 0), slice(0, 0), slice(0, 0))
+        return VoxelMap(volume.shape, similarity, interpolated, nothing, np.empty((0, 0, 0), dtype=np.float32))
+    held_box = _held_part(box, volume.shape, similarity.shape)
+    held = _interpolated_part(upsampling, held_box, between)
+    window = class_window(volume, display, positive_ras)
+    _refine_part(held[within(box, held_box)], volume, box, window, iso, method, near, similarity, between)
+    return VoxelMap(volume.shape, similarity, interpolated, held_box, held, refined=box)
 
 
-def _interpolated_part(interpolated: Callable[[int, slice], np.ndarray], box: Box, between: Between) -> np.ndarray:
-    """S_L in a box of the volume's voxels, (K, J, I) float32, from what interpolates a slice (`VoxelMap`)."""
+def _interpolated_part(upsampling: Upsampling, box: Box, between: Between) -> np.ndarray:
+    """S_L in a box of the volume's voxels, (K, J, I) float32."""
     import torch
 
     from .workers import Workers
 
-    k, j, i = box
-    part = np.empty([extent.stop - extent.start for extent in box], dtype=np.float32)
+    k, rows, columns = box
+    part = torch.from_numpy(np.empty([extent.stop - extent.start for extent in box], dtype=np.float32))
 
     def read(slices: Sequence[int]) -> None:
         for index in slices:
             workers.between()
-            part[index - k.start] = interpolated(index, j)[:, i]
+            of_slice = slice(index, index + 1)
+            upsampling.read((of_slice, rows), part[index - k.start][None], columns)
 
-    with Workers(torch.device("cpu"), between) as workers:
+    with Workers(torch.device("cpu"), part.numel(), between) as workers:
         workers.share_out(range(k.start, k.stop), read)
-    return part
+    return part.numpy()
 
 
 def held_voxels(
@@ -106,17 +110,28 @@ def held_voxels(
 ) -> int:
     """How many voxels `refine` will hold of a class's map; see there."""
     box = None if method == "none" else active_box(similarity > _near(iso, lowest_iso), shape)
-    held = _held_part(box, shape)
-    return 0 if held is None else math.prod(extent.stop - extent.start for extent in held)
+    if box is None:
+        return 0
+    return math.prod(extent.stop - extent.start for extent in _held_part(box, shape, similarity.shape))
 
 
 def _near(iso: float, lowest_iso: float | None) -> float:
     return NEAR_SHARE_OF_ISO * (iso if lowest_iso is None else min(iso, lowest_iso))
 
 
-def _held_part(box: Box | None, shape: tuple[int, int, int]) -> Box | None:
-    """The part of a map that is held in memory, where `box` of it is refined: all of it if the volume is small."""
-    return whole_box(shape) if math.prod(shape) <= SMALL_VOXELS else box
+def _held_part(box: Box, shape: tuple[int, int, int], cells: Sequence[int]) -> Box:
+    """The part of a map that is held in memory, where `box` of it is refined: as far as its surface may settle."""
+    return grown(box, surroundings(shape, cells), whole_box(shape))
+
+
+def surroundings(shape: Sequence[int], cells: Sequence[int]) -> list[int]:
+    """Voxels around a structure's box, along (K, J, I): what it is told apart from, and as far as it grows.
+
+    Args:
+        shape: of the volume, (K, J, I).
+        cells: so many fill the same box, (K', J', I').
+    """
+    return [max(round(SURROUNDINGS_CELLS * n / count), STEPS) for n, count in zip(shape, cells, strict=True)]
 
 
 def _refine_part(

@@ -17,11 +17,9 @@ from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from .neighbourhood_sums import WHOLE
-from .refinement import class_window
-from .threshold_dynamics import STEPS, Mark, settled
+from .refinement import class_window, surroundings
+from .threshold_dynamics import Mark, settled
 
-SURROUNDINGS_CELLS = 2.0
-"""What a structure's intensities are told apart from lies within so many feature cells of its box."""
 MARKED_CELLS = 0.25
 """So far around a point, in feature cells, what it says is taken to hold."""
 
@@ -73,7 +71,9 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
     if searched is None:
         return None
     inside = bounding_box(voxels.held[within(searched, voxels.box)] >= threshold)
-    return None if inside is None else grown(out_of(inside, searched), _margin(voxels), voxels.box)
+    return (
+        None if inside is None else grown(out_of(inside, searched), surroundings(voxels.shape, voxels.coarse.shape), voxels.box)
+    )
 
 
 def _change_sides(part: np.ndarray, before: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
@@ -89,11 +89,6 @@ def _share(sums: np.ndarray) -> np.ndarray:
     """How much of neighbourhoods is inside, in [0, 1], float32."""
     share: np.ndarray = np.divide(sums, WHOLE, dtype=np.float32)
     return share
-
-
-def _margin(voxels: VoxelMap) -> list[int]:
-    """Voxels around a structure's box, along (K, J, I): what it is told apart from, and as far as it grows."""
-    return [max(round(SURROUNDINGS_CELLS * edge), STEPS) for edge in _cell_voxels(voxels)]
 
 
 def _cell_voxels(voxels: VoxelMap) -> list[float]:

@@ -93,7 +93,7 @@ def settled(
 
     before = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
     parts = _parts(mask.shape)
-    with Workers(torch.device("cpu"), between) as workers:
+    with Workers(torch.device("cpu"), mask.size, between) as workers:
         # Most masks are one part, whose sums are found once for the level and the steps.
         sums_of = lru_cache(maxsize=1)(lambda n: neighbourhood_sums(before[parts[n].around], workers))
         level = _level(int(mask.sum()), lambda: (sums_of(n)[part.within] for n, part in enumerate(parts)))

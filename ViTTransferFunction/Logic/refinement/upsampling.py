@@ -41,19 +41,20 @@ class Upsampling:
         self._upper_weight = (positions - self._lower_row)[:, None]
         self._of_thread = threading.local()
 
-    def read(self, piece: tuple[slice, slice], out: Tensor | None = None) -> Tensor:
-        """(slices, rows, I) float32."""
+    def read(self, piece: tuple[slice, slice], out: Tensor | None = None, columns: slice | None = None) -> Tensor:
+        """(slices, rows, I) float32, or `out`; of some columns along I, if not of all."""
         import torch
 
         slices, rows = piece
+        columns = columns or slice(0, self._columns)
         if out is None:
-            out = self._coarse.new_empty(slices.stop - slices.start, rows.stop - rows.start, self._columns)
+            out = self._coarse.new_empty(slices.stop - slices.start, rows.stop - rows.start, columns.stop - columns.start)
         last = len(self._coarse) - 1
         for k, plane in zip(range(slices.start, slices.stop), out, strict=True):
             position = min(max((k + 0.5) * self._planes_per_slice - 0.5, 0.0), float(last))
             before = int(position)
             lower, upper = self._plane(before), self._plane(min(before + 1, last))
-            torch.lerp(lower[rows], upper[rows], position - before, out=plane)
+            torch.lerp(lower[rows, columns], upper[rows, columns], position - before, out=plane)
         return out
 
     def _plane(self, number: int) -> Tensor:

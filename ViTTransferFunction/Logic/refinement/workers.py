@@ -18,6 +18,9 @@ Item = TypeVar("Item")
 
 SHARES_PER_WORKER = 2
 """A worker that is held up leaves its second share to the others."""
+SHARED_VOXELS = 2**23
+"""Less work is done by the caller alone: its operations are so short that what threads lose by taking turns with Python's
+lock is more than what they gain; with two, seven organs of 0.1 to 4 million voxels each took a fifth longer."""
 
 
 class Workers:
@@ -25,19 +28,22 @@ class Workers:
 
     A loop of many short operations is better divided this way. OpenMP's threads wait for each other after every operation, and
     wait by spinning: on a machine that has other work, each operation then takes a time slice of the scheduler, and a fifth of
-    a second became ten. On a GPU there is nothing to divide, and the caller does the work.
+    a second became ten. On a GPU there is nothing to divide, and where there is little to do, not enough (`SHARED_VOXELS`): the
+    caller does the work.
 
     Use as a context: within it PyTorch is set to one thread.
 
     Args:
         device: where the operations run.
+        voxels: how many the work is about.
         between: called before each loop, and wherever one calls `Workers.between`; may raise `Cancelled`.
     """
 
-    def __init__(self, device: torch.device, between: Between = nothing_between) -> None:
+    def __init__(self, device: torch.device, voxels: int, between: Between = nothing_between) -> None:
         self._between = between
         self._one_at_a_time = threading.Lock()
         self._on_cpu = device.type == "cpu"
+        self._shared = voxels >= SHARED_VOXELS
         self._torch_threads = 1
         self._pool: ThreadPoolExecutor | None = None
 
@@ -48,7 +54,7 @@ class Workers:
         if self._on_cpu and self._torch_threads > 1:
             # Threads that start from here on inherit it.
             torch.set_num_threads(1)
-            self._pool = ThreadPoolExecutor(self._torch_threads)
+            self._pool = ThreadPoolExecutor(self._torch_threads) if self._shared else None
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -56,6 +62,7 @@ class Workers:
 
         if self._pool is not None:
             self._pool.shutdown()
+        if self._on_cpu:
             torch.set_num_threads(self._torch_threads)
 
     def between(self) -> None:

@@ -9,6 +9,7 @@ well to where the enclosed volume changes least (maximally stable extremal regio
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
@@ -36,8 +37,8 @@ REFINED_SOFTNESS = 0.1
 """For refined maps, in the logarithm of how much the volume changes: what edge strength counts, and as `SOFTNESS`."""
 STABILITY_FLOOR = 0.02
 """Volumes that change by less than this share, per unit of the map's logarithm, count as equally stable."""
-STABILITY_SAMPLES = 2_000_000
-"""At most this many voxels of a refined map are looked at, spread evenly."""
+STABILITY_SAMPLES = 500_000
+"""About so many voxels of what is held of a refined map are looked at, spread evenly; of twice as many, all."""
 VALUES_AT_ONCE = 2**17
 """Of these, so many at once: a click does not have to wait for the others."""
 LOWEST_LEVEL = 0.01
@@ -161,7 +162,7 @@ def choose_iso_by_edges(
 
 
 def choose_refined_iso(
-    voxels: np.ndarray,
+    voxels: Iterable[tuple[np.ndarray, float]],
     similarity: np.ndarray,
     edge_strength: np.ndarray,
     at_positives: np.ndarray,
@@ -172,7 +173,8 @@ def choose_refined_iso(
     """The iso value of a refined map: along strong edges, where the volume that it encloses changes little.
 
     Args:
-        voxels: values of the map in [0, 1] at voxels spread evenly, of any shape; at most about `STABILITY_SAMPLES` do.
+        voxels: values of the map in [0, 1], of any shape, and how many voxels each stands for (`VoxelMap.spread`); about
+            `STABILITY_SAMPLES` are enough.
         similarity: as for `choose_iso_by_edges`, of the refined map.
         edge_strength: at the same places.
         at_positives: (P,) values of the refined map at the class's positive points, P ≥ 1.
@@ -211,14 +213,15 @@ def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.nd
     return mean
 
 
-def _log_instability(values: np.ndarray, between: Between) -> np.ndarray:
+def _log_instability(voxels: Iterable[tuple[np.ndarray, float]], between: Between) -> np.ndarray:
     """Logarithm of the share of the enclosed volume that a change of the iso value moves, for each candidate."""
-    count = np.zeros(_BINS, dtype=int)
-    values = values.reshape(-1)
-    for start in range(0, values.size, VALUES_AT_ONCE):
-        between()
-        some = values[start : start + VALUES_AT_ONCE]
-        count += np.bincount(_bins(some[some > LOWEST_LEVEL]), minlength=_BINS)
+    count = np.zeros(_BINS)
+    for values, voxels_each in voxels:
+        flat = values.reshape(-1)
+        for start in range(0, flat.size, VALUES_AT_ONCE):
+            between()
+            some = flat[start : start + VALUES_AT_ONCE]
+            count += voxels_each * np.bincount(_bins(some[some > LOWEST_LEVEL]), minlength=_BINS)
     enclosed = np.interp(np.log(CANDIDATES), np.log(_LEVELS), count[::-1].cumsum()[::-1])
     near = _near(STABILITY_WIDTH)
     per_unit = (near @ count) / near.sum(axis=1) * (_BINS - 1) / -np.log(LOWEST_LEVEL)

@@ -20,9 +20,11 @@ between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_poi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -46,6 +48,9 @@ from .iso_value import (
     refined_prior,
 )
 from .kernel_rows import KernelRows
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 FEATURE_SHARPNESS = 2.5
 """γ: how fast similarity falls with the angle between whitened features."""
@@ -83,9 +88,9 @@ class KernelRidge:
         self._connected = self._intensities.connected
         centres = self._intensities.centres_ras
         self._centre_ras = centres.mean(axis=0)
+        self._sigma_mm = POSITION_SIGMA * volume.longest_edge_mm
         vectors = features.array.reshape(-1, features.array.shape[-1])
         self._cells = _Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
-        self._longest_edge_mm = volume.longest_edge_mm
         background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = self._cells.subset(background), background
         self._background_kernel = np.empty((len(background), len(background)))
@@ -126,8 +131,8 @@ class KernelRidge:
         return _Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
 
     def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
-        """Around the volume's centre, so that float32 holds the differences of positions far from the origin."""
-        centred: np.ndarray = (positions_ras - self._centre_ras).astype(np.float32)
+        """In units of σ_x around the volume's centre, so that float32 holds differences of positions far from the origin."""
+        centred: np.ndarray = ((positions_ras - self._centre_ras) / self._sigma_mm).astype(np.float32)
         return centred
 
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
@@ -161,7 +166,7 @@ class KernelRidge:
         """See `SimilarityRule`."""
         request = requests[index]
         at_positives = similarity.at(self._volume_geometry, request.positive)
-        at_cells = similarity.at_places(self._iso_cells_in_volume)
+        at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
         coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
         prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
         edge_strength = self._intensities.edge_strength
@@ -203,32 +208,61 @@ class KernelRidge:
 
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
         """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
-        exponent = np.float32(FEATURE_SHARPNESS) * (_product(a.features, b.features) - np.float32(1.0))
-        exponent -= (a.cdf[:, None] - b.cdf[None]) ** 2 / np.float32(2.0 * INTENSITY_SIGMA**2)
-        sigma_mm = POSITION_SIGMA * self._longest_edge_mm
-        near = _squared_distances(a, b)
-        near /= np.float32(-2.0 * sigma_mm**2)
-        np.exp(near, out=near)
-        near *= np.float32(POSITION_WEIGHT)
-        near += np.float32(1.0 - POSITION_WEIGHT)
-        near *= np.exp(exponent, out=exponent)
-        return near
+        import torch
+
+        # In as few passes as there are: differences come of products, and what is added to one is where the next begins.
+        features = torch.from_numpy(a.features) @ torch.from_numpy(b.features).T
+        alike = a.intensities.with_constant(-FEATURE_SHARPNESS), b.intensities.transposed
+        exponent = torch.addmm(features, *alike, beta=FEATURE_SHARPNESS, out=features)
+        near = a.positions.with_constant(math.log(POSITION_WEIGHT)) @ b.positions.transposed
+        kernel: np.ndarray = near.exp_().add_(1.0 - POSITION_WEIGHT).mul_(exponent.exp_()).numpy()
+        return kernel
 
 
 class _Places:
-    """Where and what: features (N, C) unit vectors, positions (N, 3) float32 millimetres, the intensities' CDF (N,)."""
+    """Where and what.
+
+    Args:
+        features: (N, C) float32, unit vectors.
+        positions: (N, 3) float32, in units of σ_x.
+        cdf: (N,) float32, the intensities' CDF.
+    """
 
     def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
-        self.features, self.positions, self.cdf = features, positions, cdf
-
-    @cached_property
-    def squared_norms(self) -> np.ndarray:
-        """Of the positions, (N,): a volume's cells are compared with every new point."""
-        norms: np.ndarray = np.einsum("nc,nc->n", self.positions, self.positions)
-        return norms
+        self.features, self.cdf = features, cdf
+        self.positions = _Differences(positions)
+        self.intensities = _Differences((cdf / np.float32(INTENSITY_SIGMA))[:, None])
 
     def subset(self, index: np.ndarray | slice) -> _Places:
-        return _Places(self.features[index], self.positions[index], self.cdf[index])
+        return _Places(self.features[index], self.positions.vectors[index], self.cdf[index])
+
+
+class _Differences:
+    """Vectors (N, D) float32 that are compared by −½ |x − y|², as a product of two matrices."""
+
+    def __init__(self, vectors: np.ndarray) -> None:
+        self.vectors = vectors
+
+    def with_constant(self, constant: float) -> Tensor:
+        """(N, D + 2), whose product with others' `transposed` is −½ |x − y|² + `constant` of all pairs."""
+        import torch
+
+        vectors = torch.from_numpy(self.vectors)
+        return torch.cat([vectors, self._halved_norms + constant, torch.ones_like(self._halved_norms)], dim=1)
+
+    @cached_property
+    def transposed(self) -> Tensor:
+        """(D + 2, M). Kept: a volume's cells are compared with every new point."""
+        import torch
+
+        vectors = torch.from_numpy(self.vectors)
+        return torch.cat([vectors, torch.ones_like(self._halved_norms), self._halved_norms], dim=1).T.contiguous()
+
+    @property
+    def _halved_norms(self) -> Tensor:
+        import torch
+
+        return torch.from_numpy(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
 
 
 def _prior(request: ClassRequest) -> float:
@@ -287,19 +321,3 @@ def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.n
         system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
         weights[np.ix_(rows, classes)] = np.linalg.solve(system, wanted[np.ix_(rows, classes)])
     return weights
-
-
-def _squared_distances(a: _Places, b: _Places) -> np.ndarray:
-    """(len a, len b) float32, mm²."""
-    squared = _product(-2.0 * a.positions, b.positions)
-    squared += a.squared_norms[:, None]
-    squared += b.squared_norms
-    distances: np.ndarray = np.maximum(squared, 0.0, out=squared)
-    return distances
-
-
-def _product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The product a · bᵀ by PyTorch, like all large products here: NumPy's threads would stay in the way of PyTorch's."""
-    import torch
-
-    return (torch.from_numpy(a) @ torch.from_numpy(b).T).numpy()

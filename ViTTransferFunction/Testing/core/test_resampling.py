@@ -1,4 +1,4 @@
-"""Labels on other grids."""
+"""Labels on other grids, and samples of maps of which a part is at hand."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.resampling import FixedPlaces, resample_labels, sample_at
+from ViTTransferFunction.Logic.core.geometry import Box, Geometry
+from ViTTransferFunction.Logic.core.resampling import FixedPlaces, corners_around, resample_labels, sample_at
 
 LABELS = np.random.default_rng(0).integers(0, 5, (6, 7, 8)).astype(np.uint8)
 SOURCE = np.diag([0.9, 1.3, 2.1, 1.0])
@@ -55,12 +55,23 @@ def test_a_grid_elsewhere_has_no_labels() -> None:
     assert not resample_labels(LABELS, Geometry(LABELS.shape, SOURCE), target).any()
 
 
-def test_places_that_are_kept_give_the_samples_of_each_map_also_beyond_the_border() -> None:
+@pytest.mark.parametrize(
+    "box", [(slice(0, 4), slice(0, 1), slice(0, 6)), (slice(1, 4), slice(0, 1), slice(2, 5)), (slice(0, 0),) * 3]
+)
+def test_places_that_are_kept_give_the_samples_of_each_map_also_beyond_the_border(box: Box) -> None:
     generator = np.random.default_rng(3)
     shape = (4, 1, 6)
     geometry = Geometry(shape, np.array([[0.0, -2.0, 0.0, 5.0], [1.5, 0.0, 0.0, 0.0], [0.0, 0.0, 3.0, -4.0], [0, 0, 0, 1.0]]))
     points = geometry.ijk_to_ras_points(generator.uniform(-2.0, 8.0, (200, 3)))
+    elsewhere = generator.random(200, dtype=np.float32)
     places = FixedPlaces(geometry, points)
     for _ in range(2):
         values = generator.random(shape, dtype=np.float32)
-        np.testing.assert_array_equal(places.sample(values), sample_at(values[..., None], geometry, points)[:, 0])
+        expected = sample_at(values[..., None], geometry, points)[:, 0]
+        # What lies beyond the box may be anything: where it is looked at, the sample is the one from elsewhere.
+        unknown = np.full(shape, np.nan, dtype=np.float32)
+        unknown[box] = values[box]
+        from_box = sum(np.isnan(unknown[tuple(index.T)]) for index, _ in corners_around(geometry, points)) == 0
+        sampled = places.sample(values[box], box, elsewhere)
+        np.testing.assert_array_equal(sampled, np.where(from_box, expected, elsewhere))
+        assert from_box.any() == (values[box].size > 0)

@@ -46,14 +46,42 @@ def test_samples_at_points_are_those_of_the_whole(held: Box) -> None:
     points = np.random.default_rng(2).uniform(-3.0, 27.0, (50, 3))
     expected = sample_at(array[..., None], GEOMETRY, points)[:, 0]
     np.testing.assert_array_equal(voxels.at(GEOMETRY, points), expected)
-    np.testing.assert_array_equal(voxels.at_places(FixedPlaces(GEOMETRY, points)), expected)
+
+
+@given(boxes())
+def test_at_centres_of_cells_it_is_the_held_map_or_the_coarse_one(held: Box) -> None:
+    voxels, array = part_held(held)
+    cells = GEOMETRY.resized(COARSE.shape)
+    some = np.random.default_rng(3).permutation(COARSE.size)[:60]
+    centres = cells.voxel_centres_ras()[some]
+    at_cells = voxels.at_cells(some, FixedPlaces(GEOMETRY, centres))
+    # A cell is two voxels wide: its centre lies between all eight of its voxels.
+    k, j, i = (2 * along for along in np.unravel_index(some, COARSE.shape))
+    inside = np.all([(at >= e.start) & (at + 2 <= e.stop) for at, e in zip((k, j, i), held, strict=True)], axis=0)
+    expected = sample_at(array[..., None], GEOMETRY, centres)[:, 0]
+    np.testing.assert_array_equal(at_cells, np.where(inside, expected, COARSE.ravel()[some]))
 
 
 @given(boxes(), st.integers(20, 2000))
-def test_voxels_spread_evenly_are_those_of_the_whole(held: Box, most: int) -> None:
+def test_values_are_spread_evenly_and_stand_for_all_voxels(held: Box, most: int) -> None:
     voxels, array = part_held(held)
-    np.testing.assert_array_equal(voxels.spread(most), VoxelMap.whole(array).spread(most))
-    assert len(voxels.spread(most)) < 2 * most + 1
+    spread = list(voxels.spread(most))
+    everything = sum(len(values) * each for values, each in spread)
+    assert sum(len(values) for values, _ in spread) <= 2 * most + COARSE.size
+    # Every n-th voxel, and cells by where their centres are.
+    assert everything == pytest.approx(array.size, abs=max(each for _, each in spread) + 0.5 * array.size)
+    for values, _ in spread:
+        assert set(values.tolist()) <= set(array[held].ravel().tolist()) | set(COARSE.ravel().tolist())
+
+
+@given(st.tuples(*(st.tuples(st.integers(0, n), st.integers(0, n)).map(sorted) for n in COARSE.shape)))
+def test_a_box_of_whole_cells_takes_those_cells_places(cells: tuple[list[int], ...]) -> None:
+    held = tuple(slice(2 * first, 2 * end) for first, end in cells)
+    voxels, array = part_held((held[0], held[1], held[2]))
+    spread = list(voxels.spread(10**6))
+    assert sum(len(values) * each for values, each in spread) == array.size
+    total = sum(float(values.astype(float).sum()) * each for values, each in spread)
+    assert total == pytest.approx(array.astype(float).sum(), rel=1e-6)
 
 
 @given(boxes(), st.floats(0.01, 1.0))
@@ -76,4 +104,6 @@ def test_a_map_that_is_held_whole_is_looked_for_no_further_than_where_it_was_ref
 def test_a_map_that_is_there_is_whole(most: int) -> None:
     voxels = VoxelMap.whole(ELSEWHERE)
     assert voxels.array.base is ELSEWHERE or voxels.array is ELSEWHERE
-    assert set(voxels.spread(most)) <= set(ELSEWHERE.ravel())
+    ((values, each),) = voxels.spread(most)
+    assert set(values) <= set(ELSEWHERE.ravel())
+    assert abs(len(values) * each - ELSEWHERE.size) < each

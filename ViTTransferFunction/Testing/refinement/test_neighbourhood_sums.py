@@ -16,7 +16,7 @@ SHAPES = [(20, 30, 25), (1, 40, 7), (9, 1, 30), (2, 2, 3), (1, 1, 1)]
 
 
 def sums_of(mask: np.ndarray) -> np.ndarray:
-    with Workers(torch.device("cpu")) as workers:
+    with Workers(torch.device("cpu"), mask.size) as workers:
         sums: np.ndarray = neighbourhood_sums(torch.from_numpy(mask).view(torch.uint8), workers).numpy()
     return sums
 
@@ -47,6 +47,6 @@ def test_sums_after_changes_are_those_of_the_changed_mask(
     # At the faces as well, where a voxel counts for those beyond them.
     mask = before ^ (RNG.random(shape) < 0.2)
     changed = np.flatnonzero(mask != before)
-    with Workers(torch.device("cpu")) as workers:
+    with Workers(torch.device("cpu"), mask.size) as workers:
         sums = updated_sums(torch.from_numpy(sums_of(before)), torch.from_numpy(mask).view(torch.uint8), changed, workers)
     np.testing.assert_array_equal(sums.numpy(), expected_sums(mask))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from ViTTransferFunction.Logic.core.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.refinement.refinement import refine
 from ViTTransferFunction.Logic.refinement.settling import settle
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
@@ -102,6 +104,20 @@ def test_of_a_map_held_in_part_that_part_settles_as_in_the_whole() -> None:
         settle(voxels, volume_of(scan), WINDOW, CENTRE, NO_POINTS, ISO)
     assert dice(part.held >= ISO, truth[box]) > 0.96
     assert ((part.held >= ISO) != (whole.held[box] >= ISO)).mean() < 0.002
+
+
+@pytest.mark.parametrize("threshold", [0.2, 0.35])
+def test_as_much_of_a_refined_map_is_held_as_its_surface_settles_in(threshold: float) -> None:
+    scan, _, array = scan_and_map()
+    volume = volume_of(np.pad(scan, 20, mode="reflect"))
+    coarse = np.pad(array, 20).reshape(20, 4, 20, 4, 20, 4).mean(axis=(1, 3, 5))
+    centre = CENTRE + 20.0
+    part = refine(coarse, volume, WINDOW, centre, 0.35, "bilateral")
+    assert part.held.size < part.array.size
+    whole = replace(part, box=whole_box(part.shape), held=part.array.copy())
+    of_part, of_whole = (settle(voxels, volume, WINDOW, centre, NO_POINTS, threshold).array for voxels in (part, whole))
+    assert (of_part >= threshold).any()
+    np.testing.assert_array_equal(of_part, of_whole)
 
 
 def test_what_has_joined_is_found_though_the_coarse_map_does_not_reach_there() -> None:

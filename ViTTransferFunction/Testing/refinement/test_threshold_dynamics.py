@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.refinement import threshold_dynamics
+from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
@@ -43,7 +43,8 @@ def together(mask: np.ndarray, scan: np.ndarray, *marks: Mark) -> tuple[np.ndarr
 
 
 @pytest.fixture
-def two_threads() -> Iterator[None]:
+def two_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(workers, "SHARED_VOXELS", 1)
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     yield

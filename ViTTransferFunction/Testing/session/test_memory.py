@@ -14,7 +14,6 @@ from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow, dis
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.refinement import refinement
 from ViTTransferFunction.Logic.session import labels
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
@@ -40,8 +39,7 @@ def organ() -> tuple[Volume, np.ndarray]:
 
 @pytest.fixture
 def session(organ: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch) -> SegmentationSession:
-    """A session on it, which holds no map whole. Samples of a map, which large volumes have no more of, are few."""
-    monkeypatch.setattr(refinement, "SMALL_VOXELS", 0)
+    """A session on it. Samples of a map, which large volumes have no more of, are few."""
     monkeypatch.setattr(kernel_ridge, "STABILITY_SAMPLES", 10_000)
     volume, truth = organ
     session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
@@ -52,18 +50,6 @@ def session(organ: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch) -
 
 
 REQUESTS = (ClassRequest("organ", np.array([[90.0, 40.0, 30.0]])),)
-
-
-@pytest.mark.parametrize("method", refinement.REFINEMENT_METHODS)
-def test_labels_are_the_same_whether_maps_are_held_whole_or_not(
-    session: SegmentationSession, method: refinement.RefinementMethod, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    in_part = session.segment(REQUESTS, method)
-    monkeypatch.setattr(refinement, "SMALL_VOXELS", np.prod(SHAPE))
-    whole = session.segment(REQUESTS, method)
-    assert in_part.classes == whole.classes
-    np.testing.assert_array_equal(in_part.labels, whole.labels)
-    assert in_part.labels.any()
 
 
 def test_segmenting_takes_less_than_twice_the_volume(session: SegmentationSession) -> None:
@@ -110,9 +96,9 @@ def test_a_structure_too_large_to_refine_is_refused_before_any_is(
     session: SegmentationSession, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     volume = np.prod(SHAPE)
-    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 2 * volume)
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 3 * volume)
     assert session.segment(REQUESTS).labels.any()
-    monkeypatch.setattr(refinement, "SMALL_VOXELS", volume)
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 2 * volume)
     monkeypatch.setattr(session, "refined_map", None)
     with pytest.raises(InputError, match="takes at least"):
         session.segment(REQUESTS)

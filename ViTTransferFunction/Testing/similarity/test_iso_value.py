@@ -71,7 +71,7 @@ def ball_map(radius: float = 10.0, softness: float = 0.4, inside: float = 0.7, o
 def refined_iso(refined: np.ndarray, at_positive: float, prior: float) -> float:
     """Where the image has the same edge strength everywhere: stability decides."""
     sample = refined.ravel()[::7]
-    return choose_refined_iso(refined, sample, np.ones_like(sample), np.array([at_positive]), prior)
+    return choose_refined_iso([(refined, 1.0)], sample, np.ones_like(sample), np.array([at_positive]), prior)
 
 
 @pytest.mark.parametrize(("inside", "outside"), [(0.7, 0.15), (0.9, 0.05), (0.6, 0.2), (0.9, 0.25)])
@@ -89,13 +89,24 @@ def test_a_refined_map_that_fades_inside_a_structure_is_cut_at_the_structures_ed
     distance = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
     refined = np.where(distance < 15.0, np.exp(-distance / 5.0), 0.0).astype(np.float32)
     edges = np.where(np.abs(distance - 15.0) < 1.0, 12.0, 0.3)
-    iso = choose_refined_iso(refined, refined.ravel(), edges.ravel(), np.array([1.0]), prior_iso(2))
+    iso = choose_refined_iso([(refined, 1.0)], refined.ravel(), edges.ravel(), np.array([1.0]), prior_iso(2))
     assert np.count_nonzero(refined > iso) > 0.9 * np.count_nonzero(distance < 15.0)
 
 
 def test_the_iso_value_of_a_refined_map_does_not_depend_on_how_finely_it_is_sampled() -> None:
     fine = np.repeat(np.repeat(np.repeat(ball_map(), 3, 0), 3, 1), 3, 2)
     assert refined_iso(fine, 0.7, 0.25) == pytest.approx(refined_iso(ball_map(), 0.7, 0.25), rel=0.02)
+
+
+def test_values_count_as_often_as_they_stand_for_voxels() -> None:
+    refined = ball_map()
+    sample, edges = refined.ravel()[::7], np.ones_like(refined.ravel()[::7])
+    inner, outer = refined[8:40, 8:40, 8:40], refined.copy()
+    outer[8:40, 8:40, 8:40] = 0.0
+    whole = choose_refined_iso([(refined, 1.0)], sample, edges, np.array([0.7]), 0.25)
+    assert choose_refined_iso([(inner, 1.0), (outer, 1.0)], sample, edges, np.array([0.7]), 0.25) == pytest.approx(whole)
+    thinned = [(inner, 1.0), (outer[::2, ::2, ::2], 8.0)]
+    assert choose_refined_iso(thinned, sample, edges, np.array([0.7]), 0.25) == pytest.approx(whole, rel=0.02)
 
 
 def test_the_iso_value_of_a_refined_map_keeps_positive_points_inside_and_is_defined_for_flat_maps() -> None:
