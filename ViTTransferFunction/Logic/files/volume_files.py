@@ -50,7 +50,10 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) 
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)
-    return Volume(_voxels(image), geometry, name=_name(path))
+    array = _voxels(image)
+    if not is_folder(path) and (stored := locate_voxels(path)):
+        stored.restore_not_finite(array)
+    return Volume(array, geometry, name=_name(path))
 
 
 def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:

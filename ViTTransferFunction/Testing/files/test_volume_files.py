@@ -119,6 +119,19 @@ def test_images_that_are_no_usable_volume_are_refused(tmp_path: Path, content: s
         read_volume(tmp_path / "scan.nrrd")
 
 
+@pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".hdr", ".nrrd", ".mha"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_voxels_that_are_no_numbers_are_not_read_as_zeros(tmp_path: Path, ending: str, dtype: type) -> None:
+    # More than a chunk, which a gzip's header shifts against the numbers.
+    array: np.ndarray = np.random.default_rng(0).normal(size=(40, 90, 100)).astype(dtype)
+    for number, value in enumerate((np.nan, np.inf, -np.inf)):
+        array.reshape(-1)[number::1001] = value
+    sitk.WriteImage(image(array), str(tmp_path / f"scan{ending}"))
+    read = read_volume(tmp_path / f"scan{ending}").array
+    np.testing.assert_array_equal(np.isfinite(read), np.isfinite(array))
+    np.testing.assert_array_equal(read[np.isfinite(array)], array[np.isfinite(array)])
+
+
 @pytest.mark.parametrize(
     ("sizes", "directions", "kinds", "advice"),
     [
