@@ -245,8 +245,13 @@ class SceneAnnotations:
             *((event, self._on_passing) for event in passing),
         ]
 
+    @property
+    def _listens(self) -> bool:
+        """Whether what happens to a list counts by itself; where many nodes are changed at once, that comes later."""
+        return not (self._paused or self._scene.IsBatchProcessing())
+
     def _on_placed(self, caller: vtk.vtkObject, event: str) -> None:
-        if self._paused:
+        if not self._listens:
             return
         last = caller.GetNumberOfControlPoints() - 1
         placed = np.array(caller.GetNthControlPointPositionWorld(last))
@@ -258,13 +263,13 @@ class SceneAnnotations:
         self._on_step(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
-        if not self._paused:
+        if self._listens:
             self._changed("passing")
             self._history.seal()
 
     def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
         """A point is being dragged, a colour being chosen: maps follow, but undo goes back to where it began."""
-        if not self._paused:
+        if self._listens:
             self._changed("passing")
 
     @contextmanager

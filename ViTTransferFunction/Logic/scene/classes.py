@@ -159,6 +159,13 @@ def create_class(
     return positive
 
 
+def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """Count a class of another scene, whose lists are in this one, after the others; as another class than any of these."""
+    if class_id(positive) in map(class_id, class_nodes(parameter_node)):
+        positive.SetAttribute(f"{_PREFIX}class", _new_id())
+    parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+
+
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
     """Bring a class in the scene to `state`; what is equal is not touched."""
     negative = negative_node(positive) or _create_negative(scene, positive)
@@ -217,7 +224,11 @@ def new_class_state(existing: list[ClassState], name: str | None = None, color: 
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
     look = Appearance(color or default_color(next(free, len(existing))))
-    return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", look)
+    return ClassState(_new_id(), name or f"Structure {number}", look)
+
+
+def _new_id() -> str:
+    return uuid.uuid4().hex[:12]
 
 
 def duplicate_class_state(existing: list[ClassState], original: ClassState) -> ClassState:
