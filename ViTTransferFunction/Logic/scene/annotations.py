@@ -69,6 +69,7 @@ class SceneAnnotations:
         self._observers = SceneObservers()
         self._paused = 0
         self._last_grown: dict[str, str] = {}
+        self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
         self.restart()
@@ -206,6 +207,7 @@ class SceneAnnotations:
 
     def restart(self) -> None:
         """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
+        self._negative.clear()
         self.refresh()
         self._history = AnnotationHistory(self.classes)
 
@@ -213,7 +215,10 @@ class SceneAnnotations:
         """Read the classes anew, and watch the lists that are there now."""
         before, self.classes = self.classes, tuple(read_class(node) for node in class_nodes(self._parameter_node))
         self._remember_growth(before)
-        lists = [node for positive in class_nodes(self._parameter_node) for node in (positive, negative_node(positive)) if node]
+        positive = class_nodes(self._parameter_node)
+        negative = [node for node in map(negative_node, positive) if node is not None]
+        self._negative.update(negative)
+        lists = [*positive, *negative]
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
@@ -222,7 +227,8 @@ class SceneAnnotations:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
         if not self._paused:
             self._paused += 1
-            remove_widowed_lists(self._scene)
+            remove_widowed_lists(self._scene, self._negative)
+            self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
             self._paused -= 1
             self._changed(None)
 

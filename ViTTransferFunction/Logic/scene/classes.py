@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
+from difflib import SequenceMatcher
 from typing import Any, Literal
 
 import numpy as np
@@ -193,12 +194,14 @@ def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFidu
     _remove_lists(scene, [node for node in (negative_node(positive), positive) if node is not None])
 
 
-def remove_widowed_lists(scene: slicer.vtkMRMLScene) -> None:
-    """Take negative points out of the scene whose class is gone: whoever deletes a list in Slicer deletes the positive one."""
+def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
+    """Take those negative points of classes out of the scene whose class is gone.
+
+    Whoever deletes a list in Slicer deletes the positive one. A copy that the user made of a list is not among the classes'.
+    """
     lists = nodes_of_class(scene, LIST_CLASS)
     wanted = {node.GetNodeReferenceID(NEGATIVE_ROLE) for node in lists}
-    negative = [node for node in lists if node.GetAttribute(f"{_PREFIX}polarity") == "negative"]
-    _remove_lists(scene, [node for node in negative if node.GetID() not in wanted])
+    _remove_lists(scene, [node for node in lists if node in negative and node.GetID() not in wanted])
 
 
 def _remove_lists(scene: slicer.vtkMRMLScene, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
@@ -339,6 +342,23 @@ def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None
 
 
 def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:
-    node.RemoveAllControlPoints()
-    for point in points:
-        node.AddControlPointWorld(vtk.vtkVector3d(*point))
+    """Bring the placed points to these; those that stay, or move, keep what else users may say of them: labels, locks."""
+    _remove_unplaced(node)
+    steps = SequenceMatcher(None, defined_points(node), points, autojunk=False).get_opcodes()
+    # The last ones first, so that indices stay.
+    for step, start, stop, first, last in reversed(steps):
+        if step != "equal":
+            moved = min(stop - start, last - first)
+            for index in range(moved):
+                node.SetNthControlPointPositionWorld(start + index, points[first + index])
+            for index in reversed(range(start + moved, stop)):
+                node.RemoveNthControlPoint(index)
+            for index in range(moved, last - first):
+                node.InsertControlPointWorld(start + index, vtk.vtkVector3d(*points[first + index]))
+
+
+def _remove_unplaced(node: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """One still hangs on the mouse, say."""
+    for index in reversed(range(node.GetNumberOfControlPoints())):
+        if node.GetNthControlPointPositionStatus(index) != slicer.vtkMRMLMarkupsNode.PositionDefined:
+            node.RemoveNthControlPoint(index)
