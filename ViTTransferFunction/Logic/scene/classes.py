@@ -343,6 +343,8 @@ def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None
 
 def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:
     """Bring the placed points to these; those that stay, or move, keep what else users may say of them: labels, locks."""
+    was_fixed = node.GetFixedNumberOfControlPoints()
+    node.SetFixedNumberOfControlPoints(False)  # The lock of Slicer's table of points, against clicks by mistake.
     _remove_unplaced(node)
     steps = SequenceMatcher(None, defined_points(node), points, autojunk=False).get_opcodes()
     # The last ones first, so that indices stay.
@@ -354,7 +356,16 @@ def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ..
             for index in reversed(range(start + moved, stop)):
                 node.RemoveNthControlPoint(index)
             for index in range(moved, last - first):
-                node.InsertControlPointWorld(start + index, vtk.vtkVector3d(*points[first + index]))
+                _place(node, start + index, points[first + index])
+    node.SetFixedNumberOfControlPoints(was_fixed)
+
+
+def _place(node: slicer.vtkMRMLMarkupsFiducialNode, index: int, point: Point) -> None:
+    """Put a point before the one of this index, or after the last one, where it gets a label of its own."""
+    if index < node.GetNumberOfControlPoints():
+        node.InsertControlPointWorld(index, vtk.vtkVector3d(*point))
+    else:
+        node.AddControlPointWorld(vtk.vtkVector3d(*point))
 
 
 def _remove_unplaced(node: slicer.vtkMRMLMarkupsFiducialNode) -> None:

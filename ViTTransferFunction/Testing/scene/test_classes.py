@@ -145,6 +145,16 @@ def test_points_that_stay_keep_their_labels_and_locks(scene: Any, parameter_node
     assert labels((9.0, 9.0, 9.0), edge) == ["dome"]
 
 
+def test_points_that_are_added_have_labels_and_a_list_of_a_fixed_number_takes_them(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    node.SetFixedNumberOfControlPoints(True)
+    for points in ((*LIVER.positive, (7.0, 8.0, 9.0)), LIVER.positive[1:]):
+        write_class(scene, node, replace(LIVER, positive=points))
+        assert read_class(node).positive == points
+        assert all(node.GetNthControlPointLabel(n) for n in range(len(points)))
+        assert node.GetFixedNumberOfControlPoints()
+
+
 def test_removing_a_class_takes_both_lists(scene: Any, parameter_node: Any) -> None:
     before = scene.GetNumberOfNodes()
     remove_class(scene, create_class(scene, parameter_node, LIVER))
