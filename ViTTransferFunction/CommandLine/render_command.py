@@ -194,6 +194,8 @@ def _film(args: argparse.Namespace) -> FilmPlan | None:
 
 def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[AnnotatedClass]]:
     """The volume, what is to be shown of it, and the annotations of that, in the same order."""
+    import numpy as np
+
     from ViTTransferFunction.CommandLine.pictures import shown_segments
     from ViTTransferFunction.Logic.core.resampling import resample_labels
     from ViTTransferFunction.Logic.files.annotation_files import read_annotations
@@ -207,6 +209,7 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
         raise InputError(
             f"No segment of {args.segmentation} lies inside {args.volume}; draw it over the volume it was made on."
         )
+    _check_number(int(np.count_nonzero(np.unique(labels))), args.segmentation)
     classes = read_annotations(args.annotations, volume.geometry) if args.annotations else []
     by_name = {annotated.name: annotated for annotated in classes}
     missing = [segment.name for segment in segments if segment.name not in by_name]
@@ -218,6 +221,17 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
     ordered = [by_name[segment.name] for segment in segments] if classes else []
     opacities = [annotated.opacity for annotated in ordered] or None
     return volume, shown_segments(labels, segments, opacities), ordered
+
+
+def _check_number(segments: int, path: Path) -> None:
+    """Before each has a mask as large as the volume."""
+    from ViTTransferFunction.Logic.rendering.composition import MOST_STRUCTURES
+
+    if segments > MOST_STRUCTURES:
+        raise InputError(
+            f"{path} has {segments} segments inside the volume; a 3D picture shows up to {MOST_STRUCTURES}. Save those you "
+            "want to see as a segmentation of their own, in 3D Slicer say, and draw that."
+        )
 
 
 def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None:

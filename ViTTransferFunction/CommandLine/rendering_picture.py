@@ -30,7 +30,7 @@ from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.intensity_window import looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
-from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, SURFACE
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, MOST_STRUCTURES, SURFACE
 from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
@@ -80,7 +80,7 @@ class Rendering:
         volume: where the segments lie.
         segments: what to show; one of them at least has voxels.
         context_above: intensity above which the rest of the volume is faintly shown around the segments, `BONE_HU` for CT,
-            say; None shows the segments alone, and so do volumes of thick slices.
+            say; None shows the segments alone, and so do volumes of thick slices, and the most segments that can be shown.
         context: one of `CONTEXTS` to show around them instead; it gives way to segments that it hides.
         style: of the segments, one of `STYLES`.
 
@@ -104,7 +104,8 @@ class Rendering:
         shown = [segment for segment in segments if segment.mask.any()]
         self.middle_ras = middle_of(volume.geometry, [segment.mask for segment in shown])
         looks = [Appearance(segment.color, segment.opacity, style) for segment in shown]
-        if context is None and context_above is not None and volume.geometry.spacing_mm.max() <= COARSEST_CONTEXT_MM:
+        coarse = volume.geometry.spacing_mm.max() > COARSEST_CONTEXT_MM
+        if context is None and context_above is not None and not coarse and len(shown) < MOST_STRUCTURES:
             shown.append(_context(volume, shown, context_above))
             looks.append(Appearance(CONTEXT_COLOR, CONTEXT_OPACITY))
         structures = _structures_of(volume, shown, whole=context is not None, scanned=style != DEFAULT_STYLE)

@@ -88,8 +88,7 @@ def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, s
             f"Class '{request.name}' has no voxel: nothing is as similar to its points as its threshold, iso {result.iso:.2f}, "
             f"asks for. {advice}, or place more points on it."
         )
-    nearest = np.rint(geometry.ras_to_ijk(request.positive)[:, ::-1]).astype(int)
-    k, j, i = np.clip(nearest, 0, np.array(geometry.shape) - 1).T
+    k, j, i = geometry.nearest_voxels(request.positive).T
     there = [segmentation.classes[label - 1].name for label in np.unique(segmentation.labels[k, j, i]) if label]
     where = f"; its points lie in {' and '.join(repr(name) for name in there)}" if there else ""
     return (

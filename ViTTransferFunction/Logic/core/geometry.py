@@ -79,6 +79,17 @@ class Geometry:
         contained: np.ndarray = np.all(inside, axis=1)
         return contained
 
+    def nearest_voxels(self, points_ras: np.ndarray, parts: int = 1) -> np.ndarray:
+        """The voxel that holds each world point (N, 3) in RAS millimetres, or the nearest: its index along (K, J, I), (N, 3).
+
+        Args:
+            points_ras: any, also beyond the grid.
+            parts: that each voxel is cut into along each axis; more than 1 gives indices of these instead.
+        """
+        places = np.floor((self.ras_to_ijk(points_ras)[:, ::-1] + 0.5) * parts).astype(int)
+        nearest: np.ndarray = np.clip(places, 0, parts * np.array(self.shape) - 1)
+        return nearest
+
     def resized(self, shape: tuple[int, int, int]) -> Geometry:
         """The grid of `shape` (K, J, I) that fills the same box: cell borders coincide at the box's faces."""
         scale = np.array(self.shape[::-1], dtype=np.float64) / np.array(shape[::-1], dtype=np.float64)

@@ -78,12 +78,13 @@ def read_markups(path: Path) -> np.ndarray:
     """Control points of a Slicer markups file (`.mrk.json`), (N, 3) RAS millimetres; only points that were placed.
 
     Raises:
-        InputError: unreadable or not a markups file.
+        InputError: unreadable, not a markups file, or of markups that enclose what they are about.
     """
     if path.suffix.lower() == ".fcsv":
         raise InputError(f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json.")
     content = read_json(path)
     try:
+        _check_points(content["markups"], path)
         lists = [
             transform_points(_markups_to_ras(markup, path), as_points(_placed(markup["controlPoints"]), f"points of {path}"))
             for markup in content["markups"]
@@ -94,6 +95,19 @@ def read_markups(path: Path) -> np.ndarray:
             "Save the point list again in Slicer."
         ) from error
     return np.concatenate([no_points(), *lists])
+
+
+def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
+    """Raise InputError where control points lie around a structure: they would be taken for points on it."""
+    kind = next((markup["type"] for markup in markups if markup.get("type") in _ENCLOSING), None)
+    if kind is not None:
+        raise InputError(
+            f"{path} holds markups of the type {kind}, whose control points lie around a structure and not on it; expected a "
+            "point list. In Slicer, the module makes points of the inside of closed curves and boxes."
+        )
+
+
+_ENCLOSING = ("ClosedCurve", "ROI", "Plane")
 
 
 def _placed(points: list[dict[str, Any]]) -> list[Any]:

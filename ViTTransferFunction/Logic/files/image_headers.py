@@ -13,7 +13,7 @@ import re
 import struct
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -100,11 +100,11 @@ def _in_nifti(path: Path, start: bytes) -> StoredVoxels:
         raise InputError(f"{path} is one half of a pair of files; name the .hdr file, or save it as .nii.")
     if header[344:348] != b"n+1\0":
         raise InputError(f"{path} is no NIfTI file: its header lacks the signature.")
-    voxel_bytes, offset = _nifti_voxels(path, header, order)
+    voxels, offset = _nifti_voxels(path, header, order)
     offset = max(offset, _NIFTI_BYTES)
     if compressed:
-        return StoredVoxels(path, compressed=True, skipped=offset, voxel_bytes=voxel_bytes)
-    return StoredVoxels(path, offset, voxel_bytes=voxel_bytes)
+        return replace(voxels, compressed=True, skipped=offset)
+    return replace(voxels, start=offset)
 
 
 def _in_nifti_pair(path: Path, start: bytes) -> StoredVoxels:
@@ -114,10 +114,10 @@ def _in_nifti_pair(path: Path, start: bytes) -> StoredVoxels:
     order = _byte_order(header_path, header)
     if header[344:348] == b"n+1\0":
         raise InputError(f"{header_path} says that it holds its voxels itself; give it the ending .nii.")
-    voxel_bytes, offset = _nifti_voxels(header_path, header, order)
-    voxels = _sibling(path, ".img")
-    check_regular_file(voxels)
-    return StoredVoxels(voxels, offset, voxel_bytes=voxel_bytes)
+    voxels, offset = _nifti_voxels(header_path, header, order)
+    voxels_path = _sibling(path, ".img")
+    check_regular_file(voxels_path)
+    return replace(voxels, path=voxels_path, start=offset)
 
 
 def _sibling(path: Path, ending: str) -> Path:
@@ -151,8 +151,12 @@ _NIFTI_VOXEL_BYTES = {kind: size for size, kinds in _NIFTI_TYPES.items() for kin
 """By the code of the type. Colours and complex numbers are no volume."""
 
 
-def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[int, int]:
-    """Size of a voxel, and where the first one is; refuses what ITK would replace by a guess."""
+_NIFTI_FLOATS = {16: "f4", 64: "f8"}
+"""Of which ITK makes zeros where they are not finite: a CT beyond its field of view, say, would be of water."""
+
+
+def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[StoredVoxels, int]:
+    """Of what kind the voxels are, and where the first one is; refuses what ITK would replace by a guess."""
     sizes = struct.unpack_from(order + "8h", header, 40)
     (kind,) = struct.unpack_from(order + "h", header, 70)
     spacing = np.array(struct.unpack_from(order + "8f", header, 76))
@@ -174,7 +178,8 @@ def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[int, int]:
     for name, code, place in zip(("qform", "sform"), codes, places, strict=True):
         if code > 0 and not np.isfinite(place).all():
             raise InputError(f"{path}: its header's {name}, which says where it lies, has values that are no numbers.")
-    return _NIFTI_VOXEL_BYTES[kind], int(offset)
+    floats = np.dtype(order + _NIFTI_FLOATS[kind]) if kind in _NIFTI_FLOATS else None
+    return StoredVoxels(path, voxel_bytes=_NIFTI_VOXEL_BYTES[kind], floats=floats), int(offset)
 
 
 _META_DATA_FILE = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*([^\r\n]*)\r?\n", re.MULTILINE)

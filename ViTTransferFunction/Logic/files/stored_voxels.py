@@ -1,8 +1,9 @@
 """The bytes of an image's voxels as its file stores them, and whether all are there.
 
 ITK fills up with zeros what a NIfTI file lacks, takes damaged streams of NIfTI and MetaImage as they come, and reports a file
-as written that the full disk did not take. So voxels are counted before ITK reads them, and compared after it wrote them. Both
-need the memory of one chunk, and the time of unpacking the file once: about a second for 512³ voxels of 16 bits.
+as written that the full disk did not take. So voxels are counted before ITK reads them, and compared after it wrote them. Of
+NIfTI's floating-point numbers it makes zeros where they are not finite: those are looked up in the file. Each
+needs the memory of one chunk, and the time of unpacking the file once: about a second for 512³ voxels of 16 bits.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ class StoredVoxels:
         compressed: whether they are in a stream of gzip or zlib.
         skipped: bytes of that stream before the voxels.
         voxel_bytes: size of a stored voxel, where it may be of another type than ITK makes of it; None: it is not.
+        floats: their type, where ITK makes zeros of those that are not finite; None: it does not.
     """
 
     path: Path
@@ -42,6 +44,7 @@ class StoredVoxels:
     compressed: bool = False
     skipped: int = 0
     voxel_bytes: int | None = None
+    floats: np.dtype | None = None
 
     def check_complete(self, count: int) -> None:
         """Raise InputError unless all of `count` bytes of voxels are there, and undamaged as far as checksums tell."""
@@ -60,6 +63,21 @@ class StoredVoxels:
                 return False
             position += len(chunk)
         return True
+
+    def restore_not_finite(self, array: np.ndarray) -> None:
+        """Make NaN, in place, of what ITK read as zero into `array` (K, J, I) where no finite number is stored.
+
+        Raises:
+            InputError: the file is not complete.
+        """
+        if self.floats is None:
+            return
+        voxels, position, rest = array.reshape(-1), 0, b""
+        for chunk in self.chunks(voxels.size * self.floats.itemsize):
+            stored = rest + chunk
+            values = np.frombuffer(stored, self.floats, len(stored) // self.floats.itemsize)
+            voxels[position : position + len(values)][~np.isfinite(values)] = np.nan
+            position, rest = position + len(values), stored[values.nbytes :]
 
     def chunks(self, count: int) -> Iterator[bytes]:
         """The `count` bytes of the voxels, unpacked, a part at a time. Raises InputError at the end where some are missing."""

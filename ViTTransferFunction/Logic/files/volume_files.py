@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +31,9 @@ SMALLEST_EXTENT_MM = 2.0
 LARGEST_EXTENT_MM = 1e5
 """A mouse in micrometres is about as long."""
 
+_NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
+"""In ITK's words where they are not as many as a header's directions in space have numbers."""
+
 
 def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) -> Volume:
     """Read a scalar 3D volume.
@@ -46,7 +50,10 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) 
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)
-    return Volume(_voxels(image), geometry, name=_name(path))
+    array = _voxels(image)
+    if not is_folder(path) and (stored := locate_voxels(path)):
+        stored.restore_not_finite(array)
+    return Volume(array, geometry, name=_name(path))
 
 
 def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
@@ -164,6 +171,8 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
             reason = last_line(error).replace(str(name), str(path))
             if "orthonormal" in reason:
                 reason = "its axes are not at right angles, as where a gantry was tilted. Resample it to a straight grid first."
+            if axes := _NRRD_AXES.search(reason):
+                reason = f"its header has {axes[1]} axes of space or time; expected the 3 of space. {_alone(int(axes[1]))}"
             raise InputError(f"{path} cannot be read as an image: {reason}") from error
 
 
@@ -207,10 +216,12 @@ def _check_header(size: Sequence[int], components: int, path: Path) -> None:
         kind = f"{len(size)}D image of size {'×'.join(map(str, size))}" + (
             f" with {components} components" if components > 1 else ""
         )
-        advice = (
-            "Choose one channel or time point and save it alone." if len(size) > 2 else "Name the stack that it is a slice of."
-        )
-        raise InputError(f"{path} is a {kind}; expected a scalar 3D volume. {advice}")
+        raise InputError(f"{path} is a {kind}; expected a scalar 3D volume. {_alone(len(size))}")
+
+
+def _alone(axes: int) -> str:
+    """What to do with an image of so many axes."""
+    return "Choose one channel or time point and save it alone." if axes > 2 else "Name the stack that it is a slice of."
 
 
 def _name(path: Path) -> str:

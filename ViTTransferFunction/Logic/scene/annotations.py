@@ -69,6 +69,7 @@ class SceneAnnotations:
         self._observers = SceneObservers()
         self._paused = 0
         self._last_grown: dict[str, str] = {}
+        self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
         self.restart()
@@ -211,6 +212,7 @@ class SceneAnnotations:
 
     def restart(self) -> None:
         """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
+        self._negative.clear()
         self.refresh()
         self._history = AnnotationHistory(self.classes)
 
@@ -218,7 +220,10 @@ class SceneAnnotations:
         """Read the classes anew, and watch the lists that are there now."""
         before, self.classes = self.classes, tuple(read_class(node) for node in class_nodes(self._parameter_node))
         self._remember_growth(before)
-        lists = [node for positive in class_nodes(self._parameter_node) for node in (positive, negative_node(positive)) if node]
+        positive = class_nodes(self._parameter_node)
+        negative = [node for node in map(negative_node, positive) if node is not None]
+        self._negative.update(negative)
+        lists = [*positive, *negative]
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
@@ -227,7 +232,8 @@ class SceneAnnotations:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
         if not self._paused:
             self._paused += 1
-            remove_widowed_lists(self._scene)
+            remove_widowed_lists(self._scene, self._negative)
+            self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
             self._paused -= 1
             self._changed(None)
 
@@ -250,8 +256,13 @@ class SceneAnnotations:
             *((event, self._on_passing) for event in passing),
         ]
 
+    @property
+    def _listens(self) -> bool:
+        """Whether what happens to a list counts by itself; where many nodes are changed at once, that comes later."""
+        return not (self._paused or self._scene.IsBatchProcessing())
+
     def _on_placed(self, caller: vtk.vtkObject, event: str) -> None:
-        if self._paused:
+        if not self._listens:
             return
         last = caller.GetNumberOfControlPoints() - 1
         placed = np.array(caller.GetNthControlPointPositionWorld(last))
@@ -263,13 +274,13 @@ class SceneAnnotations:
         self._on_step(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
-        if not self._paused:
+        if self._listens:
             self._changed("passing")
             self._history.seal()
 
     def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
         """A point is being dragged, a colour being chosen: maps follow, but undo goes back to where it began."""
-        if not self._paused:
+        if self._listens:
             self._changed("passing")
 
     @contextmanager

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
+from difflib import SequenceMatcher
 from typing import Any, Literal
 
 import numpy as np
@@ -159,6 +160,13 @@ def create_class(
     return positive
 
 
+def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """Count a class of another scene, whose lists are in this one, after the others; as another class than any of these."""
+    if class_id(positive) in map(class_id, class_nodes(parameter_node)):
+        positive.SetAttribute(f"{_PREFIX}class", _new_id())
+    parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+
+
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
     """Bring a class in the scene to `state`; what is equal is not touched."""
     negative = negative_node(positive) or _create_negative(scene, positive)
@@ -186,12 +194,14 @@ def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFidu
     _remove_lists(scene, [node for node in (negative_node(positive), positive) if node is not None])
 
 
-def remove_widowed_lists(scene: slicer.vtkMRMLScene) -> None:
-    """Take negative points out of the scene whose class is gone: whoever deletes a list in Slicer deletes the positive one."""
+def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
+    """Take those negative points of classes out of the scene whose class is gone.
+
+    Whoever deletes a list in Slicer deletes the positive one. A copy that the user made of a list is not among the classes'.
+    """
     lists = nodes_of_class(scene, LIST_CLASS)
     wanted = {node.GetNodeReferenceID(NEGATIVE_ROLE) for node in lists}
-    negative = [node for node in lists if node.GetAttribute(f"{_PREFIX}polarity") == "negative"]
-    _remove_lists(scene, [node for node in negative if node.GetID() not in wanted])
+    _remove_lists(scene, [node for node in lists if node in negative and node.GetID() not in wanted])
 
 
 def _remove_lists(scene: slicer.vtkMRMLScene, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
@@ -217,7 +227,11 @@ def new_class_state(existing: list[ClassState], name: str | None = None, color: 
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
     look = Appearance(color or default_color(next(free, len(existing))))
-    return ClassState(uuid.uuid4().hex[:12], name or f"Structure {number}", look)
+    return ClassState(_new_id(), name or f"Structure {number}", look)
+
+
+def _new_id() -> str:
+    return uuid.uuid4().hex[:12]
 
 
 def duplicate_class_state(existing: list[ClassState], original: ClassState) -> ClassState:
@@ -328,6 +342,34 @@ def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None
 
 
 def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:
-    node.RemoveAllControlPoints()
-    for point in points:
+    """Bring the placed points to these; those that stay, or move, keep what else users may say of them: labels, locks."""
+    was_fixed = node.GetFixedNumberOfControlPoints()
+    node.SetFixedNumberOfControlPoints(False)  # The lock of Slicer's table of points, against clicks by mistake.
+    _remove_unplaced(node)
+    steps = SequenceMatcher(None, defined_points(node), points, autojunk=False).get_opcodes()
+    # The last ones first, so that indices stay.
+    for step, start, stop, first, last in reversed(steps):
+        if step != "equal":
+            moved = min(stop - start, last - first)
+            for index in range(moved):
+                node.SetNthControlPointPositionWorld(start + index, points[first + index])
+            for index in reversed(range(start + moved, stop)):
+                node.RemoveNthControlPoint(index)
+            for index in range(moved, last - first):
+                _place(node, start + index, points[first + index])
+    node.SetFixedNumberOfControlPoints(was_fixed)
+
+
+def _place(node: slicer.vtkMRMLMarkupsFiducialNode, index: int, point: Point) -> None:
+    """Put a point before the one of this index, or after the last one, where it gets a label of its own."""
+    if index < node.GetNumberOfControlPoints():
+        node.InsertControlPointWorld(index, vtk.vtkVector3d(*point))
+    else:
         node.AddControlPointWorld(vtk.vtkVector3d(*point))
+
+
+def _remove_unplaced(node: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """One still hangs on the mouse, say."""
+    for index in reversed(range(node.GetNumberOfControlPoints())):
+        if node.GetNthControlPointPositionStatus(index) != slicer.vtkMRMLMarkupsNode.PositionDefined:
+            node.RemoveNthControlPoint(index)

@@ -13,10 +13,21 @@ class SceneObservers:
     def __init__(self) -> None:
         self._tags: dict[vtk.vtkObject, list[int]] = {}
 
-    def observe(self, node: vtk.vtkObject, reactions: Iterable[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]) -> None:
-        """Call each reaction on its event of `node`; nothing happens where the node is observed already."""
+    def observe(
+        self,
+        node: vtk.vtkObject,
+        reactions: Iterable[tuple[int | str, Callable[[vtk.vtkObject, str], None]]],
+        priority: float = 0.0,
+    ) -> None:
+        """Call each reaction on its event of `node`; nothing happens where the node is observed already.
+
+        Args:
+            node: what is observed.
+            reactions: events, and what is called with the node and the event's name.
+            priority: of several observers, those of a higher one are called first.
+        """
         if node not in self._tags:
-            self._tags[node] = [node.AddObserver(event, reaction) for event, reaction in reactions]
+            self._tags[node] = [node.AddObserver(event, reaction, priority) for event, reaction in reactions]
 
     def keep_only(self, nodes: Iterable[vtk.vtkObject]) -> None:
         """Stop observing everything but `nodes`."""

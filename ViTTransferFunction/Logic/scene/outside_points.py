@@ -67,7 +67,6 @@ def _clicked(segmentation_node: Any, segment_ids: Sequence[str], states: Sequenc
 
 def _labels_at(labels: np.ndarray, geometry: Geometry, points_ras: np.ndarray) -> np.ndarray:
     """The labels of the voxels that points (N, 3) lie in, of those within the grid."""
-    inside = points_ras[geometry.contains(points_ras)]
-    nearest = np.clip(np.rint(geometry.ras_to_ijk(inside)[:, ::-1]).astype(int), 0, np.array(labels.shape) - 1)
+    nearest = geometry.nearest_voxels(points_ras[geometry.contains(points_ras)])
     there: np.ndarray = labels[tuple(nearest.T)]
     return there

@@ -23,6 +23,7 @@ from ..core.errors import InputError
 from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
+from .added_scene import AddedScene
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, EdgesMm, Point, Polarity
@@ -94,11 +95,8 @@ class SceneSession:
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
-        other_scene = (
-            slicer.vtkMRMLScene.EndImportEvent,
-            slicer.vtkMRMLScene.EndRestoreEvent,
-            slicer.vtkMRMLScene.EndCloseEvent,
-        )
+        other_scene = slicer.vtkMRMLScene.EndRestoreEvent, slicer.vtkMRMLScene.EndCloseEvent
+        self._added_scene = AddedScene(scene, parameter_node, self._on_other_scene)
         reactions = [
             (slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed),
             *((event, self._on_other_scene) for event in other_scene),
@@ -162,7 +160,7 @@ class SceneSession:
     @property
     def observer_count(self) -> int:
         """How many observers of the scene and its nodes there are."""
-        return self._observers.count + self.annotations.observer_count
+        return self._observers.count + self._added_scene.observer_count + self.annotations.observer_count
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
@@ -362,6 +360,7 @@ class SceneSession:
         """End the compute process and take away what is shown; classes, parameters and segments stay in the scene."""
         self._listeners.clear()
         self._observers.remove_all()
+        self._added_scene.close()
         self.annotations.close()
         self._proxy.close()
         self.views.remove()
@@ -408,7 +407,7 @@ class SceneSession:
             self.annotations.refresh_and_record()
             self._on_parameters()
 
-    def _on_other_scene(self, caller: vtk.vtkObject, event: str) -> None:
+    def _on_other_scene(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         self.annotations.restart()
         self._hints.forget()
         self._other_segments.forget()

@@ -66,7 +66,7 @@ def matrix_to_world(node: Any) -> np.ndarray:
     """All parent transforms of `node` in one (4, 4) float64 matrix, from its local frame to the scene's.
 
     Raises:
-        InputError: one of them is not linear.
+        InputError: one of them is not linear, or leaves no volume.
     """
     matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
     # Asked first: VTK prints an error where the matrix is asked for and there is none.
@@ -78,6 +78,11 @@ def matrix_to_world(node: Any) -> np.ndarray:
         )
     if parent is not None:
         parent.GetMatrixTransformToWorld(matrix)
+        if not matrix.Determinant():
+            raise InputError(
+                f"'{node.GetName()}' is under a transform ('{parent.GetName()}' or one above it) that makes it flat. Correct "
+                "its matrix in Slicer, in the module Transforms."
+            )
     return numpy_matrix(matrix)
 
 

@@ -130,8 +130,7 @@ def keep_annotated_components(
         if label in boxes:
             between()
             part = labels[boxes[label]]
-            nearest = np.round(geometry.ras_to_ijk(points_ras)[:, ::-1]).astype(int)
-            nearest -= [extent.start for extent in boxes[label]]
+            nearest = geometry.nearest_voxels(points_ras) - [extent.start for extent in boxes[label]]
             _keep_components(part, label, nearest[((nearest >= 0) & (nearest < part.shape)).all(axis=1)])
 
 

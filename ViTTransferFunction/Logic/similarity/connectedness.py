@@ -65,7 +65,7 @@ class Connectedness:
         Returns:
             (cells,) uint8.
         """
-        (block,) = blocks_at(point_ras[None], self._cells, self._per_cell)
+        (block,) = self._cells.nearest_voxels(point_ras[None], self._per_cell)
         return tolerances_too_small(self._blocks, block, TOLERANCES, self._per_cell).ravel()
 
     def cell_units(self) -> np.ndarray:
@@ -111,20 +111,6 @@ def _differences_from(units: np.ndarray, block: tuple[int, int, int]) -> np.ndar
     # The clicked block belongs to itself, be it brighter than those around it.
     difference[block] = 0
     return difference
-
-
-def blocks_at(points_ras: np.ndarray, cells: Geometry, blocks_per_cell: int = 1) -> np.ndarray:
-    """The block that holds each point, or the nearest one: its index along (K, J, I), (P, 3).
-
-    Args:
-        points_ras: (P, 3) RAS millimetres.
-        cells: of which the blocks are parts.
-        blocks_per_cell: along each axis; 1 for the cells themselves.
-    """
-    kji = cells.ras_to_ijk(points_ras)[:, ::-1]
-    blocks = np.floor((kji + 0.5) * blocks_per_cell).astype(int)
-    nearest: np.ndarray = np.clip(blocks, 0, blocks_per_cell * np.array(cells.shape) - 1)
-    return nearest
 
 
 def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:

@@ -37,7 +37,6 @@ from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .cell_intensities import CellIntensities
 from .connected_points import between_points, point_factors, shares
-from .connectedness import blocks_at
 from .iso_value import (
     STABILITY_SAMPLES,
     Components,
@@ -138,7 +137,7 @@ class KernelRidge:
     def _cells_at(self, points_ras: np.ndarray) -> np.ndarray:
         """The cell that holds each of the points (P, 3), or the nearest one: its index, (P,)."""
         geometry = self._features.geometry
-        cells: np.ndarray = np.ravel_multi_index(tuple(blocks_at(points_ras, geometry).T), geometry.shape)
+        cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
         return cells
 
     def _rows_of(self, point: _Places, key: bytes) -> np.ndarray:

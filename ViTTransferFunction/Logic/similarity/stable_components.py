@@ -19,7 +19,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.progress import Between, nothing_between
-from .connectedness import blocks_at, tolerances_too_small
+from .connectedness import tolerances_too_small
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)
 """In widths of the display window."""
@@ -86,7 +86,7 @@ class StableComponents:
         return self._of_group[key]
 
     def _around(self, point_ras: np.ndarray) -> np.ndarray:
-        (cell,) = blocks_at(point_ras[None], self._cells)
+        (cell,) = self._cells.nearest_voxels(point_ras[None])
         at_cells: np.ndarray = tolerances_too_small(self._units, cell, TOLERANCES).ravel()[self._some]
         return at_cells
 

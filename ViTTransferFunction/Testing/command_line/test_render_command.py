@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.files.camera_files import read_camera
 from ViTTransferFunction.Logic.rendering.appearance import STYLES as ALL_STYLES
+from ViTTransferFunction.Logic.rendering.composition import MOST_STRUCTURES
 from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS as ALL_CONTEXTS
 from ViTTransferFunction.Testing.support.pictures import BLUE, GREEN, RED, ball, dark_volume, landmarks, pixels_of, place_of
 
@@ -203,6 +204,24 @@ def test_the_segment_that_the_annotations_lack_is_named(
     points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "liver", "positive": [[15, 10, 20]]}]}')
     assert main(["render", *case, "-o", str(tmp_path / "p.png"), "--annotations", str(points)]) == 2
     assert f"no class for the segment '1' of {case[1]}; it has liver." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("segments", [MOST_STRUCTURES, MOST_STRUCTURES + 1])
+def test_more_segments_than_can_be_drawn_are_refused_with_advice_that_one_can_follow(
+    opengl: None, tmp_path: Path, segments: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # Of brightness like CT, where faint bones would be one more.
+    scan = np.full((8, 8, 8), 50, dtype=np.int16)
+    scan[0], scan[1] = -1000, 1000
+    labels = np.zeros(scan.shape, dtype=np.int16)
+    labels.flat[-segments:] = np.arange(1, segments + 1)
+    for name, array in (("scan.nrrd", scan), ("labels.nrrd", labels)):
+        sitk.WriteImage(sitk.GetImageFromArray(array), str(tmp_path / name))
+    files = [str(tmp_path / name) for name in ("scan.nrrd", "labels.nrrd", "p.png")]
+    fits = segments == MOST_STRUCTURES
+    assert main(["render", *files[:2], "--3d", files[2], "--transparent"]) == (0 if fits else 2)
+    told = f"{files[1]} has 208 segments inside the volume; a 3D picture shows up to 207. Save those you want to see as"
+    assert (told in capsys.readouterr().err) is not fits
 
 
 def test_the_background_of_a_picture_is_dark_unless_transparent(opengl: None, tmp_path: Path, case: tuple[str, str]) -> None:

@@ -40,6 +40,22 @@ def test_every_voxel_centre_lies_inside_and_no_voxel_beyond_does(geometry: Geome
     assert not geometry.contains(geometry.ijk_to_ras_points(np.array([last + 1, [-1, 0, 0]]))).any()
 
 
+@given(geometries(), st.data())
+def test_each_point_is_given_the_voxel_and_the_part_of_it_that_it_lies_in(geometry: Geometry, data: st.DataObject) -> None:
+    indices = np.array([data.draw(st.integers(0, count - 1)) for count in geometry.shape])
+    # Beside the middle of a voxel, well within it.
+    beside = np.array(data.draw(st.tuples(*[st.sampled_from([-0.4, -0.1, 0.1, 0.4])] * 3)))
+    point = geometry.ijk_to_ras_points((indices + beside)[None, ::-1])
+    np.testing.assert_array_equal(geometry.nearest_voxels(point), [indices])
+    np.testing.assert_array_equal(geometry.nearest_voxels(point, 2), [2 * indices + (beside > 0.0)])
+
+
+@given(geometries(), arrays(np.float64, (4, 3), elements=st.floats(-1e4, 1e4)))
+def test_a_point_beyond_the_grid_is_given_the_border_voxel(geometry: Geometry, points: np.ndarray) -> None:
+    inside = np.clip(geometry.ras_to_ijk(points)[:, ::-1], 0, np.array(geometry.shape) - 1)
+    assert (np.abs(geometry.nearest_voxels(points) - inside) <= 0.5 + 1e-6).all()
+
+
 @given(geometries(), st.tuples(*[st.integers(1, 20)] * 3))
 def test_a_resized_grid_fills_the_same_box(geometry: Geometry, shape: tuple[int, int, int]) -> None:
     resized = geometry.resized(shape)

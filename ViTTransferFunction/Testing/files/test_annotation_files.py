@@ -246,6 +246,16 @@ def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> Non
         classes_from_markups({"liver": path}, {"kidney": path})
 
 
+@pytest.mark.parametrize("kind", ["Fiducial", "Curve", "ClosedCurve", "ROI"])
+def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path, kind: str) -> None:
+    path = write(tmp_path / "l.mrk.json", markups([{"position": [-1.0, -2.0, 3.0]}], type=kind))
+    if kind in ("Fiducial", "Curve"):
+        np.testing.assert_array_equal(read_markups(path), [[1.0, 2.0, 3.0]])
+    else:
+        with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list"):
+            read_markups(path)
+
+
 @pytest.mark.parametrize(
     "content",
     [

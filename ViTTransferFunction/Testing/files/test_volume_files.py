@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -114,6 +116,42 @@ def test_a_dicom_folder_and_a_nifti_file_of_one_scan_agree(tmp_path: Path, real_
 def test_images_that_are_no_usable_volume_are_refused(tmp_path: Path, content: sitk.Image, message: str) -> None:
     sitk.WriteImage(content, str(tmp_path / "scan.nrrd"))
     with pytest.raises(InputError, match=message):
+        read_volume(tmp_path / "scan.nrrd")
+
+
+@pytest.mark.parametrize("ending", [".nii", ".nii.gz", ".hdr", ".nrrd", ".mha"])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_voxels_that_are_no_numbers_are_not_read_as_zeros(tmp_path: Path, ending: str, dtype: type) -> None:
+    # More than a chunk, which a gzip's header shifts against the numbers.
+    array: np.ndarray = np.random.default_rng(0).normal(size=(40, 90, 100)).astype(dtype)
+    for number, value in enumerate((np.nan, np.inf, -np.inf)):
+        array.reshape(-1)[number::1001] = value
+    sitk.WriteImage(image(array), str(tmp_path / f"scan{ending}"))
+    read = read_volume(tmp_path / f"scan{ending}").array
+    np.testing.assert_array_equal(np.isfinite(read), np.isfinite(array))
+    np.testing.assert_array_equal(read[np.isfinite(array)], array[np.isfinite(array)])
+
+
+@pytest.mark.parametrize(
+    ("sizes", "directions", "kinds", "advice"),
+    [
+        ("6 5 4 1", "(1,0,0) (0,1,0) (0,0,1) none", "space space space time", "Choose one channel or time point"),
+        ("2 6 5 4", "none (1,0,0) (0,1,0) (0,0,1)", "time space space space", "Choose one channel or time point"),
+        ("6 5", "(1,0,0) (0,1,0)", "space space", "Name the stack that it is a slice of"),
+    ],
+)
+def test_axes_of_another_number_than_space_has_are_refused_in_words_for_users(
+    tmp_path: Path, sizes: str, directions: str, kinds: str, advice: str
+) -> None:
+    axes = len(sizes.split())
+    header = (
+        f"NRRD0005\ntype: uchar\ndimension: {axes}\nspace: left-posterior-superior\nsizes: {sizes}\n"
+        f"space directions: {directions}\nkinds: {kinds}\nencoding: raw\nspace origin: (0,0,0)\n\n"
+    )
+    voxels = math.prod(map(int, sizes.split()))
+    (tmp_path / "scan.nrrd").write_bytes(header.encode() + bytes(range(voxels)))
+    expected = f"its header has {axes} axes of space or time; expected the 3 of space. {advice}"
+    with pytest.raises(InputError, match=re.escape(expected)):
         read_volume(tmp_path / "scan.nrrd")
 
 

@@ -158,6 +158,18 @@ def test_a_list_that_is_deleted_in_slicer_takes_the_points_off_its_structure_alo
     assert session.classes == before
 
 
+def test_a_copy_of_a_list_is_the_users_own(session: SceneSession, slicer_app: Any, spheres: Spheres) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=False)
+    copy = slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsFiducialNode")
+    copy.Copy(session.annotations.points_node(state.id, positive=False))
+    slicer_app.scene.RemoveNode(slicer_app.scene.AddNewNodeByClass("vtkMRMLModelNode"))
+    slicer_app.scene.RemoveNode(session.annotations.points_node(state.id, positive=True))
+    assert session.classes == ()
+    assert slicer_app.scene.IsNodePresent(copy)
+    assert copy.GetNumberOfControlPoints() == 1
+
+
 def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_the_class(
     session: SceneSession, spheres: Spheres
 ) -> None:

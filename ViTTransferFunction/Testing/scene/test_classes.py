@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import slicer
 import vtk
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes import (
@@ -111,6 +113,46 @@ def test_points_under_a_transform_are_given_in_the_scenes_coordinates(scene: Any
     shift[0, 3] = 100.0
     put_under(node, shift)
     assert read_class(node).positive == ((101.0, 2.0, 3.0), (104.0, 5.0, 6.0))
+
+
+@given(*[st.lists(st.sampled_from([(float(n), 0.0, 0.0) for n in range(6)]), max_size=6)] * 2)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_points_become_any_others(
+    scene: Any, parameter_node: Any, before: list[tuple[float, float, float]], after: list[tuple[float, float, float]]
+) -> None:
+    node = create_class(scene, parameter_node, replace(LIVER, positive=tuple(before)))
+    write_class(scene, node, replace(LIVER, positive=tuple(after)))
+    assert read_class(node).positive == tuple(after)
+    remove_class(scene, node)
+
+
+def test_points_that_stay_keep_their_labels_and_locks(scene: Any, parameter_node: Any) -> None:
+    dome, hilum, tip, edge = ((float(n), 0.0, 0.0) for n in range(4))
+    node = create_class(scene, parameter_node, replace(LIVER, positive=(dome, hilum, tip)))
+    for index, label in enumerate(("dome", "hilum", "tip")):
+        node.SetNthControlPointLabel(index, label)
+        node.SetNthControlPointLocked(index, True)
+
+    def labels(*points: tuple[float, float, float]) -> list[str]:
+        write_class(scene, node, replace(LIVER, positive=points))
+        count = node.GetNumberOfControlPoints()
+        return [node.GetNthControlPointLabel(n) for n in range(count) if node.GetNthControlPointLocked(n)]
+
+    assert labels(dome, hilum, tip, edge) == ["dome", "hilum", "tip"]
+    assert labels(dome, tip, edge) == ["dome", "tip"]
+    assert labels(dome, hilum, tip, edge) == ["dome", "tip"]
+    assert labels(dome, edge) == ["dome"]
+    assert labels((9.0, 9.0, 9.0), edge) == ["dome"]
+
+
+def test_points_that_are_added_have_labels_and_a_list_of_a_fixed_number_takes_them(scene: Any, parameter_node: Any) -> None:
+    node = create_class(scene, parameter_node, LIVER)
+    node.SetFixedNumberOfControlPoints(True)
+    for points in ((*LIVER.positive, (7.0, 8.0, 9.0)), LIVER.positive[1:]):
+        write_class(scene, node, replace(LIVER, positive=points))
+        assert read_class(node).positive == points
+        assert all(node.GetNthControlPointLabel(n) for n in range(len(points)))
+        assert node.GetFixedNumberOfControlPoints()
 
 
 def test_removing_a_class_takes_both_lists(scene: Any, parameter_node: Any) -> None:

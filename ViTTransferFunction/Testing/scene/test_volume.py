@@ -146,6 +146,16 @@ def test_a_non_linear_transform_is_refused_without_an_error_of_vtk(a_volume: Cal
     assert printed == []
 
 
+def test_a_transform_that_makes_a_volume_flat_is_refused(a_volume: Callable[..., Any]) -> None:
+    node = a_volume(ramp())
+    put_under(node, np.diag([1.0, 1.0, 0.0, 1.0]))
+    for use in (geometry_from_node, lambda node: world_to_local(node, np.zeros((1, 3)))):
+        with pytest.raises(
+            InputError, match=r"'CT chest' is under a transform \('Registration' or one above it\) that makes it flat"
+        ):
+            use(node)
+
+
 def test_a_hardened_warp_is_accepted(a_volume: Callable[..., Any]) -> None:
     node = a_volume(ramp(np.float32, (8, 8, 8)))
     put_under_a_warp(node)

@@ -59,7 +59,7 @@ def test_a_refined_segment_leaves_out_what_was_clicked_as_not_its_own(
 ) -> None:
     centre = centre_ras(spheres, 1)
     beside = centre + np.array([6.0, 0.0, 0.0])
-    voxel = tuple(np.rint(spheres[0].geometry.ras_to_ijk(beside)[0, ::-1]).astype(int))
+    voxel = tuple(spheres[0].geometry.nearest_voxels(beside)[0])
     unsaid = session.segment([ClassRequest("sphere", centre)], refinement).labels
     own = session.segment([ClassRequest("sphere", centre, negative=beside)], refinement).labels
     of_another = session.segment([ClassRequest("sphere", centre), ClassRequest("other", beside)], refinement).labels

@@ -113,6 +113,6 @@ def segment_masks(segmentation_node: Any, volume_node: Any) -> dict[str, np.ndar
     for segment_id in (segmentation.GetNthSegmentID(n) for n in range(segmentation.GetNumberOfSegments())):
         mask = np.zeros(geometry.shape, dtype=bool)
         local = world_to_local(volume_node, segment_points(segmentation_node, segment_id))
-        mask[tuple(np.rint(geometry.ras_to_ijk(local)[:, ::-1]).astype(int).T)] = True
+        mask[tuple(geometry.nearest_voxels(local).T)] = True
         masks[segmentation.GetSegment(segment_id).GetName()] = mask
     return masks

@@ -166,6 +166,33 @@ def test_a_scene_that_is_opened_in_place_of_another_carries_on_where_it_was_save
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_scene_that_is_added_to_another_leaves_what_is_worked_on(
+    ready: Any, host: Host, volume: Any, spheres: Spheres, tmp_path: Path, elsewhere: bool
+) -> None:
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    assert slicer.mrmlScene.WriteToMRB(str(tmp_path / "yesterday.mrb"))
+    add_class(ready, "of today")
+    ready.panel.session.parameters.set("onlyAnnotatedParts", False)
+    if elsewhere:
+        host.representation.exit()
+    assert slicer.mrmlScene.ReadFromMRB(str(tmp_path / "yesterday.mrb"), False)
+    if elsewhere:
+        host.representation.enter()
+    session = ready.panel.session
+    wait_until(lambda: session.phase == "ready" and not session.busy)
+    assert ready.ui.volumeSelector.currentNode() is volume
+    names = [text(ready.ui.classTable, row, 1) for row in range(ready.ui.classTable.rowCount())]
+    assert names == ["sphere", "of today", "sphere"]
+    assert session.selected_class.name == "of today"
+    assert not ready.ui.onlyAnnotatedPartsCheckBox.isChecked()
+    assert not ready.ui.messageLabel.text()
+    ready.ui.undoButton.click()
+    assert [state.name for state in session.classes] == ["sphere", "of today"]
+
+
+@pytest.mark.slow
 def test_features_arrive_also_while_the_user_is_in_another_module(widget: Any, host: Host, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     host.representation.exit()

@@ -175,7 +175,7 @@ def test_a_structure_begins_from_a_segment_of_the_menu(widget: Any, volume: Any,
     wait_until(lambda: bool(session.classes))
     (state,) = session.classes
     assert state.name == "sphere & more"
-    kji = np.rint(spheres[0].geometry.ras_to_ijk(np.array(state.positive))[:, ::-1]).astype(int)
+    kji = spheres[0].geometry.nearest_voxels(np.array(state.positive))
     assert (spheres[1][tuple(kji.T)] == 3).all()
     assert ui.undoButton.isEnabled()
     ui.undoButton.click()
