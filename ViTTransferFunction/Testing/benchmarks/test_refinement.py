@@ -98,13 +98,23 @@ def test_a_candidate_is_given_the_clicks_that_were_kept(
     assert again["rounds"] == first["rounds"]
 
 
+@pytest.mark.slow
+def test_all_structures_are_timed_as_the_product_refines_them(labelled: LabelledVolume, features: FeatureVolume) -> None:
+    bench = CaseBench("spheres", labelled, features, KeptResults(None))
+    together = bench.together()
+    assert (together["case"], together["structures"]) == ("spheres", len(labelled.names))
+    assert 0.0 < together["seconds"] <= together["slowest"]
+
+
 def test_the_report_says_who_wins(tmp_path: Path) -> None:
     rows = [_row(DEFAULT.name, "a", 0.8), _row(DEFAULT.name, "b", 0.7), _row("other", "a", 0.85), _row("other", "b", 0.75)]
-    write_report({"model": "tiny", "machine": machine("cpu"), "rows": rows}, tmp_path)
+    together = [{"case": "a", "structures": 2, "seconds": 0.123, "slowest": 0.2}]
+    write_report({"model": "tiny", "machine": machine("cpu"), "rows": rows, "together": together}, tmp_path)
     summary = json.loads((tmp_path / "refinement.json").read_text(encoding="utf-8"))["summary"]
     assert summary["other"]["a"] == {"dice": 0.85, "surface_distance_mm": 1.0}
     text = (tmp_path / "refinement.md").read_text(encoding="utf-8")
     assert "| other | 0.850 / 1.00 | 0.750 / 1.00 | 0.800 |" in text
+    assert "| a | 2 | 0.12 s (0.20 s) |" in text
     assert "Better than the default by more than 0.01 Dice on every volume: other." in text
 
 
