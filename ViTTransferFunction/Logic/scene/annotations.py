@@ -6,7 +6,7 @@ application counts as one placed here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Literal
@@ -38,6 +38,7 @@ from .classes import (
 )
 from .history import AnnotationHistory
 from .observers import SceneObservers
+from .volume import matrix_to_world
 
 Classes = tuple[ClassState, ...]
 
@@ -70,6 +71,7 @@ class SceneAnnotations:
         self._paused = 0
         self._last_grown: dict[str, str] = {}
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
+        self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
         self.restart()
@@ -217,16 +219,20 @@ class SceneAnnotations:
         self._history = AnnotationHistory(self.classes)
 
     def refresh(self) -> None:
-        """Read the classes anew, and watch the lists that are there now."""
-        before, self.classes = self.classes, tuple(read_class(node) for node in class_nodes(self._parameter_node))
-        self._remember_growth(before)
+        """Read the classes anew, and watch the lists that are there now.
+
+        Where a transform has moved them, what was done before cannot be undone.
+        """
         positive = class_nodes(self._parameter_node)
+        before, self.classes = self.classes, tuple(read_class(node) for node in positive)
+        self._remember_growth(before)
         negative = [node for node in map(negative_node, positive) if node is not None]
         self._negative.update(negative)
         lists = [*positive, *negative]
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
+        self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
@@ -249,7 +255,11 @@ class SceneAnnotations:
     def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
         markups = slicer.vtkMRMLMarkupsNode
         steps = (markups.PointEndInteractionEvent, markups.PointRemovedEvent)
-        passing = ("ModifiedEvent", slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent)
+        passing = (
+            "ModifiedEvent",
+            slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent,
+            slicer.vtkMRMLTransformableNode.TransformModifiedEvent,
+        )
         return [
             (markups.PointPositionDefinedEvent, self._on_placed),
             *((event, self._on_step) for event in steps),
@@ -279,7 +289,7 @@ class SceneAnnotations:
             self._history.seal()
 
     def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
-        """A point is being dragged, a colour being chosen: maps follow, but undo goes back to where it began."""
+        """A point is being dragged, a colour being chosen, say: maps follow, but undo goes back to where it began."""
         if self._listens:
             self._changed("passing")
 
@@ -296,8 +306,9 @@ class SceneAnnotations:
         self._changed(kind)
 
     def _changed(self, kind: str | None) -> None:
+        before = self.classes
         self.refresh()
-        if self._history.record(self.classes, kind):
+        if self._history.record(self.classes, kind) or self.classes != before:
             self._on_change()
 
     def _restore(self, states: Classes) -> None:
@@ -316,6 +327,12 @@ class SceneAnnotations:
         self.refresh()
         self._on_change()
 
+    def _begin_anew_where_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
+        """Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it."""
+        before, self._transforms = self._transforms, {node: _transform_of(node) for node in lists}
+        if any(before.get(node, matrix) != matrix for node, matrix in self._transforms.items()):
+            self._history = AnnotationHistory(self.classes)
+
     def _remember_growth(self, before: Classes) -> None:
         """Keep in mind to which of a class's lists a point was added last."""
         counts = {state.id: (len(state.positive), len(state.negative)) for state in before}
@@ -331,6 +348,14 @@ class SceneAnnotations:
 
     def _positive(self, id_: str) -> slicer.vtkMRMLMarkupsFiducialNode:
         return next(node for node in class_nodes(self._parameter_node) if class_id(node) == id_)
+
+
+def _transform_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> bytes | None:
+    """All transforms that a list is under; None where no matrix says them."""
+    try:
+        return matrix_to_world(node).tobytes()
+    except InputError:
+        return None
 
 
 def _outside(points: tuple[Point, ...], centres_ras: np.ndarray, radius_mm: float) -> tuple[Point, ...]:

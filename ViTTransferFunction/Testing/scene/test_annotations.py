@@ -13,7 +13,8 @@ import vtk
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate
+from ViTTransferFunction.Logic.scene.volume import vtk_matrix
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate, open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
@@ -156,6 +157,51 @@ def test_a_list_that_is_deleted_in_slicer_takes_the_points_off_its_structure_alo
     assert slicer_app.scene.GetNumberOfNodesByClass("vtkMRMLMarkupsFiducialNode") == count
     session.annotations.undo()
     assert session.classes == before
+
+
+@pytest.mark.slow
+def test_maps_follow_lists_under_a_transform_and_undo_leads_to_no_place_from_before_they_were_moved(
+    slicer_app: Any, spheres: Spheres
+) -> None:
+    session = open_spheres(slicer_app, spheres)
+    first, *_ = annotate(session, spheres)
+    session.select_class(first)
+    before, ml = session.classes, session.volume_ml(first)
+    lists = [session.annotations.points_node(state.id, positive) for state in before for positive in (True, False)]
+    transform = put_under(lists[0], np.eye(4))
+    for node in lists:
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    assert session.annotations.can_undo
+    assert not session.is_on_selected(centre_ras(spheres, 2)[0])
+    # From the middle of the first sphere to that of the second.
+    shift = np.eye(4)
+    shift[:3, 3] = (centre_ras(spheres, 2) - centre_ras(spheres, 1))[0]
+    transform.SetMatrixTransformToParent(vtk_matrix(shift))
+    session.wait()
+    np.testing.assert_allclose(session.classes[0].positive, before[1].positive)
+    assert session.is_on_selected(centre_ras(spheres, 2)[0])
+    assert not session.annotations.can_undo
+    session.parameters.volume.SetAndObserveTransformNodeID(transform.GetID())
+    session.wait()
+    assert session.volume_ml(first) == pytest.approx(ml)
+    session.annotations.add_points(first, centre_ras(spheres, 3), positive=False)
+    session.annotations.undo()
+    np.testing.assert_allclose(session.classes[0].positive, before[1].positive)
+    session.close()
+
+
+def test_after_a_transform_was_hardened_undo_leads_to_no_place_from_before(session: SceneSession, spheres: Spheres) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, centre_ras(spheres, 1), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    put_under(node, np.diag([1.0, -1.0, 1.0, 1.0]))
+    moved = session.classes
+    node.HardenTransform()
+    assert session.classes == moved
+    session.annotations.add_points(state.id, centre_ras(spheres, 2), positive=True)
+    while session.annotations.can_undo:
+        session.annotations.undo()
+    assert session.classes == moved
 
 
 def test_a_copy_of_a_list_is_the_users_own(session: SceneSession, slicer_app: Any, spheres: Spheres) -> None:
