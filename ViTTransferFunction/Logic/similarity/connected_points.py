@@ -68,6 +68,10 @@ class ConnectedPoints:
                 self._levels_of_key[key] = connectedness.from_point(point)
         return keys
 
+    def seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
+        """See `Connectedness.seen_at`."""
+        return self._fine.seen_at(negative_ras, positive_ras)
+
     def at(self, keys: Sequence[bytes], cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """C of points, by the keys from `update`, at cells given by their indices (n,), (P, n) float32."""
         levels = np.stack([self._levels_of_key[key][cells] for key in keys])

@@ -68,6 +68,41 @@ class Connectedness:
         (block,) = self._cells.nearest_voxels(point_ras[None], self._per_cell)
         return tolerances_too_small(self._blocks, block, TOLERANCES, self._per_cell).ravel()
 
+    def seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
+        """Where a class's negative points are best looked at: there, or at the block that is typical of their cell.
+
+        At a structure's rim a voxel off it may be as bright as the structure, and a cell is wider than the rim: features,
+        intensity and connectedness there are those of the structure, and learned as something else they would take it away.
+        Where the typical block is less like the positive points than the point's own, by more than σ, it shows what is meant.
+
+        Args:
+            negative_ras: (M, 3) RAS millimetres; outside of the volume, the nearest block counts.
+            positive_ras: (P, 3) RAS millimetres, P ≥ 1.
+
+        Returns:
+            (M, 3) RAS millimetres, each in the cell of its point.
+        """
+        if not len(negative_ras):
+            return negative_ras
+        per_cell = self._per_cell
+        own = self._cells.nearest_voxels(negative_ras, per_cell)
+        of_cell = (own - own % per_cell)[:, None] + np.indices((per_cell,) * 3).reshape(3, -1).T
+        units = self._units_of(of_cell)
+        middle = np.abs(units - np.median(units, axis=1, keepdims=True)).argmin(axis=1)
+        points = np.arange(len(own))
+        typical, typical_units = of_cell[points, middle], units[points, middle]
+        wanted = self._units_of(self._cells.nearest_voxels(positive_ras, per_cell))
+        unlike, own_unlike = (np.abs(of[:, None] - wanted).min(axis=1) for of in (typical_units, self._units_of(own)))
+        moves = (unlike > own_unlike + SIGMA * UNITS_PER_WINDOW) & (typical_units != _UNKNOWN)
+        centres_ras = self._cells.ijk_to_ras_points(((typical + 0.5) / per_cell - 0.5)[:, ::-1])
+        places: np.ndarray = np.where(moves[:, None], centres_ras, negative_ras)
+        return places
+
+    def _units_of(self, blocks: np.ndarray) -> np.ndarray:
+        """Intensities of blocks given by their index along K, J, I, (…, 3) → (…), float64 in `UNITS_PER_WINDOW`."""
+        units: np.ndarray = self._blocks[blocks[..., 0], blocks[..., 1], blocks[..., 2]].astype(float)
+        return units
+
     def cell_units(self) -> np.ndarray:
         """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `tolerances_too_small` takes them."""
         per_cell = self._per_cell

@@ -15,13 +15,14 @@ Two places are alike when their features, their intensities and their positions 
     k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
 
 Where p is an annotated point it is multiplied by (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and
-between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`).
+between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). A negative point at the rim of its
+structure is looked at where its cell is what it mostly is (`Connectedness.seen_at`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -104,7 +105,7 @@ class KernelRidge:
 
     def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[np.ndarray]:
         """See `SimilarityRule`."""
-        annotated = _annotated(requests)
+        annotated = _annotated(requests, self._connected.seen_at)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
         keys = self._connected.update(annotated.points_ras, between)
         self._intensities.components.update(requests, between)
@@ -278,7 +279,7 @@ class _Annotated:
     """All classes' points.
 
     Attributes:
-        points_ras: (P, 3) RAS millimetres.
+        points_ras: (P, 3) RAS millimetres, where they are looked at.
         targets: (P, classes), what each class should be there: 1, 0, or NaN where a point says nothing of a class.
         classes: (P,) the index of the class that each point belongs to.
         positive: (P,) bool, whether it is a positive point of that class.
@@ -290,8 +291,10 @@ class _Annotated:
     positive: np.ndarray
 
 
-def _annotated(requests: Sequence[ClassRequest]) -> _Annotated:
+def _annotated(requests: Sequence[ClassRequest], seen_at: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> _Annotated:
     """The points of all classes, each class's positive ones before its negative ones.
+
+    `seen_at` says where a class's negative points are looked at, given them and its positive ones (`Connectedness.seen_at`).
 
     A negative point says that its own class is not there, and leaves open what is. A point that two classes claim, such as a
     class and its duplicate, speaks against neither.
@@ -301,7 +304,7 @@ def _annotated(requests: Sequence[ClassRequest]) -> _Annotated:
         positive = np.stack([np.where(other.claims(request.positive), np.nan, 0.0) for other in requests], axis=1)
         negative = np.full((len(request.negative), len(requests)), np.nan)
         positive[:, index], negative[:, index] = 1.0, 0.0
-        points += [request.positive, request.negative]
+        points += [request.positive, seen_at(request.negative, request.positive)]
         targets += [positive, negative]
     part = np.repeat(np.arange(len(points)), [len(of_polarity) for of_polarity in points])
     return _Annotated(np.concatenate(points), np.concatenate(targets), classes=part // 2, positive=part % 2 == 0)

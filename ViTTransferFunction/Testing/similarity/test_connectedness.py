@@ -257,3 +257,41 @@ def test_the_kernel_of_many_points_in_a_textured_structure_is_positive_semidefin
     at_points = np.stack([SIMILARITIES[connectedness.from_point(point)[places]] for point in points])
     factors = point_factors(between_points(at_points), np.full(120, 0.6))
     assert np.linalg.eigvalsh(factors).min() > -1e-6
+
+
+def seen_at(array: np.ndarray, negative: tuple[int, int, int], positive: tuple[int, int, int]) -> np.ndarray:
+    """Where a negative point at a voxel is looked at, in voxels (k, j, i), while a positive one lies at another voxel."""
+    volume = volume_of(array)
+    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
+    points = [volume.geometry.ijk_to_ras_points(np.array([voxel[::-1]], dtype=float)) for voxel in (negative, positive)]
+    (seen,) = volume.geometry.ras_to_ijk(connectedness.seen_at(*points))
+    return seen[::-1]
+
+
+RIM = np.zeros((EDGE,) * 3, dtype=np.float32)
+RIM[8:16] = RIM[16:18, 8:10, 8:10] = 200.0
+"""A slab, two cells thick, with a bump of one block on it."""
+ON_BUMP, IN_SLAB, BESIDE_BUMP = (17, 9, 9), (12, 30, 30), (19, 11, 11)
+
+
+def test_a_negative_point_at_the_rim_is_looked_at_where_its_cell_is_unlike_the_structure() -> None:
+    seen = seen_at(RIM, ON_BUMP, IN_SLAB)
+    np.testing.assert_array_equal(np.floor((seen + 0.5) / 4), [4, 2, 2])
+    assert RIM[tuple(np.floor(seen).astype(int))] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("negative", "positive"),
+    [(IN_SLAB, (12, 10, 10)), (BESIDE_BUMP, IN_SLAB), (ON_BUMP, (30, 30, 30))],
+    ids=["in a cell of one kind", "on what is typical already", "unlike the positive point"],
+)
+def test_other_negative_points_are_looked_at_where_they_are(
+    negative: tuple[int, int, int], positive: tuple[int, int, int]
+) -> None:
+    np.testing.assert_allclose(seen_at(RIM, negative, positive), negative, atol=1e-5)
+
+
+def test_a_negative_point_in_a_cell_that_is_mostly_unknown_is_looked_at_where_it_is() -> None:
+    array = np.full((EDGE,) * 3, np.nan, dtype=np.float32)
+    array[:8], array[8:16], array[16:18, 8:10, 8:10] = 0.0, 200.0, 200.0
+    np.testing.assert_allclose(seen_at(array, ON_BUMP, IN_SLAB), ON_BUMP, atol=1e-5)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -198,3 +200,18 @@ def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
     for count in range(1, len(outside) + 1, 7):
         crowded.maps([a_class("a", inside[:count], negative=outside[:count])])
     np.testing.assert_allclose(crowded.maps([a_class("a", inside, negative=outside)]), wanted, atol=0.01)
+
+
+def test_a_negative_click_on_what_is_like_the_structure_in_a_cell_that_is_not_takes_little_of_the_structure(
+    blocks: tuple[NormalisedFeatures, Volume],
+) -> None:
+    features, volume = blocks
+    # At the rim: as bright as the left block, and the network's patch is of that, but most of the cell is background.
+    bumpy, wide = volume.array.copy(), features.source.array.copy()
+    bumpy[8, 11:14, 10] = bumpy[7:10, 12, 10] = 100.0
+    wide[3:5, 5:7, 5] = wide[3:5, 5:7, 4]
+    finer = Volume(np.kron(bumpy, np.ones((3, 3, 3))), volume.geometry.resized((72, 72, 72)))
+    rule = KernelRidge(normalised_features(replace(features.source, array=wide), "whitened"), finer)
+    on_bump = volume.geometry.ijk_to_ras_points(np.array([[10.0, 12.0, 8.0]]))
+    (before,), (after,) = rule.maps([a_class("a", IN_LEFT)]), rule.maps([a_class("a", IN_LEFT, negative=on_bump)])
+    assert after[LEFT].mean() > 0.9 * before[LEFT].mean()
