@@ -433,8 +433,8 @@ class SceneSession:
         segmentation = self.parameters.segmentation
         if segmentation is not None:
             events = (getattr(slicer.vtkSegmentation, name) for name in SEGMENT_EVENTS)
-            display = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent
-            self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, display)])
+            shown = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent, slicer.vtkMRMLTransformableNode.TransformModifiedEvent
+            self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, *shown)])
             kept.append(segmentation)
         self._observers.keep_only(kept)
 

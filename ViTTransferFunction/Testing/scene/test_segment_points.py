@@ -176,6 +176,11 @@ def test_outside_points_are_asked_for_but_not_kept(
     add_segment(a_segmentation, "vessel", block(2, 3), OBLIQUE)
     session.wait()
     assert len(asked[-1][0].negative) == 6
+    before, shift = asked[-1][0].negative, np.eye(4)
+    shift[:3, 3] = -OBLIQUE[:3, 2]  # By one slice.
+    put_under(a_segmentation, shift)
+    session.wait()
+    np.testing.assert_allclose(asked[-1][0].negative, before + shift[:3, 3])
     a_segmentation.GetDisplayNode().SetVisibility(False)
     session.wait()
     assert len(asked[-1][0].negative) == 0
