@@ -1,7 +1,8 @@
 """A class's map at a volume's resolution, S_H, of which only the part near the structure is held in memory.
 
 As one array, the map of a large volume takes twice as much memory as the volume, and that of a small one takes longer to fill
-than most structures to refine. Away from the structure it is S_L, interpolated, and that can be had again whenever somebody looks.
+than most structures to refine. Away from the structure it is S_L, interpolated, and that can be had again whenever somebody
+looks.
 """
 
 from __future__ import annotations
