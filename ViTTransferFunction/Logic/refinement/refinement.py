@@ -131,7 +131,12 @@ def surroundings(shape: Sequence[int], cells: Sequence[int]) -> list[int]:
         shape: of the volume, (K, J, I).
         cells: so many fill the same box, (K', J', I').
     """
-    return [max(round(SURROUNDINGS_CELLS * n / count), STEPS) for n, count in zip(shape, cells, strict=True)]
+    return [max(round(SURROUNDINGS_CELLS * edge), STEPS) for edge in cell_voxels(shape, cells)]
+
+
+def cell_voxels(shape: Sequence[int], cells: Sequence[int]) -> list[float]:
+    """Edges of a feature cell in voxels, along (K, J, I), where a volume of `shape` is filled by so many `cells`."""
+    return [n / count for n, count in zip(shape, cells, strict=True)]
 
 
 def _refine_part(

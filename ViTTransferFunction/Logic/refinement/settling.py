@@ -17,7 +17,7 @@ from ..core.progress import Between, nothing_between
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from .neighbourhood_sums import WHOLE
-from .refinement import class_window, surroundings
+from .refinement import cell_voxels, class_window, surroundings
 from .threshold_dynamics import Mark, settled
 
 MARKED_CELLS = 0.25
@@ -71,9 +71,9 @@ def _box_around(voxels: VoxelMap, threshold: np.float32) -> Box | None:
     if searched is None:
         return None
     inside = bounding_box(voxels.held[within(searched, voxels.box)] >= threshold)
-    return (
-        None if inside is None else grown(out_of(inside, searched), surroundings(voxels.shape, voxels.coarse.shape), voxels.box)
-    )
+    if inside is None:
+        return None
+    return grown(out_of(inside, searched), surroundings(voxels.shape, voxels.coarse.shape), voxels.box)
 
 
 def _change_sides(part: np.ndarray, before: np.ndarray, now: np.ndarray, sums: np.ndarray, threshold: np.float32) -> None:
@@ -91,13 +91,8 @@ def _share(sums: np.ndarray) -> np.ndarray:
     return share
 
 
-def _cell_voxels(voxels: VoxelMap) -> list[float]:
-    """Edges of a feature cell in voxels, along (K, J, I)."""
-    return [n / cells for n, cells in zip(voxels.shape, voxels.coarse.shape, strict=True)]
-
-
 def _marks(points_ras: np.ndarray, inside: bool, box: Box, volume: Volume, voxels: VoxelMap) -> list[Mark]:
     """What points (N, 3) say of places in a box of the volume."""
-    radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in _cell_voxels(voxels))
+    radius_k, radius_j, radius_i = (MARKED_CELLS * edge for edge in cell_voxels(voxels.shape, voxels.coarse.shape))
     centres = volume.geometry.ras_to_ijk(points_ras)[:, ::-1] - [extent.start for extent in box]
     return [Mark((k, j, i), (radius_k, radius_j, radius_i), inside) for k, j, i in centres.tolist()]

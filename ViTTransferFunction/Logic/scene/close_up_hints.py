@@ -33,12 +33,10 @@ class Correction:
 
     Attributes:
         step: later ones have higher numbers.
-        on_it: whether it says that the structure is there.
         gross: whether a point of it lay deep within what was wrong (`corrects_grossly`), more than a cell's edge.
     """
 
     step: int
-    on_it: bool
     gross: bool
 
 
@@ -75,8 +73,7 @@ class CloseUpHints:
     def forget(self) -> None:
         """What is there now was not placed on what is shown from now on: scene or volume are others."""
         self._classes = {state.id: state for state in self._annotations.classes}
-        seen = {id_: [*known] for id_, known in self._known.items()}
-        self._known = {id_: dict.fromkeys(points) for id_, points in seen.items()}
+        self._known = {id_: dict.fromkeys(known) for id_, known in self._known.items()}
         for state in self._annotations.classes:
             self._known.setdefault(state.id, {}).update(dict.fromkeys(_placed(state)))
         self._looked_at = {state.id for state in self._annotations.classes if state.close_up is not None}
@@ -129,18 +126,18 @@ class CloseUpHints:
         points = world_to_local(volume, np.array(added))
         on_it = polarity == "positive"
         gross = any(corrects_grossly(shown, content.geometry, point, on_it, depth_mm) for point in points)
-        return Correction(self._step, on_it, gross)
+        return Correction(self._step, gross)
 
     def _is_badly_found(self, state: ClassState) -> bool:
         if state.id in self._looked_at:
             return False
         known = self._known.get(state.id, {})
-        corrections = [correction for placed in _placed(state) if (correction := known.get(placed)) is not None]
-        gross = sorted({correction.step for correction in corrections if correction.gross})
-        surplus = [correction.step for correction in corrections if correction.gross and not correction.on_it]
+        of_points = {placed: correction for placed in _placed(state) if (correction := known.get(placed)) is not None}
+        gross = sorted({correction.step for correction in of_points.values() if correction.gross})
+        surplus = [of.step for (polarity, _), of in of_points.items() if of.gross and polarity == "negative"]
         if len(gross) < ENOUGH or not surplus:
             return False
-        slight = {correction.step for correction in corrections} - set(gross)
+        slight = {correction.step for correction in of_points.values()} - set(gross)
         return max(slight, default=0) < max(gross[ENOUGH - 1], min(surplus))
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:

@@ -247,19 +247,19 @@ class _Differences:
         """(N, D + 2), whose product with others' `transposed` is −½ |x − y|² + `constant` of all pairs."""
         import torch
 
-        vectors = torch.from_numpy(self.vectors)
-        return torch.cat([vectors, self._halved_norms + constant, torch.ones_like(self._halved_norms)], dim=1)
+        norms = self._halved_norms()
+        return torch.cat([torch.from_numpy(self.vectors), norms + constant, torch.ones_like(norms)], dim=1)
 
     @cached_property
     def transposed(self) -> Tensor:
         """(D + 2, M). Kept: a volume's cells are compared with every new point."""
         import torch
 
-        vectors = torch.from_numpy(self.vectors)
-        return torch.cat([vectors, torch.ones_like(self._halved_norms), self._halved_norms], dim=1).T.contiguous()
+        norms = self._halved_norms()
+        return torch.cat([torch.from_numpy(self.vectors), torch.ones_like(norms), norms], dim=1).T.contiguous()
 
-    @property
     def _halved_norms(self) -> Tensor:
+        """−½ |x|², (N, 1)."""
         import torch
 
         return torch.from_numpy(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
