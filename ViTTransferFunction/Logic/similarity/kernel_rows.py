@@ -10,7 +10,8 @@ import numpy as np
 from ..features.precision import device_precision
 
 ROWS_AT_ONCE = 32
-"""Rows are multiplied in groups of this many."""
+"""In bfloat16, rows are multiplied in groups of this many: for every new number of rows the processor's matrix kernels would be
+compiled anew. In float32, they are not, and each row less is time less."""
 RESERVED_ROWS = 256
 """Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used,
 and to move rows to a larger place keeps a click waiting."""
@@ -38,7 +39,9 @@ class KernelRows:
         self._background = background
         self._cells = cells
         dtype = device_precision(torch.device("cpu"))
-        self._block = CELLS_OF_BLOCK if dtype is torch.float32 else cells
+        single = dtype is torch.float32
+        self._block = CELLS_OF_BLOCK if single else cells
+        self._group = 1 if single else ROWS_AT_ONCE
         # (blocks, rows, cells of a block)
         self._room = torch.empty((-(-cells // self._block), 0, self._block), dtype=dtype)
         self._rows = self._room
@@ -78,7 +81,7 @@ class KernelRows:
                 self._make_room(row + ROWS_OF_POINT)
                 self._put(slice(row, row + ROWS_OF_POINT), made)
                 self._row_of_key[key] = row
-        self.count = _whole_groups(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
+        self.count = self._whole_groups(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
 
@@ -99,7 +102,7 @@ class KernelRows:
     def _make_room(self, rows: int) -> None:
         """Have `rows` rows, in whole groups; new ones are zero, since weights of 0 do not cancel what is no number."""
         blocks, before, cells = self._room.shape
-        rows = _whole_groups(rows)
+        rows = self._whole_groups(rows)
         if rows > before:
             room = self._room.new_empty((blocks, max(RESERVED_ROWS, rows, 2 * before), cells))
             room[:, : self._rows.shape[1]] = self._rows
@@ -108,7 +111,6 @@ class KernelRows:
             self._room[:, self._rows.shape[1] : rows] = 0.0
             self._rows = self._room[:, :rows]
 
-
-def _whole_groups(rows: int) -> int:
-    """`rows` rounded up to whole groups: for every new number of rows the processor's matrix kernels would be compiled anew."""
-    return -(-rows // ROWS_AT_ONCE) * ROWS_AT_ONCE
+    def _whole_groups(self, rows: int) -> int:
+        """`rows` rounded up to whole groups."""
+        return -(-rows // self._group) * self._group
