@@ -71,6 +71,7 @@ class SceneAnnotations:
         self._paused = 0
         self._last_grown: dict[str, str] = {}
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
+        self._placed_counts: dict[slicer.vtkMRMLMarkupsFiducialNode, int] = {}
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
@@ -232,6 +233,7 @@ class SceneAnnotations:
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
+        self._placed_counts = {node: node.GetNumberOfDefinedControlPoints() for node in lists}
         self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
@@ -262,6 +264,7 @@ class SceneAnnotations:
         )
         return [
             (markups.PointPositionDefinedEvent, self._on_placed),
+            (markups.PointModifiedEvent, self._on_moved),
             *((event, self._on_step) for event in steps),
             *((event, self._on_passing) for event in passing),
         ]
@@ -282,6 +285,11 @@ class SceneAnnotations:
             caller.SetNthControlPointPositionWorld(last, *settled)
             self._paused -= 1
         self._on_step(caller, event)
+
+    def _on_moved(self, caller: vtk.vtkObject, event: str) -> None:
+        """A point was dragged, or its coordinates typed; one that is new still hangs on the mouse, or is just being placed."""
+        if caller.GetNumberOfControlPoints() == self._placed_counts.get(caller):
+            self._on_passing(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
         if self._listens:

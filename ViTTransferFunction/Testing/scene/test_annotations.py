@@ -11,6 +11,7 @@ import pytest
 import vtk
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
@@ -37,6 +38,47 @@ def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: 
         assert len(session.classes[0].positive) == left
     session.annotations.redo()
     assert len(session.classes[0].positive) == 1
+
+
+def add_hanging_point(scene: Any, node: Any) -> int:
+    """A point that hangs on the mouse, which Slicer's views add without a word; returns its index."""
+    scene.StartState(scene.BatchProcessState)
+    index: int = node.AddControlPointWorld(vtk.vtkVector3d(5.0, 0.0, 0.0))
+    node.SetNthControlPointPositionWorld(index, 5.0, 0.0, 0.0, node.PositionPreview)
+    scene.EndState(scene.BatchProcessState)
+    return index
+
+
+def test_a_point_that_hangs_on_the_mouse_is_heard_of_once_when_it_is_placed(slicer_app: Any) -> None:
+    heard: list[int] = []
+    classes = SceneAnnotations(
+        slicer_app.scene,
+        add_parameter_node(slicer_app.scene),
+        lambda: heard.append(len(classes.classes[0].positive)),
+        settle=lambda point_ras: point_ras + 1.0,
+    )
+    state = classes.add_class("liver")
+    classes.add_points(state.id, np.zeros((1, 3)), positive=True)
+    node = classes.points_node(state.id, positive=True)
+    index = add_hanging_point(slicer_app.scene, node)
+    heard.clear()
+    node.SetNthControlPointPositionWorld(index, 6.0, 0.0, 0.0, node.PositionPreview)
+    assert heard == []
+    node.SetNthControlPointPositionWorld(index, 7.0, 0.0, 0.0)
+    assert heard == [2]
+    assert classes.classes[0].positive == ((0.0, 0.0, 0.0), (8.0, 1.0, 1.0))
+    classes.close()
+
+
+def test_coordinates_that_are_typed_into_slicers_table_count_and_can_be_undone(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.zeros((1, 3)), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    for typed in ((1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 3.0)):
+        node.SetNthControlPointPositionWorld(0, *typed)
+        assert session.classes[0].positive == (typed,)
+    session.annotations.undo()
+    assert session.classes[0].positive == ((0.0, 0.0, 0.0),)
 
 
 def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(session: SceneSession, spheres: Spheres) -> None:

@@ -108,8 +108,10 @@ def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     node = session.annotations.points_node(id_, positive=True)
     for share in (0.3, 0.6, 1.0):
         node.SetNthControlPointPositionWorld(0, *(first + share * (second - first)))
+        np.testing.assert_allclose(session.classes[0].positive[0], first + share * (second - first))
+    session.wait()
+    assert session.is_on_selected(second)
     node.InvokeEvent(node.PointEndInteractionEvent)
-    np.testing.assert_allclose(session.classes[0].positive[0], second)
     session.annotations.undo()
     np.testing.assert_allclose(session.classes[0].positive[0], first)
 
