@@ -22,7 +22,6 @@ from .class_size import stepped, turned
 from .classes import (
     ClassState,
     CloseUpBox,
-    Point,
     changed,
     class_id,
     class_nodes,
@@ -38,6 +37,7 @@ from .classes import (
 )
 from .history import AnnotationHistory
 from .observers import SceneObservers
+from .point_lists import Point
 from .volume import matrix_to_world
 
 Classes = tuple[ClassState, ...]
@@ -333,6 +333,8 @@ class SceneAnnotations:
         order_classes(self._parameter_node, [state.id for state in states])
         self._paused -= 1
         self.refresh()
+        # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
+        self._history.correct(self.classes)
         self._on_change()
 
     def _begin_anew_where_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:

@@ -26,7 +26,7 @@ from ..session.feature_estimate import FeatureEstimate
 from .added_scene import AddedScene
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, EdgesMm, Point, Polarity
+from .classes import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
@@ -34,6 +34,7 @@ from .observers import SceneObservers
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
+from .point_lists import Point
 from .point_tour import PointTour
 from .problems import Problems
 from .regions import SceneRegions

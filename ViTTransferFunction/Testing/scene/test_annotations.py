@@ -81,6 +81,90 @@ def test_coordinates_that_are_typed_into_slicers_table_count_and_can_be_undone(s
     assert session.classes[0].positive == ((0.0, 0.0, 0.0),)
 
 
+def table(node: Any) -> list[tuple[str, str, bool, bool, bool]]:
+    """What Slicer's table of points shows beside coordinates."""
+    return [
+        (
+            node.GetNthControlPointLabel(n),
+            node.GetNthControlPointDescription(n),
+            node.GetNthControlPointLocked(n),
+            node.GetNthControlPointSelected(n),
+            node.GetNthControlPointVisibility(n),
+        )
+        for n in range(node.GetNumberOfControlPoints())
+    ]
+
+
+def describe_points(node: Any) -> None:
+    for n, label in enumerate(("dome", "hilum", "tip")):
+        node.SetNthControlPointLabel(n, label)
+        node.SetNthControlPointDescription(n, f"the {label}")
+    node.SetNthControlPointLocked(1, True)
+    node.SetNthControlPointSelected(1, False)
+    node.SetNthControlPointVisibility(1, False)
+
+
+@pytest.mark.parametrize("positive", [True, False])
+def test_points_that_come_back_in_the_middle_of_a_list_are_what_they_were_in_slicers_table(
+    session: SceneSession, positive: bool
+) -> None:
+    state = session.annotations.add_class("liver")
+    node = session.annotations.points_node(state.id, positive)
+    for x in (0.0, 10.0, 20.0):
+        session.annotations.add_points(state.id, np.array([[x, 0.0, 0.0]]), positive)
+    describe_points(node)
+    before = table(node)
+    node.RemoveNthControlPoint(1)
+    session.annotations.erase_points(np.array([[0.0, 0.0, 0.0]]), radius_mm=1.0)
+    assert table(node) == before[2:]
+    session.annotations.undo()
+    session.annotations.undo()
+    assert table(node) == before
+    # What is said of a point after it came back counts from then on.
+    node.SetNthControlPointLabel(1, "porta")
+    node.RemoveNthControlPoint(1)
+    session.annotations.undo()
+    assert [row[0] for row in table(node)] == ["dome", "porta", "tip"]
+
+
+def test_the_points_of_a_structure_that_comes_back_are_what_they_were_in_slicers_table(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.diag([10.0, 20.0, 30.0]), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    describe_points(node)
+    before = table(node)
+    session.annotations.remove_class(state.id)
+    session.annotations.undo()
+    assert table(session.annotations.points_node(state.id, positive=True)) == before
+
+
+def test_what_is_undone_can_be_redone_whatever_else_is_said_of_points(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    for x in (0.0, 10.0):
+        session.annotations.add_points(state.id, np.array([[x, 0.0, 0.0]]), positive=True)
+    session.annotations.undo()
+    session.annotations.points_node(state.id, positive=True).SetNthControlPointLabel(0, "dome")
+    assert session.annotations.can_redo
+    session.annotations.redo()
+    assert [row[0] for row in table(session.annotations.points_node(state.id, positive=True))] == ["dome", "liver-2"]
+
+
+def test_what_is_undone_below_a_transform_can_be_redone_after_the_mouse_has_moved_over_the_points(
+    session: SceneSession,
+) -> None:
+    state = session.annotations.add_class("liver")
+    node = session.annotations.points_node(state.id, positive=True)
+    turn = np.eye(4)
+    turn[:2, :2] = ((0.8, -0.6), (0.6, 0.8))
+    turn[:3, 3] = (1.7, 0.3, 0.1)
+    put_under(node, turn)
+    session.annotations.add_points(state.id, np.random.default_rng(0).normal(size=(9, 3)), positive=True)
+    session.annotations.erase_points(np.zeros((1, 3)), radius_mm=100.0)
+    session.annotations.undo()
+    node.GetDisplayNode().SetActiveControlPoint(1)
+    assert session.annotations.can_redo
+
+
 def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(session: SceneSession, spheres: Spheres) -> None:
     state = session.annotations.add_class("sphere")
     centre = centre_ras(spheres, 1)
@@ -144,7 +228,8 @@ def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(sess
 def test_a_duplicate_goes_and_comes_back_by_one_step_of_undo_and_redo(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     before = session.classes
-    session.annotations.duplicate_class(id_)
+    duplicate = session.annotations.duplicate_class(id_)
+    assert session.annotations.points_node(duplicate.id, positive=True).GetNthControlPointLabel(0) == "sphere 1 copy-1"
     after = session.classes
     session.annotations.undo()
     assert session.classes == before
