@@ -256,7 +256,7 @@ class SceneAnnotations:
 
     def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
         markups = slicer.vtkMRMLMarkupsNode
-        steps = (markups.PointEndInteractionEvent, markups.PointRemovedEvent)
+        steps = (markups.PointStartInteractionEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
         passing = (
             "ModifiedEvent",
             slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent,
@@ -292,8 +292,9 @@ class SceneAnnotations:
             self._on_passing(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
+        """A step of its own was made, or begins or ends: what passes before and after belongs to others."""
         if self._listens:
-            self._changed("passing")
+            self._changed(None)
             self._history.seal()
 
     def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:

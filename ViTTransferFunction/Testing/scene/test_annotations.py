@@ -165,6 +165,50 @@ def test_what_is_undone_below_a_transform_can_be_redone_after_the_mouse_has_move
     assert session.annotations.can_redo
 
 
+def recolour(node: Any) -> None:
+    node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.0)
+
+
+def rename(node: Any) -> None:
+    node.SetName("Leber")
+
+
+def place(node: Any) -> None:
+    node.AddControlPointWorld(vtk.vtkVector3d(30.0, 0.0, 0.0))
+
+
+def drag(node: Any) -> None:
+    # As Slicer's views do it.
+    node.InvokeCustomModifiedEvent(node.PointStartInteractionEvent)
+    for x in (1.0, 2.0, 3.0):
+        node.SetNthControlPointPositionWorld(0, x, 0.0, 0.0)
+    node.InvokeCustomModifiedEvent(node.PointEndInteractionEvent)
+
+
+def delete(node: Any) -> None:
+    node.RemoveNthControlPoint(0)
+
+
+@pytest.mark.parametrize("change", [recolour, rename])
+@pytest.mark.parametrize("step", [place, drag, delete])
+def test_what_is_done_to_points_is_a_step_of_its_own_whatever_was_changed_in_slicer_before(
+    session: SceneSession, change: Any, step: Any
+) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.zeros((2, 3)), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    change(node)
+    before = session.classes
+    step(node)
+    after = session.classes
+    assert after != before
+    node.GetDisplayNode().SetSelectedColor(1.0, 0.0, 0.0)
+    session.annotations.undo()
+    assert session.classes == after
+    session.annotations.undo()
+    assert session.classes == before
+
+
 def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(session: SceneSession, spheres: Spheres) -> None:
     state = session.annotations.add_class("sphere")
     centre = centre_ras(spheres, 1)
