@@ -57,6 +57,7 @@ class ViTTransferFunction(ScriptedLoadableModule):
         )
         slicer.app.connect("startupCompleted()", register_sample_data)
         slicer.app.connect("startupCompleted()", _register_tutorial_data)
+        slicer.app.connect("startupCompleted()", _watch_for_added_scenes)
 
 
 def _register_tutorial_data() -> None:
@@ -64,6 +65,22 @@ def _register_tutorial_data() -> None:
     from ViTTransferFunction.Widget.tutorial_data import register_tutorial_data
 
     register_tutorial_data()
+
+
+def _watch_for_added_scenes() -> None:
+    scene = slicer.mrmlScene
+    scene.AddObserver(scene.StartImportEvent, _on_start_import)
+
+
+def _on_start_import(scene: Any, event: str) -> None:
+    """A saved scene is being added, perhaps to another one. Where the panel has not opened that yet, no session keeps it."""
+    widget = getattr(slicer.modules, "ViTTransferFunctionWidget", None)
+    session_keeps_it = widget is not None and widget.panel is not None and widget.panel.session is not None
+    parameter_node = scene.GetSingletonNode("ViTTransferFunction", "vtkMRMLScriptedModuleNode")
+    if parameter_node is not None and not session_keeps_it and not slicer_is_too_old():
+        from ViTTransferFunction.Logic.scene.added_scene import keep_work
+
+        keep_work(scene, parameter_node)
 
 
 class ViTTransferFunctionLogic(ScriptedLoadableModuleLogic):

@@ -57,11 +57,9 @@ class Volume:
 
     @cached_property
     def digest(self) -> bytes:
-        """SHA-256 of the voxels, where they lie, and what they are part of. Found once: the array must stay as it is."""
+        """SHA-256 of the voxels, and of those that they are part of. Found once: the array must stay as it is."""
         digest = hashlib.sha256()
         digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
-        # A file format may keep fewer digits, and turn 0 into -0.
-        digest.update((np.round(self.geometry.ijk_to_ras, 4) + 0.0).astype("<f8").tobytes())
         digest.update(np.ascontiguousarray(self.array).data)
         if self.part_of is not None:
             digest.update(self.part_of.digest)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class FeatureVolume:
     Attributes:
         array: (K', J', I', C), float16 or float32; axis order as in volumes, channels last.
         geometry: the patches' grid; their borders coincide with voxel borders at the faces of the volume's box.
-        key: names the content: equal for features of the same volume, model and settings, and for no others.
+        key: names the content: equal for features of the same voxels, model and settings, and for no others (`feature_key`).
         compared_on: the cells that features are interpolated to where they are compared, of the same box; None: the patches.
     """
 
@@ -40,6 +40,11 @@ class FeatureVolume:
     def channels(self) -> int:
         """Feature dimension C."""
         return int(self.array.shape[3])
+
+    def placed_in(self, geometry: Geometry) -> FeatureVolume:
+        """The same features in the box of a grid: where the volume is that had another place when they were computed."""
+        patches, cells = geometry.resized(self.geometry.shape), geometry.resized(self.cells.shape)
+        return replace(self, geometry=patches, compared_on=cells)
 
     def vectors_at(self, kji: np.ndarray) -> np.ndarray:
         """The features (N, C) of patches (N, 3), along K', J', I'."""

@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.intensity_window import ChannelWindows, full_range_window, network_windows
+from ..core.orientation import canonical_orientation
 from ..core.volume import Volume
 from .precision import Precision, precision_name
 
@@ -102,10 +103,14 @@ def shape_along(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int,
 def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: FeatureSettings, device: torch.device) -> str:
     """A name for the features of this content, model, settings and precision: hexadecimal SHA-256.
 
-    Of the device only the precision counts that the settings come to on it (`FeatureSettings.on`). The volume's place in the
-    patient is part of the key (feature cells lie in the patient), its name is not.
+    Of the device only the precision counts that the settings come to on it (`FeatureSettings.on`). Of the volume's place in the
+    patient only what the network sees of it counts: a volume that is moved, or turned a little, keeps its features.
     """
     digest = hashlib.sha256()
     digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings.on(device)).items())}".encode())
+    # A turned volume's spacing is rounded otherwise, and a file may keep fewer digits. 400 mm / 512 is a whole number of these
+    # units, so that what is about as much is not rounded apart.
+    spacing = np.rint(volume.geometry.spacing_mm * 2**14).tolist()
+    digest.update(f"{canonical_orientation(volume.geometry)} {spacing}".encode())
     digest.update(volume.digest)
     return digest.hexdigest()

@@ -33,8 +33,7 @@ class AddedScene:
     ) -> None:
         self._node = parameter_node
         self._on_opened = on_opened
-        self._texts: dict[str, str] = {}
-        self._references: dict[str, list[str]] = {}
+        self._before = _Work(parameter_node)
         self._observers = SceneObservers()
         reactions = [(scene.StartImportEvent, self._on_start), (scene.EndImportEvent, self._on_end)]
         self._observers.observe(scene, reactions, _FIRST)
@@ -49,14 +48,38 @@ class AddedScene:
         self._observers.remove_all()
 
     def _on_start(self, caller: vtk.vtkObject, event: str) -> None:
-        self._texts = {name: self._node.GetParameter(name) for name in self._node.GetParameterNames()}
-        present = class_nodes(self._node)
-        self._references = {role: self._referenced(role) for role in (CLASS_ROLE, *REFERENCES)} if present else {}
+        self._before = _Work(self._node)
 
     def _on_end(self, caller: vtk.vtkObject, event: str) -> None:
-        if not self._references:
+        if self._before.has_classes:
+            self._before.put_back()
+        else:
             self._on_opened()
-            return
+
+
+def keep_work(scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode) -> None:
+    """Do once what `AddedScene` does, for a scene that begins to be added while there is no session."""
+    before, observers = _Work(parameter_node), SceneObservers()
+
+    def on_end(caller: vtk.vtkObject, event: str) -> None:
+        observers.remove_all()
+        before.put_back()
+
+    if before.has_classes:
+        observers.observe(scene, [(scene.EndImportEvent, on_end)], _FIRST)
+
+
+class _Work:
+    """What a parameter node says now, to be put back."""
+
+    def __init__(self, node: slicer.vtkMRMLScriptedModuleNode) -> None:
+        self._node = node
+        self._texts = {name: node.GetParameter(name) for name in node.GetParameterNames()}
+        self._references = {role: self._referenced(role) for role in (CLASS_ROLE, *REFERENCES)}
+        self.has_classes = bool(class_nodes(node))
+
+    def put_back(self) -> None:
+        """Have the node say so again, and the classes that it has got since then below the ones before."""
         added = [positive for positive in class_nodes(self._node) if positive.GetID() not in self._references[CLASS_ROLE]]
         was_modifying = self._node.StartModify()
         for name in {*self._node.GetParameterNames()} - self._texts.keys():

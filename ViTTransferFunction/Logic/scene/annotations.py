@@ -22,7 +22,6 @@ from .class_size import stepped, turned
 from .classes import (
     ClassState,
     CloseUpBox,
-    Point,
     changed,
     class_id,
     class_nodes,
@@ -38,6 +37,7 @@ from .classes import (
 )
 from .history import AnnotationHistory
 from .observers import SceneObservers
+from .point_lists import Point
 from .volume import matrix_to_world
 
 Classes = tuple[ClassState, ...]
@@ -71,6 +71,7 @@ class SceneAnnotations:
         self._paused = 0
         self._last_grown: dict[str, str] = {}
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
+        self._placed_counts: dict[slicer.vtkMRMLMarkupsFiducialNode, int] = {}
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
@@ -232,6 +233,7 @@ class SceneAnnotations:
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
+        self._placed_counts = {node: node.GetNumberOfDefinedControlPoints() for node in lists}
         self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
@@ -254,7 +256,7 @@ class SceneAnnotations:
 
     def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
         markups = slicer.vtkMRMLMarkupsNode
-        steps = (markups.PointEndInteractionEvent, markups.PointRemovedEvent)
+        steps = (markups.PointStartInteractionEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
         passing = (
             "ModifiedEvent",
             slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent,
@@ -262,6 +264,7 @@ class SceneAnnotations:
         )
         return [
             (markups.PointPositionDefinedEvent, self._on_placed),
+            (markups.PointModifiedEvent, self._on_moved),
             *((event, self._on_step) for event in steps),
             *((event, self._on_passing) for event in passing),
         ]
@@ -283,9 +286,15 @@ class SceneAnnotations:
             self._paused -= 1
         self._on_step(caller, event)
 
+    def _on_moved(self, caller: vtk.vtkObject, event: str) -> None:
+        """A point was dragged, or its coordinates typed; one that is new still hangs on the mouse, or is just being placed."""
+        if caller.GetNumberOfControlPoints() == self._placed_counts.get(caller):
+            self._on_passing(caller, event)
+
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
+        """A step of its own was made, or begins or ends: what passes before and after belongs to others."""
         if self._listens:
-            self._changed("passing")
+            self._changed(None)
             self._history.seal()
 
     def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
@@ -325,6 +334,8 @@ class SceneAnnotations:
         order_classes(self._parameter_node, [state.id for state in states])
         self._paused -= 1
         self.refresh()
+        # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
+        self._history.correct(self.classes)
         self._on_change()
 
     def _begin_anew_where_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:

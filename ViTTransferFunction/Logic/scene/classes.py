@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 import uuid
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields, replace
-from difflib import SequenceMatcher
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
 import slicer
-import vtk
 
 from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
@@ -25,15 +23,13 @@ from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .folder import put_into_folder
 from .nodes import node_of_class, nodes_of_class
+from .point_lists import Point, PropertiesByPoint, defined_points, point_properties, set_points
 
 CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
 LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
 """Of lists of points."""
 _PREFIX = "ViTTransferFunction."
-
-Point = tuple[float, float, float]
-"""R, A and S in millimetres."""
 
 CloseUpBox = tuple[float, float, float, float, float, float]
 """Of a class, see `ClassState`."""
@@ -62,6 +58,8 @@ class ClassState:
         positive: points on the structure, in the scene's coordinates.
         negative: points off it.
         continues: ID of the segment that the class was begun from, which its own segment may overlap; empty: there is none.
+        positive_properties: what else users may say of the points on the structure; no part of comparisons.
+        negative_properties: of the points off it.
     """
 
     id: str
@@ -76,6 +74,8 @@ class ClassState:
     positive: tuple[Point, ...] = ()
     negative: tuple[Point, ...] = ()
     continues: str = ""
+    positive_properties: PropertiesByPoint = field(default_factory=dict, compare=False)
+    negative_properties: PropertiesByPoint = field(default_factory=dict, compare=False)
 
     @property
     def color(self) -> Color:
@@ -83,7 +83,7 @@ class ClassState:
         return self.look.color
 
 
-LOOK = tuple(field.name for field in fields(Appearance) if field.name != "color")
+LOOK = tuple(each.name for each in fields(Appearance) if each.name != "color")
 """The fields of a class's `Appearance` that are attributes of the list of positive points; its colour is the list's own."""
 SETTINGS = ("iso", "size", "proximity", "refine", "visible")
 """The fields of `ClassState` that are."""
@@ -145,6 +145,8 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
         negative=defined_points(negative) if negative else (),
         close_up=_read_close_up(positive),
         continues=positive.GetAttribute(f"{_PREFIX}continues") or "",
+        positive_properties=point_properties(positive),
+        negative_properties=point_properties(negative) if negative else {},
     )
 
 
@@ -172,11 +174,13 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
     negative = negative_node(positive) or _create_negative(scene, positive)
     _set_name(positive, state.name)
     _set_name(negative, f"{state.name} – outside")
-    for node, points in ((positive, state.positive), (negative, state.negative)):
+    of_positive = positive, state.positive, state.positive_properties
+    of_negative = negative, state.negative, state.negative_properties
+    for node, points, properties in (of_positive, of_negative):
         _set_color(node, state.color)
         _set_visible(node, state.visible)
         if defined_points(node) != points:
-            _set_points(node, points)
+            set_points(node, points, properties)
     for holder, names in ((state, SETTINGS), (state.look, LOOK)):
         present = _read_attributes(positive, type(holder), names)
         for name, value in ((name, getattr(holder, name)) for name in names):
@@ -239,17 +243,8 @@ def duplicate_class_state(existing: list[ClassState], original: ClassState) -> C
     taken = {state.name for state in existing}
     names = (f"{original.name} copy{f' {n}' if n > 1 else ''}" for n in range(1, len(existing) + 2))
     fresh = new_class_state(existing, next(name for name in names if name not in taken))
-    return changed(original, id=fresh.id, name=fresh.name, color=fresh.color)
-
-
-def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
-    """World positions of the control points that were placed, RAS millimetres; not of one that still hangs on the mouse."""
-    points = []
-    for index in range(node.GetNumberOfControlPoints()):
-        if node.GetNthControlPointPositionStatus(index) == slicer.vtkMRMLMarkupsNode.PositionDefined:
-            x, y, z = node.GetNthControlPointPositionWorld(index)
-            points.append((x, y, z))
-    return tuple(points)
+    copied = changed(original, id=fresh.id, name=fresh.name, color=fresh.color)
+    return replace(copied, positive_properties={}, negative_properties={})  # Its points get labels with its own name.
 
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:
@@ -339,37 +334,3 @@ def _set_visible(node: slicer.vtkMRMLMarkupsFiducialNode, visible: bool) -> None
     display = _display_of(node)
     if bool(display.GetVisibility()) != visible:
         display.SetVisibility(visible)
-
-
-def _set_points(node: slicer.vtkMRMLMarkupsFiducialNode, points: tuple[Point, ...]) -> None:
-    """Bring the placed points to these; those that stay, or move, keep what else users may say of them: labels, locks."""
-    was_fixed = node.GetFixedNumberOfControlPoints()
-    node.SetFixedNumberOfControlPoints(False)  # The lock of Slicer's table of points, against clicks by mistake.
-    _remove_unplaced(node)
-    steps = SequenceMatcher(None, defined_points(node), points, autojunk=False).get_opcodes()
-    # The last ones first, so that indices stay.
-    for step, start, stop, first, last in reversed(steps):
-        if step != "equal":
-            moved = min(stop - start, last - first)
-            for index in range(moved):
-                node.SetNthControlPointPositionWorld(start + index, points[first + index])
-            for index in reversed(range(start + moved, stop)):
-                node.RemoveNthControlPoint(index)
-            for index in range(moved, last - first):
-                _place(node, start + index, points[first + index])
-    node.SetFixedNumberOfControlPoints(was_fixed)
-
-
-def _place(node: slicer.vtkMRMLMarkupsFiducialNode, index: int, point: Point) -> None:
-    """Put a point before the one of this index, or after the last one, where it gets a label of its own."""
-    if index < node.GetNumberOfControlPoints():
-        node.InsertControlPointWorld(index, vtk.vtkVector3d(*point))
-    else:
-        node.AddControlPointWorld(vtk.vtkVector3d(*point))
-
-
-def _remove_unplaced(node: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """One still hangs on the mouse, say."""
-    for index in reversed(range(node.GetNumberOfControlPoints())):
-        if node.GetNthControlPointPositionStatus(index) != slicer.vtkMRMLMarkupsNode.PositionDefined:
-            node.RemoveNthControlPoint(index)

@@ -15,9 +15,10 @@ from ..core.errors import InputError
 from ..core.gross_correction import corrects_grossly
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
-from .classes import ClassState, Point, Polarity
+from .classes import ClassState, Polarity
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
+from .point_lists import Point
 from .volume import world_to_local
 
 ENOUGH = 2

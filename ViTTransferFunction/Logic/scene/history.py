@@ -38,6 +38,7 @@ class AnnotationHistory(Generic[State]):
             Whether it differs from the state before.
         """
         if state == self._states[self._current]:
+            self.correct(state)
             return False
         del self._states[self._current + 1 :]
         self.continued = kind is not None and kind == self._last_kind and self._current > 0
@@ -49,6 +50,10 @@ class AnnotationHistory(Generic[State]):
         self._current = len(self._states) - 1
         self._last_kind = kind
         return True
+
+    def correct(self, state: State) -> None:
+        """What the current state has become; it may hold more than comparisons see."""
+        self._states[self._current] = state
 
     @property
     def can_undo(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import slicer
 
-from .classes import Point
+from .point_lists import Point
 
 
 class PointTour:

@@ -26,14 +26,16 @@ from ..session.feature_estimate import FeatureEstimate
 from .added_scene import AddedScene
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, EdgesMm, Point, Polarity
+from .classes import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
+from .left_behind import LeftBehind
 from .observers import SceneObservers
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
+from .point_lists import Point
 from .point_tour import PointTour
 from .problems import Problems
 from .regions import SceneRegions
@@ -95,6 +97,8 @@ class SceneSession:
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
+        self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
+        self._look_due = True
         other_scene = slicer.vtkMRMLScene.EndRestoreEvent, slicer.vtkMRMLScene.EndCloseEvent
         self._added_scene = AddedScene(scene, parameter_node, self._on_other_scene)
         reactions = [
@@ -343,7 +347,8 @@ class SceneSession:
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
-        if events or writing or segments_changed:
+        looked, self._look_due = self._look_due and self._left_behind.look(), False
+        if events or writing or segments_changed or looked:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -373,6 +378,7 @@ class SceneSession:
         self._follow()
 
     def _follow(self) -> None:
+        self._look_due = True
         self._ask_for_maps()
         self._show()
         self._notify()

@@ -95,6 +95,14 @@ def taken_text(names: Sequence[str]) -> str:
     ).format(names=_listing(names))
 
 
+def left_behind_text(volume: str, names: Sequence[str]) -> str:
+    """Of structures whose points stayed where they were when the volume was moved."""
+    return _(
+        "'{volume}' was moved, and the points of {names} were not: they lie elsewhere in it now. If that is not meant, put "
+        "their lists under the same transform, in Slicer's module Data, or move the image back."
+    ).format(volume=volume, names=_listing(names))
+
+
 def _listing(names: Sequence[str]) -> str:
     """Names in quotes, as many as one reads."""
     quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]

@@ -173,7 +173,7 @@ class FeatureSource:
         features = self._cache.get(key)
         if features is None or features.cells.shape != self.cells.shape:
             return None
-        return normalised_features(features, self._statistics)
+        return normalised_features(features.placed_in(self._volume.geometry), self._statistics)
 
     def _leave_full_device(self, error: Exception) -> None:
         """Take the processor, where a graphics card ran out of memory; anything else is raised again.

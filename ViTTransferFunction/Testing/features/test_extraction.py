@@ -244,6 +244,43 @@ def test_the_key_changes_with_everything_that_the_features_depend_on(spheres: tu
     assert base == feature_key(Volume(volume.array.copy(), volume.geometry, "renamed"), "model", "weights", settings, CPU)
 
 
+def turned(geometry: Geometry, degrees: float) -> Geometry:
+    """A grid turned about the axis from head to feet, and shifted, as by a registration."""
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    matrix = np.array([[cos, -sin, 0.0, 12.3], [sin, cos, 0.0, -45.6], [0.0, 0.0, 1.0, 7.8], [0.0, 0.0, 0.0, 1.0]])
+    return Geometry(geometry.shape, matrix @ geometry.ijk_to_ras)
+
+
+def test_a_volume_that_was_moved_has_the_same_features_and_key() -> None:
+    volume = volume_of(np.random.default_rng(0).random((12, 16, 20)).astype(np.float32), (0.8, 0.7, 2.5))
+    moved = Volume(volume.array, turned(volume.geometry, 20.0))
+    settings = FeatureSettings(grid=8, windows=(WINDOW,) * 3)
+    before, after = (extract_features(of, MeanIntensityNetwork(), settings) for of in (volume, moved))
+    np.testing.assert_array_equal(before.array, after.array)
+    assert before.key == after.key
+    placed = before.placed_in(moved.geometry)
+    np.testing.assert_array_equal(placed.geometry.ijk_to_ras, after.geometry.ijk_to_ras)
+    np.testing.assert_array_equal(placed.cells.ijk_to_ras, after.cells.ijk_to_ras)
+
+
+def test_a_volume_that_lies_on_its_side_has_another_key() -> None:
+    volume = volume_of(np.random.default_rng(0).random((12, 16, 20)).astype(np.float32))
+    upright, side, upside_down = (
+        feature_key(Volume(volume.array, turned(volume.geometry, degrees)), "model", "weights", FeatureSettings(), CPU)
+        for degrees in (40.0, 50.0, 180.0)
+    )
+    assert len({upright, side, upside_down}) == 3
+
+
+@given(st.integers(50, 600), st.sampled_from([256, 320, 512, 768, 1024]), st.floats(-40.0, 40.0))
+def test_spacings_of_usual_scans_are_not_rounded_apart(field_of_view_mm: int, pixels: int, degrees: float) -> None:
+    spacing = field_of_view_mm / pixels
+    volume = volume_of(np.arange(8.0).reshape(2, 2, 2), (spacing, spacing, 3.0))
+    moved = Volume(volume.array, turned(volume.geometry, degrees))
+    keys = {feature_key(of, "model", "weights", FeatureSettings(), CPU) for of in (volume, moved)}
+    assert len(keys) == 1
+
+
 @pytest.mark.parametrize("grid", [3, 129, -1])
 def test_a_grid_out_of_range_is_refused(grid: int) -> None:
     with pytest.raises(InputError, match=f"4 to 128 cells; got {grid}"):

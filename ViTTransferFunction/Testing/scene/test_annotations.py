@@ -11,6 +11,7 @@ import pytest
 import vtk
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
@@ -37,6 +38,175 @@ def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: 
         assert len(session.classes[0].positive) == left
     session.annotations.redo()
     assert len(session.classes[0].positive) == 1
+
+
+def add_hanging_point(scene: Any, node: Any) -> int:
+    """A point that hangs on the mouse, which Slicer's views add without a word; returns its index."""
+    scene.StartState(scene.BatchProcessState)
+    index: int = node.AddControlPointWorld(vtk.vtkVector3d(5.0, 0.0, 0.0))
+    node.SetNthControlPointPositionWorld(index, 5.0, 0.0, 0.0, node.PositionPreview)
+    scene.EndState(scene.BatchProcessState)
+    return index
+
+
+def test_a_point_that_hangs_on_the_mouse_is_heard_of_once_when_it_is_placed(slicer_app: Any) -> None:
+    heard: list[int] = []
+    classes = SceneAnnotations(
+        slicer_app.scene,
+        add_parameter_node(slicer_app.scene),
+        lambda: heard.append(len(classes.classes[0].positive)),
+        settle=lambda point_ras: point_ras + 1.0,
+    )
+    state = classes.add_class("liver")
+    classes.add_points(state.id, np.zeros((1, 3)), positive=True)
+    node = classes.points_node(state.id, positive=True)
+    index = add_hanging_point(slicer_app.scene, node)
+    heard.clear()
+    node.SetNthControlPointPositionWorld(index, 6.0, 0.0, 0.0, node.PositionPreview)
+    assert heard == []
+    node.SetNthControlPointPositionWorld(index, 7.0, 0.0, 0.0)
+    assert heard == [2]
+    assert classes.classes[0].positive == ((0.0, 0.0, 0.0), (8.0, 1.0, 1.0))
+    classes.close()
+
+
+def test_coordinates_that_are_typed_into_slicers_table_count_and_can_be_undone(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.zeros((1, 3)), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    for typed in ((1.0, 0.0, 0.0), (1.0, 2.0, 0.0), (1.0, 2.0, 3.0)):
+        node.SetNthControlPointPositionWorld(0, *typed)
+        assert session.classes[0].positive == (typed,)
+    session.annotations.undo()
+    assert session.classes[0].positive == ((0.0, 0.0, 0.0),)
+
+
+def table(node: Any) -> list[tuple[str, str, bool, bool, bool]]:
+    """What Slicer's table of points shows beside coordinates."""
+    return [
+        (
+            node.GetNthControlPointLabel(n),
+            node.GetNthControlPointDescription(n),
+            node.GetNthControlPointLocked(n),
+            node.GetNthControlPointSelected(n),
+            node.GetNthControlPointVisibility(n),
+        )
+        for n in range(node.GetNumberOfControlPoints())
+    ]
+
+
+def describe_points(node: Any) -> None:
+    for n, label in enumerate(("dome", "hilum", "tip")):
+        node.SetNthControlPointLabel(n, label)
+        node.SetNthControlPointDescription(n, f"the {label}")
+    node.SetNthControlPointLocked(1, True)
+    node.SetNthControlPointSelected(1, False)
+    node.SetNthControlPointVisibility(1, False)
+
+
+@pytest.mark.parametrize("positive", [True, False])
+def test_points_that_come_back_in_the_middle_of_a_list_are_what_they_were_in_slicers_table(
+    session: SceneSession, positive: bool
+) -> None:
+    state = session.annotations.add_class("liver")
+    node = session.annotations.points_node(state.id, positive)
+    for x in (0.0, 10.0, 20.0):
+        session.annotations.add_points(state.id, np.array([[x, 0.0, 0.0]]), positive)
+    describe_points(node)
+    before = table(node)
+    node.RemoveNthControlPoint(1)
+    session.annotations.erase_points(np.array([[0.0, 0.0, 0.0]]), radius_mm=1.0)
+    assert table(node) == before[2:]
+    session.annotations.undo()
+    session.annotations.undo()
+    assert table(node) == before
+    # What is said of a point after it came back counts from then on.
+    node.SetNthControlPointLabel(1, "porta")
+    node.RemoveNthControlPoint(1)
+    session.annotations.undo()
+    assert [row[0] for row in table(node)] == ["dome", "porta", "tip"]
+
+
+def test_the_points_of_a_structure_that_comes_back_are_what_they_were_in_slicers_table(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.diag([10.0, 20.0, 30.0]), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    describe_points(node)
+    before = table(node)
+    session.annotations.remove_class(state.id)
+    session.annotations.undo()
+    assert table(session.annotations.points_node(state.id, positive=True)) == before
+
+
+def test_what_is_undone_can_be_redone_whatever_else_is_said_of_points(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    for x in (0.0, 10.0):
+        session.annotations.add_points(state.id, np.array([[x, 0.0, 0.0]]), positive=True)
+    session.annotations.undo()
+    session.annotations.points_node(state.id, positive=True).SetNthControlPointLabel(0, "dome")
+    assert session.annotations.can_redo
+    session.annotations.redo()
+    assert [row[0] for row in table(session.annotations.points_node(state.id, positive=True))] == ["dome", "liver-2"]
+
+
+def test_what_is_undone_below_a_transform_can_be_redone_after_the_mouse_has_moved_over_the_points(
+    session: SceneSession,
+) -> None:
+    state = session.annotations.add_class("liver")
+    node = session.annotations.points_node(state.id, positive=True)
+    turn = np.eye(4)
+    turn[:2, :2] = ((0.8, -0.6), (0.6, 0.8))
+    turn[:3, 3] = (1.7, 0.3, 0.1)
+    put_under(node, turn)
+    session.annotations.add_points(state.id, np.random.default_rng(0).normal(size=(9, 3)), positive=True)
+    session.annotations.erase_points(np.zeros((1, 3)), radius_mm=100.0)
+    session.annotations.undo()
+    node.GetDisplayNode().SetActiveControlPoint(1)
+    assert session.annotations.can_redo
+
+
+def recolour(node: Any) -> None:
+    node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.0)
+
+
+def rename(node: Any) -> None:
+    node.SetName("Leber")
+
+
+def place(node: Any) -> None:
+    node.AddControlPointWorld(vtk.vtkVector3d(30.0, 0.0, 0.0))
+
+
+def drag(node: Any) -> None:
+    # As Slicer's views do it.
+    node.InvokeCustomModifiedEvent(node.PointStartInteractionEvent)
+    for x in (1.0, 2.0, 3.0):
+        node.SetNthControlPointPositionWorld(0, x, 0.0, 0.0)
+    node.InvokeCustomModifiedEvent(node.PointEndInteractionEvent)
+
+
+def delete(node: Any) -> None:
+    node.RemoveNthControlPoint(0)
+
+
+@pytest.mark.parametrize("change", [recolour, rename])
+@pytest.mark.parametrize("step", [place, drag, delete])
+def test_what_is_done_to_points_is_a_step_of_its_own_whatever_was_changed_in_slicer_before(
+    session: SceneSession, change: Any, step: Any
+) -> None:
+    state = session.annotations.add_class("liver")
+    session.annotations.add_points(state.id, np.zeros((2, 3)), positive=True)
+    node = session.annotations.points_node(state.id, positive=True)
+    change(node)
+    before = session.classes
+    step(node)
+    after = session.classes
+    assert after != before
+    node.GetDisplayNode().SetSelectedColor(1.0, 0.0, 0.0)
+    session.annotations.undo()
+    assert session.classes == after
+    session.annotations.undo()
+    assert session.classes == before
 
 
 def test_a_brush_stroke_is_one_step_and_so_is_one_of_the_eraser(session: SceneSession, spheres: Spheres) -> None:
@@ -102,7 +272,8 @@ def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(sess
 def test_a_duplicate_goes_and_comes_back_by_one_step_of_undo_and_redo(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     before = session.classes
-    session.annotations.duplicate_class(id_)
+    duplicate = session.annotations.duplicate_class(id_)
+    assert session.annotations.points_node(duplicate.id, positive=True).GetNthControlPointLabel(0) == "sphere 1 copy-1"
     after = session.classes
     session.annotations.undo()
     assert session.classes == before

@@ -18,7 +18,7 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 STEPS = 120
 MOST_CLASSES = 5
-OBSERVERS, OBSERVERS_OF_A_CLASS = 40, 12
+OBSERVERS, OBSERVERS_OF_A_CLASS = 40, 16
 THEIRS = ("bone", "fat")
 
 

@@ -24,7 +24,14 @@ from ViTTransferFunction.Logic.scene.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, open_spheres, segment_masks
+from ViTTransferFunction.Testing.support.scenes import (
+    add_parameter_node,
+    add_volume,
+    annotate,
+    open_spheres,
+    put_under,
+    segment_masks,
+)
 from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
@@ -100,6 +107,29 @@ def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
 
 
 @pytest.mark.slow
+def test_a_volume_whose_rigid_transform_is_hardened_keeps_its_features_and_maps_where_they_are(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.select_class(id_)
+    lists = [session.annotations.points_node(state.id, positive) for state in session.classes for positive in (True, False)]
+    turn = np.eye(4)
+    turn[:2, :2] = ((0.8, -0.6), (0.6, 0.8))
+    turn[:3, 3] = (100.0, -20.0, 3.0)
+    transform = put_under(session.parameters.volume, turn)
+    for node in lists:
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    session.wait()
+    ml = session.volume_ml(id_)
+    for node in (session.parameters.volume, *lists):
+        node.HardenTransform()
+    session.wait()
+    assert session.phase == "ready"
+    assert session.volume_ml(id_) == pytest.approx(ml)
+    assert session.is_on_selected(turn[:3, :3] @ centre_ras(spheres, 1)[0] + turn[:3, 3])
+
+
+@pytest.mark.slow
 def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
@@ -108,8 +138,10 @@ def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     node = session.annotations.points_node(id_, positive=True)
     for share in (0.3, 0.6, 1.0):
         node.SetNthControlPointPositionWorld(0, *(first + share * (second - first)))
+        np.testing.assert_allclose(session.classes[0].positive[0], first + share * (second - first))
+    session.wait()
+    assert session.is_on_selected(second)
     node.InvokeEvent(node.PointEndInteractionEvent)
-    np.testing.assert_allclose(session.classes[0].positive[0], second)
     session.annotations.undo()
     np.testing.assert_allclose(session.classes[0].positive[0], first)
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features import networks as networks_module
+from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
 from ViTTransferFunction.Logic.session import feature_source
@@ -19,7 +23,7 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
-from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL
 
 
@@ -111,6 +115,22 @@ def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres,
     assert (computed.cached, cached.cached) == (False, True)
     assert computed.precision == cached.precision == precision_name(torch.device("cpu"))
     assert computed.weights.model is TINY_MODEL
+
+
+def test_a_volume_that_was_moved_finds_its_features_where_it_is_now(
+    spheres: Spheres, tiny_weights: SessionSettings, tmp_path: Path
+) -> None:
+    open_session(spheres[0], tiny_weights).load_features()
+    shift = np.eye(4)
+    shift[:3, 3] = (100.0, -50.0, 25.0)
+    moved = Volume(spheres[0].array, Geometry(spheres[0].shape, shift @ spheres[0].geometry.ijk_to_ras))
+    computed = open_session(moved, tiny_weights, cache=FeatureCache(tmp_path / "another"))
+    cached = open_session(moved, tiny_weights)
+    assert (computed.load_features().cached, cached.load_features().cached) == (False, True)
+    request = ClassRequest("sphere", centre_ras(spheres, 1) + shift[:3, 3])
+    (expected,), (found,) = (session.low_resolution_maps([request]) for session in (computed, cached))
+    np.testing.assert_array_equal(found.geometry.ijk_to_ras, expected.geometry.ijk_to_ras)
+    np.testing.assert_array_equal(found.array, expected.array)
 
 
 def test_features_of_another_precision_are_not_taken_from_the_cache(

@@ -15,7 +15,10 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
+from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
+from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Testing.support.programs import OPEN, run
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node
 from ViTTransferFunction.Testing.support.standin import sample_data
 from ViTTransferFunction.Testing.support.standin.host import Host
 
@@ -172,6 +175,37 @@ def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: H
         f"up to {DEFAULT_LIMIT_BYTES // 1024**3} GB",
     ):
         assert fact in told
+
+
+def save_scene_with_structures(scene: Any, path: Path, *names: str) -> None:
+    """Save a scene that has structures and a setting of its own, the grid, and leave an empty one."""
+    parameters = SceneParameters(add_parameter_node(scene))
+    parameters.set("grid", 8 * len(names))
+    annotations = SceneAnnotations(scene, parameters.node, lambda: None)
+    for name in names:
+        annotations.add_class(name)
+    annotations.close()
+    assert scene.WriteToMRB(str(path))
+    scene.Clear(False)
+    scene.RemoveNode(parameters.node)
+
+
+@pytest.mark.parametrize("opened_before", [False, True])
+def test_scenes_that_are_added_to_each_other_before_the_module_is_opened_keep_their_structures(
+    host: Host, slicer_app: Any, tmp_path: Path, opened_before: bool
+) -> None:
+    if opened_before:
+        host.open_panel()
+        host.representation.exit()
+        slicer_app.scene.Clear(False)
+    for file, *names in (("mine", "liver", "spleen"), ("theirs", "aorta")):
+        save_scene_with_structures(slicer_app.scene, tmp_path / f"{file}.mrb", *names)
+    for file in ("mine", "theirs", "mine"):
+        assert slicer_app.scene.ReadFromMRB(str(tmp_path / f"{file}.mrb"))
+    host.selectModule("ViTTransferFunction") if opened_before else host.open_panel()
+    session = host.representation.self().panel.session
+    assert [state.name for state in session.classes] == ["liver", "spleen", "aorta", "liver", "spleen"]
+    assert session.parameters.get("grid") == 16
 
 
 def run_self_test(capsys: pytest.CaptureFixture[str]) -> str:

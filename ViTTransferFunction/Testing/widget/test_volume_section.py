@@ -152,6 +152,25 @@ def test_after_weights_were_refused_the_button_looks_for_them_again(
     assert not ui.messageFrame.isVisible()
 
 
+@pytest.mark.slow
+def test_a_scene_that_is_added_leaves_volume_and_segmentation_as_they_were_chosen(
+    ready: Any, volume: Any, slicer_app: Any, tmp_path: Path
+) -> None:
+    theirs = type(slicer_app)()
+    theirs.scene.AddNewNodeByClass("vtkMRMLModelNode", "theirs")
+    assert theirs.scene.WriteToMRB(str(tmp_path / "theirs.mrb"))
+    session, ui = ready.panel.session, ready.ui
+    segmentation = slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "mine")
+    ui.segmentationSelector.setCurrentNode(segmentation)
+    assert slicer_app.scene.ReadFromMRB(str(tmp_path / "theirs.mrb"))
+    wait_until(lambda: session.phase == "ready")
+    assert slicer_app.scene.GetFirstNodeByName("theirs") is not None
+    assert (session.parameters.volume, session.parameters.segmentation) == (volume, segmentation)
+    assert (ui.volumeSelector.currentNode(), ui.segmentationSelector.currentNode()) == (volume, segmentation)
+    ui.volumeSelector.setCurrentNode(None)
+    assert session.parameters.volume is None
+
+
 def test_points_beyond_the_volume_are_told_until_they_are_gone(ready: Any, spheres: Spheres) -> None:
     label = ready.ui.pointsOutsideLabel
     add_class(ready, "liver")

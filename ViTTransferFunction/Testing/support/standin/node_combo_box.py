@@ -34,9 +34,16 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         for tag in self._tags:
             self._scene.RemoveObserver(tag)
         self._scene = scene
-        events = ("NodeAddedEvent", "NodeRemovedEvent", "EndImportEvent", "EndCloseEvent")
-        react = lambda caller, event: self._fill()  # noqa: E731
-        self._tags = [scene.AddObserver(getattr(slicer.vtkMRMLScene, event), react) for event in events] if scene else []
+        reactions = {
+            "NodeAddedEvent": self._fill,
+            "NodeRemovedEvent": self._fill,
+            "EndImportEvent": self._fill_anew,
+            "EndCloseEvent": self._fill,
+        }
+        self._tags = [
+            scene.AddObserver(getattr(slicer.vtkMRMLScene, event), lambda caller, event, react=react: react())
+            for event, react in (reactions.items() if scene else ())
+        ]
         if scene:
             self._fill()
 
@@ -52,6 +59,11 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
     def setCurrentNode(self, node: Any) -> None:  # noqa: N802
         """Choose a node."""
         self._combo_box.setCurrentIndex(self._nodes.index(node) if node in self._nodes else -1)
+
+    def _fill_anew(self) -> None:
+        """As Slicer's does when a scene was imported: it lists all nodes anew, and none of them is chosen any more."""
+        self._combo_box.setCurrentIndex(0 if self._none else -1)
+        self._fill()
 
     def _fill(self) -> None:
         current = self.currentNode()
