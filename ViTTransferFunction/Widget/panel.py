@@ -103,7 +103,6 @@ class Panel:
         for section in self._sections:
             section.session = self.session
         self.bind_parameters()
-        self.refresh()
 
     def close(self) -> None:
         """Stop what runs and show nothing; what the user decided stays in the scene."""
@@ -119,12 +118,13 @@ class Panel:
             self.refresh()
 
     def bind_parameters(self) -> None:
-        """Keep widgets and parameter node equal, and end what the scene was saved in the midst of."""
+        """Keep widgets and parameter node equal from now on, and end what the scene was saved in the midst of."""
         if self.session is not None and self._bound is None:
             self._bound = BoundParameters(self.session.parameters, self._ui)
             for message in self._bound.replaced:
                 self._messages.show(message, partial(self._is_over, self.session))
             self.tools.end_unfinished()
+            self.refresh()
 
     def release_parameters(self) -> None:
         """Leave widgets and parameter node to themselves, while the node is in the hands of others."""
