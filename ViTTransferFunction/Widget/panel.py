@@ -63,7 +63,6 @@ class Panel:
         self.session: SceneSession | None = None
         self._ui = ui
         self._bound: BoundParameters | None = None
-        self._selectors = (ui.volumeSelector, ui.segmentationSelector)
         self._messages = MessageArea(ui)
         report = self._report
         self.tools = AnnotationTools(ui, report)
@@ -119,10 +118,8 @@ class Panel:
             self.refresh()
 
     def bind_parameters(self) -> None:
-        """Keep widgets and parameter node equal, and end what the scene was saved in the midst of."""
+        """Keep widgets and parameter node equal from now on, and end what the scene was saved in the midst of."""
         if self.session is not None and self._bound is None:
-            for selector in self._selectors:
-                selector.blockSignals(False)
             self._bound = BoundParameters(self.session.parameters, self._ui)
             for message in self._bound.replaced:
                 self._messages.show(message, partial(self._is_over, self.session))
@@ -130,13 +127,8 @@ class Panel:
             self.refresh()
 
     def release_parameters(self) -> None:
-        """Leave widgets and parameter node to themselves, while the node is in the hands of others.
-
-        At the end of an import, Slicer's selectors list all nodes anew, and say that none is chosen.
-        """
+        """Leave widgets and parameter node to themselves, while the node is in the hands of others."""
         if self._bound is not None:
-            for selector in self._selectors:
-                selector.blockSignals(True)
             self._bound.release()
             self._bound = None
 

@@ -38,7 +38,7 @@ class PanelParameters:
 
 
 class BoundParameters:
-    """Binds the widgets that bear the property SlicerParameterName to a parameter node.
+    """Binds the widgets that bear the property SlicerParameterName to a parameter node, and lets the selectors of nodes speak.
 
     Args:
         parameters: of the node; what has no place in the widgets is replaced by its default.
@@ -55,10 +55,18 @@ class BoundParameters:
         self._parameters = wrap(parameters.node)
         self._tag = self._parameters.connectGui(ui)
         _word_choices(ui)
+        self._selectors = (ui.volumeSelector, ui.segmentationSelector)
+        self._silence_selectors(False)
 
     def release(self) -> None:
         """Leave widgets and node to themselves."""
+        # When a scene was added, Slicer's selectors list its nodes anew, and say that none is chosen.
+        self._silence_selectors(True)
         self._parameters.disconnectGui(self._tag)
+
+    def _silence_selectors(self, silent: bool) -> None:
+        for selector in self._selectors:
+            selector.blockSignals(silent)
 
 
 def _word_choices(ui: Any) -> None:

@@ -40,6 +40,8 @@ class VolumeSection(Section):
         self.ui.volumeSelector.enabled = session is not None
         with signals_blocked(self.ui.volumeSelector):
             self.ui.volumeSelector.setCurrentNode(session.parameters.volume if session else None)
+        # What was pressed ends with the session: where that was the application's end, the widgets go before the timer is due.
+        self._pressed = self._pressed and session is not None
         if self._pressed:
             qt.QTimer.singleShot(0, self._go_on)
         self._show_features(session, "extracting" if self._pressed else phase)
@@ -80,10 +82,10 @@ class VolumeSection(Section):
     def _go_on(self) -> None:
         """Compute, once it is known whether something has to be downloaded for it, and the user agrees."""
         session = self.session
-        if not self._pressed:
+        if session is None or not self._pressed:
             return
-        estimate = session.estimate if session and session.phase == "no features" else None
-        if session is None or (estimate is None and not session.busy) or session.phase in ("no volume", "extracting", "ready"):
+        estimate = session.estimate if session.phase == "no features" else None
+        if (estimate is None and not session.busy) or session.phase in ("no volume", "extracting", "ready"):
             self._pressed = False
             self.refresh()
         elif estimate is not None:

@@ -127,6 +127,7 @@ def test_nothing_is_made_where_the_user_cancels(widget: Any, files: dict[str, st
 def test_a_film_is_shot_while_the_panel_goes_on(widget: Any, files: dict[str, str], tmp_path: Path) -> None:
     pytest.importorskip("PIL")
     files["write"] = str(tmp_path / "turn.gif")
+    widget.ui.picturesCollapsibleButton.collapsed = False
     widget.ui.filmSecondsSpinBox.setValue(1.0)
     widget.ui.filmButton.click()
     assert not widget.ui.pictureButton.isEnabled()
@@ -135,6 +136,21 @@ def test_a_film_is_shot_while_the_panel_goes_on(widget: Any, files: dict[str, st
     assert widget.ui.filmProgressRow.isHidden()
     frames, seconds = frames_of(tmp_path / "turn.gif")
     assert (len(frames), seconds, frames[0].shape) == (12, 1.0, (48, 64, 3))
+
+
+def test_a_section_that_is_opened_shows_what_runs_by_then(widget: Any, files: dict[str, str], tmp_path: Path) -> None:
+    """CTK keeps what is shown in a collapsed section hidden until it opens."""
+    pytest.importorskip("PIL")
+    files["write"] = str(tmp_path / "turn.gif")
+    section, row = widget.ui.picturesCollapsibleButton, widget.ui.filmProgressRow
+    widget.ui.filmButton.click()
+    assert row.isHidden()
+    section.collapsed = False
+    assert not row.isHidden()
+    section.collapsed = True
+    widget.ui.filmCancelButton.click()
+    section.collapsed = False
+    assert row.isHidden()
 
 
 @pytest.mark.parametrize("end", ["cancel", "close"])

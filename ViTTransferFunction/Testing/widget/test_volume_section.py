@@ -121,6 +121,19 @@ def test_a_download_is_asked_about_once(
     assert len(questions) == 1
 
 
+def test_nothing_follows_a_press_once_the_module_is_unloaded(widget: Any, volume: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By then, the widgets are gone."""
+    from ViTTransferFunction.Widget.volume_section import VolumeSection
+
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    slicer.app.moduleManager().unload("ViTTransferFunction")
+    refreshed: list[VolumeSection] = []
+    monkeypatch.setattr(VolumeSection, "refresh", lambda section: refreshed.append(section))
+    QTest.qWait(1)
+    assert refreshed == []
+
+
 @pytest.mark.slow
 def test_nothing_is_asked_where_nothing_is_downloaded(
     widget: Any, volume: Any, questions: list[str], real_weights: Path

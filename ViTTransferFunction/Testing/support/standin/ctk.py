@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import Property, QChildEvent, QEvent, QPoint, QSize, Qt, Signal
+from PySide6.QtCore import Property, QChildEvent, QEvent, QObject, QPoint, QSize, Qt, Signal
 from PySide6.QtGui import QFontMetrics, QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QAbstractButton,
@@ -29,20 +29,20 @@ class ctkCollapsibleButton(QAbstractButton):  # noqa: N801
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._collapsed = False
-        self._hidden: set[QWidget] = set()
+        self._waiting: set[QWidget] = set()
+        self._puts_away = False
         self.setContentsMargins(0, self._header(), 0, 0)
         self.clicked.connect(lambda: self._set_collapsed(not self._collapsed))
 
     def _set_collapsed(self, collapsed: bool) -> None:
         self._collapsed = collapsed
-        for child in self._children():
-            if collapsed and not child.isHidden():
-                self._hidden.add(child)
-                child.hide()
-            elif not collapsed and child in self._hidden:
-                child.show()
+        for child in self._children() if collapsed else ():
+            if not child.isHidden():
+                self._put_away(child)
         if not collapsed:
-            self._hidden.clear()
+            waiting, self._waiting = self._waiting, set()
+            for child in waiting:
+                child.show()
         self.setMaximumHeight(self._header() if collapsed else 16777215)
         self.updateGeometry()
         self.contentsCollapsed.emit(collapsed)
@@ -52,9 +52,27 @@ class ctkCollapsibleButton(QAbstractButton):  # noqa: N801
     def childEvent(self, event: QChildEvent) -> None:  # noqa: N802
         """A child that comes to a collapsed button is hidden like the others."""
         child = event.child()
-        if event.type() == QEvent.Type.ChildPolished and self._collapsed and isinstance(child, QWidget):
-            self._hidden.add(child)
-            child.hide()
+        if event.type() == QEvent.Type.ChildPolished and isinstance(child, QWidget):
+            child.installEventFilter(self)
+            if self._collapsed:
+                self._put_away(child)
+
+    def eventFilter(self, child: QObject, event: QEvent) -> bool:  # noqa: N802
+        """Who shows or hides a child while the button is collapsed decides what is seen when it opens."""
+        if self._collapsed and not self._puts_away and isinstance(child, QWidget):
+            if event.type() == QEvent.Type.ShowToParent:
+                self._put_away(child)
+            elif event.type() == QEvent.Type.HideToParent:
+                self._waiting.discard(child)
+        return False
+
+    def _put_away(self, child: QWidget) -> None:
+        self._waiting.add(child)
+        self._puts_away = True
+        child.hide()
+        # Otherwise, Qt would ignore that somebody else hides it.
+        child.setAttribute(Qt.WidgetAttribute.WA_WState_ExplicitShowHide, False)
+        self._puts_away = False
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
         """Draw the button, with an arrow that says whether it is open."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import slicer
@@ -34,16 +35,9 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         for tag in self._tags:
             self._scene.RemoveObserver(tag)
         self._scene = scene
-        reactions = {
-            "NodeAddedEvent": self._fill,
-            "NodeRemovedEvent": self._fill,
-            "EndImportEvent": self._fill_anew,
-            "EndCloseEvent": self._fill,
-        }
-        self._tags = [
-            scene.AddObserver(getattr(slicer.vtkMRMLScene, event), lambda caller, event, react=react: react())
-            for event, react in (reactions.items() if scene else ())
-        ]
+        reactions = dict.fromkeys(("NodeAddedEvent", "NodeRemovedEvent", "EndCloseEvent"), self._fill)
+        reactions["EndImportEvent"] = self._fill_anew
+        self._tags = [self._observe(name, react) for name, react in reactions.items()] if scene else []
         if scene:
             self._fill()
 
@@ -60,9 +54,13 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         """Choose a node."""
         self._combo_box.setCurrentIndex(self._nodes.index(node) if node in self._nodes else -1)
 
+    def _observe(self, event: str, react: Callable[[], None]) -> int:
+        tag: int = self._scene.AddObserver(getattr(slicer.vtkMRMLScene, event), lambda *_: react())
+        return tag
+
     def _fill_anew(self) -> None:
-        """As Slicer's does when a scene was imported: it lists all nodes anew, and none of them is chosen any more."""
-        self._combo_box.setCurrentIndex(0 if self._none else -1)
+        """Slicer's takes all nodes out of its list when a scene was added, and so forgets which one was chosen."""
+        self.setCurrentNode(None)
         self._fill()
 
     def _fill(self) -> None:
