@@ -31,6 +31,11 @@ def assigned(path: Path) -> Iterator[ast.Attribute]:
                     yield part
 
 
+def calls(path: Path) -> list[ast.Call]:
+    """All calls in a file."""
+    return [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+
+
 def writable_properties() -> set[str]:
     """Of all classes of Qt, and of those that Slicer adds."""
     names = set()
@@ -49,3 +54,17 @@ def test_what_is_set_on_widgets_are_their_properties(path: Path) -> None:
     known = writable_properties() | OUR_OWN
     unknown = [f"{path.name}:{each.lineno}: {ast.unparse(each)}" for each in assigned(path) if each.attr not in known]
     assert not unknown
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_no_widget_is_told_apart_by_a_class_of_qt(path: Path) -> None:
+    """In PythonQt, a push button is not an instance of QWidget; it has `inherits("QWidget")`."""
+    asked = [ast.unparse(call) for call in calls(path) if ast.unparse(call.func) == "isinstance"]
+    assert [text for text in asked if "qt." in text or "ctk." in text] == []
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_classes_of_qt_are_made_without_keywords(path: Path) -> None:
+    """PySide sets properties by them; PythonQt raises ValueError."""
+    with_keywords = [ast.unparse(call) for call in calls(path) if call.keywords]
+    assert [text for text in with_keywords if text.startswith(("qt.", "ctk."))] == []
