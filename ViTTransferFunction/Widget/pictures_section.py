@@ -108,7 +108,10 @@ class PicturesSection(Section):
         middle = self.session.views.middle_ras() if self.session else None
         if middle is None:
             raise InputError(
-                _("Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first.")
+                _(
+                    "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and "
+                    "choose under Display what 3D views show."
+                )
             )
         return middle
 
