@@ -6,8 +6,6 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..Logic.core.camera import Size
 from ..Logic.core.errors import InputError
 from ..Logic.files.camera_files import read_camera, write_camera
@@ -21,7 +19,7 @@ def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> N
     Raises:
         InputError: nothing is in 3D that this could be relative to, or the file cannot be written.
     """
-    write_camera(camera_of(window, size, _middle(session)), path)
+    write_camera(camera_of(window, size, session.views.middle_ras()), path)
 
 
 def load_camera(session: SceneSession, window: Any, text: str) -> Size:
@@ -30,7 +28,7 @@ def load_camera(session: SceneSession, window: Any, text: str) -> Size:
     Raises:
         InputError: nothing is in 3D that this could be relative to, or it is no camera.
     """
-    middle = _middle(session)
+    middle = session.views.middle_ras()
     with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
         path = Path(folder, "camera.json")
         path.write_text(text, encoding="utf-8", errors="replace")
@@ -43,12 +41,3 @@ def load_camera(session: SceneSession, window: Any, text: str) -> Size:
     place(renderer.GetActiveCamera(), camera, middle)
     renderer.ResetCameraClippingRange()
     return camera.size
-
-
-def _middle(session: SceneSession) -> np.ndarray:
-    middle = session.views.middle_ras()
-    if middle is None:
-        raise InputError(
-            "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure first."
-        )
-    return middle

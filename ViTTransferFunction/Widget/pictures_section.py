@@ -86,13 +86,15 @@ class PicturesSection(Section):
             self.refresh()
 
     def _save_camera(self) -> None:
-        middle = self._middle()
+        assert self.session is not None
+        middle = self.session.views.middle_ras()
         path = self._asked_for_path(_("Save camera"), (".json",), _("Cameras") + " (*.json)")
         if path is not None:
             write_camera(camera_of(view_window(), self._size(), middle), path)
 
     def _load_camera(self) -> None:
-        middle = self._middle()
+        assert self.session is not None
+        middle = self.session.views.middle_ras()
         path = ask_path_to_read(_("Load camera"), _("Cameras") + " (*.json)", self.ui.loadCameraButton)
         if not path:
             return
@@ -103,17 +105,6 @@ class PicturesSection(Section):
         renderer.ResetCameraClippingRange()
         self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value = camera.size
         window.Render()
-
-    def _middle(self) -> Any:
-        middle = self.session.views.middle_ras() if self.session else None
-        if middle is None:
-            raise InputError(
-                _(
-                    "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and "
-                    "choose under Display what 3D views show."
-                )
-            )
-        return middle
 
     def _size(self) -> Size:
         return self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value

@@ -29,6 +29,7 @@ from .problems import Problems
 from .proposal_outlines import Proposals
 from .rendering_cut import shown_cut
 from .volume import matrix_to_world
+from .wording import nothing_in_3d_text
 
 
 class SessionViews:
@@ -103,12 +104,12 @@ class SessionViews:
             return None
         return histogram_svg(histogram, window, self.look(state))
 
-    def middle_ras(self) -> np.ndarray | None:
-        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to; None where there are none."""
+    def middle_ras(self) -> np.ndarray:
+        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to. InputError: there are none."""
         rendering, volume = self._proxy.rendering, self._parameters.volume
         inside = None if rendering is None else rendering.voxels[..., DEPTH] > SURFACE
         if rendering is None or volume is None or inside is None or not inside.any():
-            return None
+            raise InputError(nothing_in_3d_text())
         middle: np.ndarray = transform_points(matrix_to_world(volume), middle_of(rendering.geometry, [inside])[None])[0]
         return middle
 

@@ -103,6 +103,14 @@ def left_behind_text(volume: str, names: Sequence[str]) -> str:
     ).format(volume=volume, names=_listing(names))
 
 
+def nothing_in_3d_text() -> str:
+    """Of cameras, which files keep by where structures are."""
+    return _(
+        "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and choose under "
+        "Display what 3D views show."
+    )
+
+
 def _listing(names: Sequence[str]) -> str:
     """Names in quotes, as many as one reads."""
     quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
