@@ -23,7 +23,7 @@ from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .folder import put_into_folder
 from .nodes import node_of_class, nodes_of_class
-from .point_lists import Point, PropertiesByPoint, defined_points, point_properties, set_points
+from .point_lists import Point, PropertiesByPoint, defined_points, points_and_properties, set_points
 
 CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
@@ -136,17 +136,19 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     """The class as it is in the scene; settings that the scene does not hold, or holds garbled, have their defaults."""
     negative, display = negative_node(positive), positive.GetDisplayNode()
     color = tuple(display.GetSelectedColor()) if display else default_color(0)
+    on_it, of_on_it = points_and_properties(positive)
+    off_it, of_off_it = points_and_properties(negative) if negative else ((), {})
     return ClassState(
         class_id(positive),
         positive.GetName() or "",
         Appearance(color, **_read_attributes(positive, Appearance, LOOK)),
         **_read_attributes(positive, ClassState, SETTINGS),
-        positive=defined_points(positive),
-        negative=defined_points(negative) if negative else (),
+        positive=on_it,
+        negative=off_it,
         close_up=_read_close_up(positive),
         continues=positive.GetAttribute(f"{_PREFIX}continues") or "",
-        positive_properties=point_properties(positive),
-        negative_properties=point_properties(negative) if negative else {},
+        positive_properties=of_on_it,
+        negative_properties=of_off_it,
     )
 
 
@@ -243,8 +245,8 @@ def duplicate_class_state(existing: list[ClassState], original: ClassState) -> C
     taken = {state.name for state in existing}
     names = (f"{original.name} copy{f' {n}' if n > 1 else ''}" for n in range(1, len(existing) + 2))
     fresh = new_class_state(existing, next(name for name in names if name not in taken))
-    copied = changed(original, id=fresh.id, name=fresh.name, color=fresh.color)
-    return replace(copied, positive_properties={}, negative_properties={})  # Its points get labels with its own name.
+    # Its points get labels with its own name.
+    return changed(original, id=fresh.id, name=fresh.name, color=fresh.color, positive_properties={}, negative_properties={})
 
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:

@@ -13,7 +13,8 @@ from .annotations import Classes, SceneAnnotations
 from .parameters import SceneParameters
 from .point_lists import Point
 from .problems import Problems
-from .volume import geometry_from_node, matrix_to_world
+from .volume import matrix_to_world
+from .volume_content import content_of
 from .wording import left_behind_text
 
 _SAME_MM = 1e-4
@@ -75,11 +76,11 @@ class LeftBehind:
         if volume is None:
             return None
         try:
-            ijk_to_world = matrix_to_world(volume) @ geometry_from_node(volume).ijk_to_ras
+            content = content_of(volume)
         except InputError:
             return None
-        image = volume.GetImageData()
-        return _Look(volume, (image, image.GetMTime()), ijk_to_world, _points(self._annotations.classes))
+        ijk_to_world = matrix_to_world(volume) @ content.geometry.ijk_to_ras
+        return _Look(volume, content.voxels, ijk_to_world, _points(self._annotations.classes))
 
     def _tell(self) -> None:
         if self._left and self._last is not None:

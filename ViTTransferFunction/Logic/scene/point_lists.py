@@ -24,10 +24,11 @@ def defined_points(node: slicer.vtkMRMLMarkupsNode) -> tuple[Point, ...]:
     return tuple(_position(node, index) for index in _defined(node))
 
 
-def point_properties(node: slicer.vtkMRMLMarkupsNode) -> PropertiesByPoint:
-    """What users may say of the points that were placed, by their place; of several in one place the last."""
+def points_and_properties(node: slicer.vtkMRMLMarkupsNode) -> tuple[tuple[Point, ...], PropertiesByPoint]:
+    """`defined_points`, and what users may say of them, by their place; of several in one place the last."""
     read = [getattr(node, f"GetNthControlPoint{name}") for name in _PROPERTIES]
-    return {_position(node, index): tuple(get(index) for get in read) for index in _defined(node)}
+    placed = [(_position(node, index), tuple(get(index) for get in read)) for index in _defined(node)]
+    return tuple(point for point, _ in placed), dict(placed)
 
 
 def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], properties: PropertiesByPoint) -> None:

@@ -29,13 +29,18 @@ class VolumeContent:
 
     Attributes:
         geometry: of the voxels, in the node's local frame.
-        state: differs from that of other content.
+        voxels: their array, not its address, which another one may get after it; and when it was changed last.
         frame: which frame of a sequence it is; None where the volume is no sequence.
     """
 
     geometry: Geometry
-    state: tuple[Any, ...]
+    voxels: tuple[Any, int]
     frame: Frame | None
+
+    @property
+    def state(self) -> tuple[Any, ...]:
+        """Differs from that of other content."""
+        return (self.geometry.shape, self.geometry.ijk_to_ras.tobytes(), *self.voxels)
 
 
 def content_of(node: slicer.vtkMRMLScalarVolumeNode) -> VolumeContent:
@@ -46,11 +51,9 @@ def content_of(node: slicer.vtkMRMLScalarVolumeNode) -> VolumeContent:
     """
     geometry = geometry_from_node(node)
     voxels = node.GetImageData().GetPointData().GetScalars()
-    # The array itself, not its address, which another one may get after it.
-    state = (geometry.shape, geometry.ijk_to_ras.tobytes(), voxels, voxels.GetMTime())
     browser = _browser_of(node)
     frame = Frame(browser.GetSelectedItemNumber() + 1, browser.GetNumberOfItems()) if browser else None
-    return VolumeContent(geometry, state, frame)
+    return VolumeContent(geometry, (voxels, voxels.GetMTime()), frame)
 
 
 def is_playing(node: slicer.vtkMRMLScalarVolumeNode) -> bool:
