@@ -45,8 +45,8 @@ class ComputeClient:
         self._trouble = ""
         self._unreadable = False
         self._last_request = 0
-        self._outgoing: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._incoming: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._outgoing: queue.Queue[Message | None] = queue.Queue()
+        self._incoming: queue.Queue[Message] = queue.Queue()
         self._all_written, self._reading = threading.Event(), threading.Event()
         self._writer, self._reader = (threading.Thread(target=work, daemon=True) for work in (self._write, self._read))
         self._writer.start()

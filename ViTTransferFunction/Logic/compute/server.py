@@ -63,8 +63,8 @@ class Server:
         self._files = files
         self._replying = threading.Lock()
         # None: to prepare for clicks.
-        self._clicks: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self._others: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._clicks: queue.Queue[Message | None] = queue.Queue()
+        self._others: queue.Queue[Message | None] = queue.Queue()
         self._cancelled: set[int] = set()
         self._serving = self._answering = 0
         self._told: tuple[int, Progressed] | None = None
@@ -99,7 +99,7 @@ class Server:
         self._files.remove_folder()
         os._exit(0)
 
-    def _answer(self, messages: queue.SimpleQueue[Message | None]) -> None:
+    def _answer(self, messages: queue.Queue[Message | None]) -> None:
         while True:
             message = messages.get()
             if message is None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.compute import client as client_module
 from ViTTransferFunction.Logic.compute import process as process_module
 from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
@@ -38,6 +40,11 @@ body = {"type": "Started", "values": {"pid": os.getpid()}}
 print(json.dumps({"content": {"number": 0, "body": body}}), flush=True)
 """
 BUSY = SAYS_ITS_NUMBER + "import ctypes\nctypes.PyDLL(None).sleep(600)\n"
+ANSWERS_AT_ONCE = """
+import json, sys
+for number, _ in enumerate(sys.stdin, 1):
+    print(json.dumps({"content": {"number": number, "body": {"type": "Done", "values": {}}}}), flush=True)
+"""
 LABELS_SHAPE = (300, 512, 512)
 
 
@@ -70,6 +77,28 @@ def test_a_large_reply_comes_at_once_where_the_event_loop_holds_python_s_lock(
     assert (number, reply.array.shape, reply.array.dtype) == (1, LABELS_SHAPE, np.uint8)
     assert (reply.array[-1] == 7).all()
     assert not reply.array[:-1].any()
+
+
+@pytest.mark.slow
+def test_asking_for_replies_ends_also_where_the_processor_is_lost_for_longer_than_it_may_wait(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A millisecond is lost where others have the processors; a microsecond is anywhere, once in a thousand times.
+    monkeypatch.setattr(client_module, "_TURN_S", 1e-6)
+    client = start(executable(ANSWERS_AT_ONCE))
+    numbers = list(range(1, 5001))
+    answered: list[int] = []
+
+    def ask() -> None:
+        for asked in numbers:
+            client.request(Prepare(SessionSettings()))
+            while len(answered) < asked:
+                answered.extend(number for number, _ in client.replies())
+
+    asking = threading.Thread(target=ask, daemon=True)
+    asking.start()
+    asking.join(300.0)
+    assert answered == numbers
 
 
 @pytest.mark.slow
