@@ -207,7 +207,7 @@ class SegmentationProxy:
     @property
     def busy(self) -> bool:
         """Whether anything is under way or due."""
-        if self.phase != "ready":
+        if not self.usable:
             return bool(self._pending)
         due = (
             self._maps_due
@@ -270,7 +270,8 @@ class SegmentationProxy:
         if not self.usable or not self._pending.started:
             return
         if self._maps_due:
-            if time.monotonic() >= self._overtaken_from_s:
+            # Where no class is left, what was shown of the last one goes at once.
+            if not self._classes or time.monotonic() >= self._overtaken_from_s:
                 self._pending.give_up(ComputeMaps)
             if not self._pending.has(ComputeMaps):
                 self._pending.give_up(MeasureMaps, RefineMaps, Render)

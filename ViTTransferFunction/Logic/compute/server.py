@@ -123,6 +123,8 @@ class Server:
         except InputError as error:
             return Failed(str(error))
         except Exception as error:
+            if number in self._cancelled:
+                return GivenUp()  # It may have been begun late, when another volume was already being opened.
             if not is_out_of_memory(error):
                 raise
             return Failed(OUT_OF_MEMORY)

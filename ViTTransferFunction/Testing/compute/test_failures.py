@@ -17,12 +17,12 @@ from ViTTransferFunction.Logic.compute.codec import to_message
 from ViTTransferFunction.Logic.compute.messages import read_line, write_message
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
-from ViTTransferFunction.Logic.compute.requests import Failed, Prepare, Progressed, TakeVolume
+from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Done, Failed, GivenUp, Prepare, Progressed, TakeVolume
 from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.known_features import GRID
-from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 from ViTTransferFunction.Testing.support.stub_process import ROOT, stub_executable
 
 SETTINGS = SessionSettings(grid=GRID, device="cpu")
@@ -41,6 +41,24 @@ sys.path.insert(0, {root!r})
 from ViTTransferFunction.Logic.compute.server import SegmentationService, main
 def serve(self, request):
     {work}
+SegmentationService.serve = serve
+main(sys.argv[-1])
+"""
+
+ANSWERS_CLICKS_LATE = """
+import sys, threading
+sys.path.insert(0, {root!r})
+from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Prepare
+from ViTTransferFunction.Logic.compute.server import SegmentationService, main
+at_once, prepared = SegmentationService.serve, threading.Event()
+def serve(self, request):
+    if isinstance(request, ComputeMaps):
+        self._progress(0, 1, "begun")
+        prepared.wait()
+    reply = at_once(self, request)
+    if isinstance(request, Prepare):
+        prepared.set()
+    return reply
 SegmentationService.serve = serve
 main(sys.argv[-1])
 """
@@ -157,6 +175,27 @@ def test_any_other_error_ends_the_process_and_is_its_last_word(tmp_path: Path, s
     client.request(Prepare(SETTINGS))
     polls_until(lambda: bool(client.replies() or not client.alive))
     assert client.last_words() == "RuntimeError: shapes do not fit"
+
+
+def test_an_answer_that_was_given_up_may_be_late_for_its_volume(
+    tmp_path: Path, start: Callable[..., ComputeClient], spheres: Spheres
+) -> None:
+    client = start(stub_executable(tmp_path, ANSWERS_CLICKS_LATE.format(root=str(ROOT))))
+    client.request(TakeVolume(spheres[0].array, spheres[0].geometry, "spheres"))
+    assert final_reply(client) == Done()
+    click = client.request(ComputeMaps(requests_of(spheres)))
+    polls_until(lambda: any(isinstance(reply, Progressed) for _, reply in client.replies()) or not client.alive)
+    client.cancel([click])
+    client.request(Prepare(SETTINGS))
+    replies: dict[int, Any] = {}
+
+    def answered() -> bool:
+        replies.update(client.replies())
+        return click in replies or not client.alive
+
+    polls_until(answered)
+    assert client.last_words() == ""
+    assert replies[click] == GivenUp()
 
 
 @pytest.fixture

@@ -144,6 +144,25 @@ def test_maps_of_coarse_features_are_asked_for_while_the_fine_ones_are_computed(
     assert proxy.phase == "extracting"
 
 
+def test_what_follows_from_clicks_on_coarse_features_is_waited_for_also_after_the_fine_ones_were_cancelled(
+    proxy: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(proxy_module, "RENDER_AFTER_S", 60.0)
+    proxy.look("similarity", {})
+    proxy.extract()
+    client.answer(Extract, CoarseFeatures())
+    client.answer(Extract, GivenUp())
+    proxy.poll()
+    assert (proxy.phase, proxy.usable) == ("no features", True)
+    proxy.update([LIVER], None)
+    client.answer(ComputeMaps, Maps((MAP,)))
+    proxy.poll()
+    client.answer(MeasureMaps, Volumes((1.5,)))
+    proxy.poll()
+    assert proxy.rendering is None
+    assert proxy.busy
+
+
 def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationProxy, client: Client) -> None:
     ready.update([LIVER], None)
     assert client.asked[-1] == ComputeMaps((LIVER,))
@@ -377,6 +396,17 @@ def test_maps_of_cells_are_kept_beside_the_refined_ones_and_go_with_the_classes(
     assert refined.low_maps["liver"].proposals == PROPOSALS
     refined.update([], Refinement())
     assert refined.low_maps == {}
+
+
+def test_maps_go_with_the_last_class_whatever_is_being_computed_of_it(refined: SegmentationProxy, client: Client) -> None:
+    refined.update([replace(LIVER, positive=np.ones((9, 3)))], Refinement())
+    answering = len(client.asked)
+    refined.update([], Refinement())
+    assert (refined.maps, refined.low_maps, refined.volumes_ml) == ({}, {}, {})
+    assert client.cancelled == [answering]
+    client.answer(ComputeMaps, Maps((PROPOSED,)))
+    assert refined.poll() == set()
+    assert not refined.busy
 
 
 def test_volumes_come_after_the_maps_and_go_with_the_classes(ready: SegmentationProxy, client: Client) -> None:
