@@ -84,6 +84,7 @@ class WebApp:
         self._replaced: list[str] = []
         self._news = asyncio.Event()
         self._stale = False
+        self._opening: list[Path] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
@@ -231,19 +232,18 @@ class WebApp:
             state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
     async def open_files(self, paths: list[Path]) -> None:
-        """Open a volume or a session in place of what is open; errors are shown."""
+        """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown."""
         await self._open(paths)
 
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""
         self.session.start_computing()
-        was_busy = False
         while True:
             awaited_maps = self.session.awaits_maps
             self.session.poll()
-            if self._stale or self.session.busy != was_busy:
+            # By what the page was told: actions tell it themselves, and what they begin may end here without a word.
+            if self._stale or self.session.busy != self.server.state.busy:
                 self.refresh()
-            was_busy = self.session.busy
             if awaited_maps and not self.session.awaits_maps:
                 await asyncio.sleep(PICTURE_S)
             pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
@@ -293,39 +293,45 @@ class WebApp:
         task.add_done_callback(self._tasks.discard)
 
     async def _open(self, paths: list[Path]) -> None:
+        self._opening = paths
         with self.server.state as state:
             state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
-        try:
-            if paths[0].name.lower().endswith(SESSION_ENDING):
-                await self._open_session(paths[0])
-            else:
-                warnings: list[str] = []
-                self._begin_anew(await asyncio.to_thread(volume_of_files, paths, warnings.append))
-                for warning in warnings:
-                    self.report(warning)
-        except InputError as error:
-            self.report(str(error))
-        finally:
-            with self.server.state as state:
-                state.opening = ""
-            self.refresh()
-
-    async def _open_session(self, path: Path) -> None:
         with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
-            scene_file = await asyncio.to_thread(unpacked_session, path, Path(folder))
-            self._close_scene()
             try:
-                import_scene(self.scene, scene_file)
+                take_up = await asyncio.to_thread(self._read, paths, Path(folder))
+                if self._opening is paths:
+                    take_up()
+            except InputError as error:
+                if self._opening is paths:
+                    self.report(str(error))
             finally:
-                self._take_session(saved=True)
-            if self.session.parameters.volume is None:
-                raise InputError(
-                    f"In {path.name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
-                    "ViT Transfer Function, and save the session again."
-                )
+                if self._opening is paths:
+                    with self.server.state as state:
+                        state.opening = ""
+                    self.refresh()
 
-    def _begin_anew(self, volume: Volume) -> None:
-        """Replace what is open by a volume without structures."""
+    def _read(self, paths: list[Path], folder: Path) -> Callable[[], None]:
+        """Read a volume or a session, by any thread; returns what puts it in place of what is open, by the loop's."""
+        if paths[0].name.lower().endswith(SESSION_ENDING):
+            return partial(self._open_session, paths[0].name, unpacked_session(paths[0], folder))
+        warnings: list[str] = []
+        return partial(self._begin_anew, volume_of_files(paths, warnings.append), warnings)
+
+    def _open_session(self, name: str, scene_file: Path) -> None:
+        """Replace what is open by an unpacked session, which users know by a name."""
+        self._close_scene()
+        try:
+            import_scene(self.scene, scene_file)
+        finally:
+            self._take_session(saved=True)
+        if self.session.parameters.volume is None:
+            raise InputError(
+                f"In {name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
+                "ViT Transfer Function, and save the session again."
+            )
+
+    def _begin_anew(self, volume: Volume, warnings: list[str]) -> None:
+        """Replace what is open by a volume without structures; users are told what is to be warned of."""
         self._close_scene()
         node = add_volume(self.scene, volume)
         self._take_session()
@@ -333,6 +339,8 @@ class WebApp:
         self.views.show(node)
         first, *_ = self._offer_windows(node)
         set_window(node, first.low, first.high)
+        for warning in warnings:
+            self.report(warning)
 
     def _close_scene(self) -> None:
         self.tool.put_down()

@@ -7,6 +7,7 @@ import os
 import random
 import signal
 import sys
+import threading
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -23,6 +24,8 @@ import SimpleITK as sitk  # noqa: N813
 from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.Logic.core.colors import hex_color
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
@@ -182,6 +185,63 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
         assert (app.server.state.volume_name, app.server.state.classes, app.server.state.tool) == ("other", [], "")
         assert app.scene.GetNumberOfNodesByClass("vtkMRMLScalarVolumeNode") == 1
         assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
+
+    opened(journey)
+
+
+def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_stays(
+    in_app: Callable[[Journey], None], file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        state, may_be_read, read = app.server.state, threading.Event(), app_module.volume_of_files
+
+        def read_late(paths: list[Path], on_warning: Callable[[str], None]) -> Volume:
+            if paths == [file]:
+                assert may_be_read.wait(60.0)
+                on_warning("a slice may be missing")
+            return read(paths, on_warning)
+
+        monkeypatch.setattr(app_module, "volume_of_files", read_late)
+        other = tmp_path / "other.nrrd"
+        sitk.WriteImage(sitk.GetImageFromArray(np.arange(1000, dtype=np.int16).reshape(10, 10, 10)), str(other))
+        first = asyncio.create_task(app.open_files([file]))
+        await asyncio.sleep(0)
+        second = asyncio.create_task(app.open_files([other]))
+        await asyncio.sleep(0)
+        assert state.opening == "other.nrrd"
+        await second
+        app.actions("addClass")
+        may_be_read.set()
+        await first
+        assert (state.volume_name, state.opening, state.message) == ("other", "", "")
+        assert len(state.classes) == 1
+
+    in_app(journey)
+
+
+def test_the_page_says_busy_no_longer_than_the_session_is(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        polled = asyncio.Event()
+
+        async def poll() -> None:
+            polled.clear()
+            await asyncio.wait_for(polled.wait(), 60.0)
+
+        monkeypatch.setattr(SceneSession, "poll", lambda session: polled.set())
+        monkeypatch.setattr(SceneSession, "busy", False)
+        following = asyncio.create_task(app._follow())
+        await poll()
+        # What an action begins, and the next poll ends without a word: an outline in another colour, say.
+        monkeypatch.setattr(SceneSession, "busy", True)
+        app.actions("putDown")
+        assert app.server.state.busy
+        monkeypatch.setattr(SceneSession, "busy", False)
+        await poll()
+        await asyncio.sleep(0)
+        following.cancel()
+        assert not app.server.state.busy
 
     opened(journey)
 
