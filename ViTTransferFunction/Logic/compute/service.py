@@ -129,6 +129,8 @@ class SegmentationService:
 
     def _extract(self, request: Extract) -> Done:
         session = self._the_session
+        # Coarse features, whose finer ones were cancelled before, may have been segmented.
+        self._segmented = None
         self._on_preparable()
         session.load_features(self._progress, self._on_coarse and self._tell_of_coarse)
         self._on_preparable()

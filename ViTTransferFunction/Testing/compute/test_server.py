@@ -30,9 +30,11 @@ from ViTTransferFunction.Logic.compute.requests import (
     TakeVolume,
     Volumes,
 )
+from ViTTransferFunction.Logic.compute.service import SegmentationService
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.progress import no_progress
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
@@ -95,6 +97,26 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
         crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.
         assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
+
+
+def test_what_was_refined_of_coarse_features_is_not_taken_for_what_finer_ones_give(spheres: Spheres) -> None:
+    volume, labels = spheres
+    asked = RefineMaps(requests_of(spheres)[:1], Refinement())
+
+    def refined(service: SegmentationService, known: np.ndarray) -> ClassMap:
+        cache_known_features(volume, known)
+        service.serve(Extract())
+        (refined,) = service.serve(asked).maps
+        return refined
+
+    two_extractions, one = (SegmentationService(no_progress) for _ in range(2))
+    for service in (two_extractions, one):
+        service.serve(TakeVolume(volume.array, volume.geometry, "spheres"))
+        service.serve(Prepare(SETTINGS))
+    # In the place of coarse features, whose finer ones were cancelled.
+    refined(two_extractions, np.where(labels == 1, 0, labels))
+    later, at_once = refined(two_extractions, labels), refined(one, labels)
+    np.testing.assert_array_equal(later.array, at_once.array)
 
 
 @pytest.mark.slow
