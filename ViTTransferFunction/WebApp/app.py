@@ -241,8 +241,7 @@ class WebApp:
         while True:
             awaited_maps = self.session.awaits_maps
             self.session.poll()
-            # By what the page was told: actions tell it themselves, and what they begin may end here without a word.
-            if self._stale or self.session.busy != self.server.state.busy:
+            if self._stale:
                 self.refresh()
             if awaited_maps and not self.session.awaits_maps:
                 await asyncio.sleep(PICTURE_S)

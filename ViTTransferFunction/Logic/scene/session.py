@@ -326,6 +326,7 @@ class SceneSession:
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
+        was_busy = self.busy
         events = self._proxy.poll()
         if "maps" in events:
             self._problems.solve("computing")
@@ -348,7 +349,8 @@ class SceneSession:
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
         looked, self._look_due = self._look_due and self._left_behind.look(), False
-        if events or writing or segments_changed or looked:
+        came_to_rest = was_busy and not self.busy
+        if events or writing or segments_changed or looked or came_to_rest:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:

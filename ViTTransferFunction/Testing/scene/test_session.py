@@ -146,6 +146,19 @@ def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
     np.testing.assert_allclose(session.classes[0].positive[0], first)
 
 
+def test_observers_are_told_also_of_a_rest_that_comes_without_news_from_the_compute_process(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    told: list[bool] = []
+    session.add_observer(lambda: told.append(session.busy))
+    # The outline is drawn in it by the next poll.
+    session.annotations.set_class(id_, color=(0.1, 0.2, 0.3))
+    assert told[-1]
+    session.wait()
+    assert not told[-1]
+
+
 @pytest.mark.slow
 def test_a_slider_that_is_dragged_is_one_step(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     (id_, *_) = annotate(session, spheres)

@@ -25,7 +25,6 @@ from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
@@ -217,33 +216,6 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
         assert len(state.classes) == 1
 
     in_app(journey)
-
-
-def test_the_page_says_busy_no_longer_than_the_session_is(
-    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def journey(app: WebApp) -> None:
-        polled = asyncio.Event()
-
-        async def poll() -> None:
-            polled.clear()
-            await asyncio.wait_for(polled.wait(), 60.0)
-
-        monkeypatch.setattr(SceneSession, "poll", lambda session: polled.set())
-        monkeypatch.setattr(SceneSession, "busy", False)
-        following = asyncio.create_task(app._follow())
-        await poll()
-        # What an action begins, and the next poll ends without a word: an outline in another colour, say.
-        monkeypatch.setattr(SceneSession, "busy", True)
-        app.actions("putDown")
-        assert app.server.state.busy
-        monkeypatch.setattr(SceneSession, "busy", False)
-        await poll()
-        await asyncio.sleep(0)
-        following.cancel()
-        assert not app.server.state.busy
-
-    opened(journey)
 
 
 ON_ANY_PORT = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
