@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import pytest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.slicer_release import let_slicer_go
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 # The same examples on every run, and no judgement by the clock of a busy machine.
@@ -92,9 +94,13 @@ def slicer_app() -> Iterator[Any]:
     """Slicer's scene and module logics as its application has them, without its windows."""
     app = pytest.importorskip("trame_slicer.core").SlicerApp()
     yield app
-    # Neither scene nor views ever go: trame-slicer's segment editor and Slicer's logics hold each other. What OpenGL has does.
-    for view in app.view_manager.get_views():
+    views = app.view_manager.get_views()
+    for view in views:
         view.finalize()
+    let_slicer_go(app)
+    if views:
+        # Python does not know how large they are. Those of this test are still held, and go with the next one's.
+        gc.collect()
 
 
 @pytest.fixture

@@ -37,6 +37,7 @@ from .requests import (
     RefinedMaps,
     RefineMaps,
     Refinement,
+    ReleaseVolume,
     Render,
     RenderingMode,
     SegmentClasses,
@@ -103,6 +104,7 @@ class SegmentationProxy:
         self._error: str | None = None
         self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
             (TakeVolume, Done): lambda request, reply: set(),
+            (ReleaseVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Done): self._on_features,
             (LookCloser, Done): self._on_close_ups,
@@ -143,11 +145,14 @@ class SegmentationProxy:
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
         """Take up a volume, or none. Cached features load at once."""
         self._pending.give_up(object)
-        self._volume, self._settings = volume, settings
+        before, self._volume, self._settings = self._volume, volume, settings
         self._reset()
         if volume is not None and self._started():
             self._pending.ask(volume)
             self._pending.ask(Prepare(settings))
+        elif before is not None and self._pending.started:
+            # The process goes on, ready for the next one; gigabytes of this one are not to wait for that.
+            self._pending.ask(ReleaseVolume())
 
     def extract(self) -> None:
         """Begin to compute the features."""

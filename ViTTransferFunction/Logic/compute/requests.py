@@ -46,6 +46,11 @@ class TakeVolume:
 
 
 @dataclass(frozen=True)
+class ReleaseVolume:
+    """Let go of the volume, its features, and all else that is known of it. Replied to by `Done`."""
+
+
+@dataclass(frozen=True)
 class Prepare:
     """Choose the settings. Replied to by `FeatureEstimate`."""
 

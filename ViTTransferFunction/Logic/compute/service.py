@@ -40,6 +40,7 @@ from .requests import (
     RefinedMaps,
     RefineMaps,
     Refinement,
+    ReleaseVolume,
     Render,
     SegmentClasses,
     TakeVolume,
@@ -86,6 +87,7 @@ class SegmentationService:
         self._intensities: tuple[np.ndarray, bool] | None = None
         self._handlers: dict[type, Callable[[Any], Any]] = {
             TakeVolume: self._take_volume,
+            ReleaseVolume: self._release_volume,
             Prepare: self._prepare,
             Extract: self._extract,
             LookCloser: self._look_closer,
@@ -114,10 +116,18 @@ class SegmentationService:
                 session.prepare_clicks()
 
     def _take_volume(self, request: TakeVolume) -> Done:
-        self._volume = self._session = self._segmented = self._intensities = None
-        self._maps = []
+        # First, since a volume that is refused leaves none.
+        self._forget()
         self._volume = Volume(request.array, request.geometry, request.name)
         return Done()
+
+    def _release_volume(self, request: ReleaseVolume) -> Done:
+        self._forget()
+        return Done()
+
+    def _forget(self) -> None:
+        self._volume = self._session = self._segmented = self._intensities = None
+        self._maps = []
 
     def _prepare(self, request: Prepare) -> FeatureEstimate:
         self._session = self._segmented = None

@@ -77,7 +77,7 @@ class SimilarityOverlay:
 
     def remove(self) -> None:
         """Hide the overlay, and take its nodes out of the scene."""
-        self.hide()
+        self._layer.remove()
         self._nodes.remove()
 
     def _add_colors(self) -> Any:

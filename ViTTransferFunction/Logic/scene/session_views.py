@@ -127,7 +127,11 @@ class SessionViews:
         rendered = {selected.id: selected} if selected and self._parameters.get("renderingSolo") else visible
         self._ask_for_rendering(rendered)
         maps = self._proxy.maps
-        if volume is None or not maps or stale:
+        if volume is None:
+            # What is hidden alone keeps its voxels.
+            self._display.remove()
+            return
+        if not maps or stale:
             self._display.hide()
             return
         overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None

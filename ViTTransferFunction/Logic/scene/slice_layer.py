@@ -61,6 +61,11 @@ class SliceLayer:
         for composite in nodes_of_class(self._scene, COMPOSITE_CLASS) if self._volume else []:
             self._take(composite, self._volume)
 
+    def remove(self) -> None:
+        """Hide the volume, and know it no more: it is about to go."""
+        self.hide()
+        self._volume = None
+
     def _observe_scene(self) -> None:
         events = slicer.vtkMRMLScene
         reactions = [

@@ -27,6 +27,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     RefinedMaps,
     RefineMaps,
     Refinement,
+    ReleaseVolume,
     Render,
     SegmentClasses,
     TakeVolume,
@@ -120,6 +121,18 @@ def test_a_volume_is_handed_over_with_its_settings_and_its_cost_comes_back(proxy
     assert client.asked == [VOLUME, Prepare(SETTINGS)]
     assert proxy.estimate == COSTLY
     assert (proxy.phase, proxy.busy) == ("no features", False)
+
+
+def test_the_process_lets_go_of_a_volume_that_is_closed_and_is_asked_for_that_once(
+    ready: SegmentationProxy, client: Client
+) -> None:
+    before = len(client.asked)
+    for _ in range(2):
+        ready.open(None, SETTINGS)
+    assert client.asked[before:] == [ReleaseVolume()]
+    client.answer(ReleaseVolume, Done())
+    assert ready.poll() == set()
+    assert (ready.phase, ready.busy, ready.take_error()) == ("no volume", False, None)
 
 
 def test_cached_features_load_at_once(client: Client) -> None:

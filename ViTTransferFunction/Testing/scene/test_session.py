@@ -6,6 +6,7 @@ import gc
 import os
 import signal
 import time
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.session_views import SessionViews
@@ -104,6 +106,30 @@ def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
     assert len(session.errors) == 1
     session.annotations.remove_class(copy.id)
     assert session.errors == ()
+
+
+def test_nothing_that_was_shown_of_a_volume_stays_in_the_scene_without_it(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    volume = session.parameters.volume
+    assert len(nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode")) == 3
+    session.set_volume(None)
+    assert nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode") == [volume]
+    session.set_volume(volume)
+    session.wait()
+    assert len(nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode")) == 3
+
+
+def test_volumes_of_a_scene_that_was_closed_are_kept_by_nobody(
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    left = [weakref.ref(node) for node in nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode")]
+    slicer_app.scene.Clear(False)
+    session.wait()
+    gc.collect()
+    assert [volume() for volume in left if volume() is not None] == []
 
 
 @pytest.mark.slow

@@ -9,7 +9,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Extract, Prepare, RefineMaps, Refinement, TakeVolume
+from ViTTransferFunction.Logic.compute.requests import (
+    ComputeMaps,
+    Extract,
+    Prepare,
+    RefineMaps,
+    Refinement,
+    ReleaseVolume,
+    TakeVolume,
+)
 from ViTTransferFunction.Logic.compute.service import SegmentationService
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.session.opening import open_session
@@ -69,6 +77,23 @@ def test_the_compute_process_has_one_volume_and_its_features_at_a_time(spheres: 
         assert service._session is not None
         left += large_arrays_of(service._session)
         assert alive(left) == 3
+
+
+def test_a_volume_that_is_closed_leaves_nothing_in_the_compute_process(spheres: Spheres) -> None:
+    cache_known_features(*spheres)
+    service = SegmentationService(lambda done, total, what: None)
+    requests = requests_of(spheres)
+    service.serve(TakeVolume(spheres[0].array.copy(), spheres[0].geometry, "spheres"))
+    service.serve(Prepare(SETTINGS))
+    service.serve(Extract())
+    maps = service.serve(ComputeMaps(requests)).maps
+    service.serve(RefineMaps(requests, Refinement()))
+    assert service._session is not None
+    left = [*large_arrays_of(service._session), *(weakref.ref(low.array) for low in maps)]
+    del maps
+    assert alive(left) == 6
+    service.serve(ReleaseVolume())
+    assert alive(left) == 0
 
 
 def test_maps_go_with_the_volume_that_they_are_of(spheres: Spheres) -> None:
