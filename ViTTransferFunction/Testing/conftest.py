@@ -5,17 +5,22 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import hypothesis
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.compute import process
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.loaded_python import LoadedPython
 from ViTTransferFunction.Testing.support.slicer_release import let_slicer_go
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
@@ -89,8 +94,27 @@ def _missing(reason: str) -> None:
     pytest.skip(reason)
 
 
+@pytest.fixture(scope="session")
+def loaded_python() -> Iterator[LoadedPython]:
+    """The Python that compute processes are forked from."""
+    with LoadedPython() as python:
+        yield python
+
+
+@pytest.fixture(scope="module")
+def quick_compute_processes(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Compute processes are forked. Those of the tests in `compute`, and of programs that tests start, start like users'."""
+    if sys.platform != "linux":
+        yield
+        return
+    python = request.getfixturevalue("loaded_python")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(process, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": python.popen}))
+        yield
+
+
 @pytest.fixture
-def slicer_app() -> Iterator[Any]:
+def slicer_app(quick_compute_processes: None) -> Iterator[Any]:
     """Slicer's scene and module logics as its application has them, without its windows."""
     app = pytest.importorskip("trame_slicer.core").SlicerApp()
     yield app

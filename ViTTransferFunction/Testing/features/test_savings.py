@@ -99,7 +99,7 @@ def test_a_saving_changes_the_bodys_features_by_no_more_than_its_bound(
     bound: float,
 ) -> None:
     saving = extracted(replace(FULL, **change))  # type: ignore[arg-type]
-    assert whitened_error(saving, full, body(torso, full)) < bound
+    assert 0.0 < whitened_error(saving, full, body(torso, full)) < bound
 
 
 def tokens_that_count_once(
@@ -123,13 +123,6 @@ def test_leaving_background_out_without_a_count_changes_far_more(
     uncounted = extract_features(torso, network, MERGED)
     inside = body(torso, full)
     assert whitened_error(uncounted, full, inside) > 3.0 * whitened_error(counted, full, inside)
-
-
-def test_reduced_precision_is_close_to_float32(torso: Volume, network: VisionTransformer, full: FeatureVolume) -> None:
-    reduced = network.converted("cpu", torch.bfloat16)
-    network.converted = lambda device, dtype: reduced  # type: ignore[method-assign]
-    features = extract_features(torso, network, FULL)
-    assert 0.0 < whitened_error(features, full, body(torso, full)) < 0.003
 
 
 def test_coarse_features_are_followed_by_better_ones_and_the_last_are_the_direct_ones(

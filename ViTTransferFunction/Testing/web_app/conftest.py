@@ -78,7 +78,7 @@ def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
 
 
 @pytest.fixture(scope="module")
-def in_app() -> Iterator[Callable[[Journey], None]]:
+def in_app(quick_compute_processes: None) -> Iterator[Callable[[Journey], None]]:
     """Runs journeys on one app, which takes seconds to make."""
     from ViTTransferFunction.WebApp.app import WebApp
 
