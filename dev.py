@@ -39,6 +39,9 @@ LOCKED_FOR = ("linux", "x86_64", (3, 11))
 CPU_BUILDS = "https://download.pytorch.org/whl/cpu/torch/"
 """PyTorch's builds for processors alone, a fraction of the size of those that the package index has for Linux; pip finds them
 where the variable PIP_FIND_LINKS names this address, or a folder with the file."""
+IN_TWO_PROCESSES = ("-n", "2", "--dist", "loadfile")
+"""What all tests are run with. Two: each takes some GB, and has threads of its own for what is computed. File by file: tests of
+one share what is dear to make, a browser or a server say."""
 
 
 def main() -> int:
@@ -70,11 +73,11 @@ def app(arguments: list[str]) -> int:
 
 
 def test(arguments: list[str]) -> int:
-    """Run the tests."""
+    """Run the tests; without further arguments, in two processes."""
     set_up("test")
-    if "--quick" in arguments:
-        arguments = ["-m", "not slow", *(argument for argument in arguments if argument != "--quick")]
-    return run("-m", "pytest", *arguments)
+    further = [argument for argument in arguments if argument != "--quick"]
+    quick = ["-m", "not slow"] if "--quick" in arguments else []
+    return run("-m", "pytest", *quick, *(further or IN_TWO_PROCESSES))
 
 
 def lint(arguments: list[str]) -> int:
