@@ -64,6 +64,9 @@ class Desk:
         """Take back all that was done but for undo, and come to rest."""
         for state in self.session.classes:
             self.session.annotations.remove_class(state.id)
+        # What was shown of the volume goes with it, be it much or nothing.
+        self.session.set_volume(None)
+        self.session.wait(PATIENCE_S)
         self.session.set_volume(self.volume)
         self.session.set_segmentation(self.theirs)
         for name in ("respectOtherSegments", "otherSegmentsAreOutside", "overlayVisible", "proposalsVisible", "rendering"):
