@@ -51,6 +51,8 @@ class DerivedNodes:
         """Take them out of the scene, and what displays them."""
         # The latest first: what uses another node, colours say, was made after it.
         nodes = [node for name in reversed(self._nodes) if (node := self.find(name)) is not None]
+        # Before any goes: who is told by the scene that it does may ask for this again.
+        self._nodes.clear()
         displays = [
             node.GetNthDisplayNode(index)
             for node in nodes
@@ -60,4 +62,3 @@ class DerivedNodes:
         for node in (*displays, *nodes):
             if node is not None and self._scene.IsNodePresent(node):
                 self._scene.RemoveNode(node)
-        self._nodes.clear()

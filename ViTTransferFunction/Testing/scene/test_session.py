@@ -109,12 +109,14 @@ def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
 
 
 def test_nothing_that_was_shown_of_a_volume_stays_in_the_scene_without_it(
-    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
+    slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], capfd: pytest.CaptureFixture[str]
 ) -> None:
     annotate(session, spheres)
     volume = session.parameters.volume
     assert len(nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode")) == 3
+    capfd.readouterr()
     session.set_volume(None)
+    assert "ERROR" not in capfd.readouterr().err
     assert nodes_of_class(slicer_app.scene, "vtkMRMLVolumeNode") == [volume]
     session.set_volume(volume)
     session.wait()
