@@ -150,7 +150,7 @@ class WebApp:
         following = asyncio.create_task(self._follow())
         serving_task = asyncio.create_task(serving)
         if volume is not None:
-            self.begin(self._open([volume]))
+            self.begin(self.open_files([volume]))
         stopped = asyncio.create_task(self._stopped.wait())
         try:
             await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
@@ -233,7 +233,22 @@ class WebApp:
 
     async def open_files(self, paths: list[Path]) -> None:
         """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown."""
-        await self._open(paths)
+        self._opening = paths
+        with self.server.state as state:
+            state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
+        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
+            try:
+                take_up = await asyncio.to_thread(self._read, paths, Path(folder))
+                if self._opening is paths:
+                    take_up()
+            except InputError as error:
+                if self._opening is paths:
+                    self.report(str(error))
+            finally:
+                if self._opening is paths:
+                    with self.server.state as state:
+                        state.opening = ""
+                    self.refresh()
 
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""
@@ -275,13 +290,13 @@ class WebApp:
         """Open a path that the user typed."""
         try:
             if str(path).strip():
-                self.begin(self._open([user_path(str(path).strip(), "a volume or a session")]))
+                self.begin(self.open_files([user_path(str(path).strip(), "a volume or a session")]))
         except InputError as error:
             self.report(str(error))
 
     def _open_sample(self) -> None:
         try:
-            self.begin(self._open([sample_path()]))
+            self.begin(self.open_files([sample_path()]))
         except InputError as error:
             self.report(str(error))
 
@@ -290,24 +305,6 @@ class WebApp:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-    async def _open(self, paths: list[Path]) -> None:
-        self._opening = paths
-        with self.server.state as state:
-            state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
-        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
-            try:
-                take_up = await asyncio.to_thread(self._read, paths, Path(folder))
-                if self._opening is paths:
-                    take_up()
-            except InputError as error:
-                if self._opening is paths:
-                    self.report(str(error))
-            finally:
-                if self._opening is paths:
-                    with self.server.state as state:
-                        state.opening = ""
-                    self.refresh()
 
     def _read(self, paths: list[Path], folder: Path) -> Callable[[], None]:
         """Read a volume or a session, by any thread; returns what puts it in place of what is open, by the loop's."""

@@ -8,8 +8,6 @@ the tests, to be had as the model "tiny".
 from __future__ import annotations
 
 import atexit
-import gc
-import importlib
 import json
 import os
 import resource
@@ -25,12 +23,12 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from ViTTransferFunction.Testing.attack.calls import PATIENCE_S, ROOM_BYTES, Call, Outcome
+from ViTTransferFunction.Testing.support.loaded_python import LOADED, load
 
 USED_BY_ALL = (
     "encodings.ascii", "encodings.cp1252", "encodings.cp437", "encodings.idna", "encodings.utf_8_sig",
     "multiprocessing.synchronize",
-    "numpy", "scipy.ndimage", "scipy.optimize", "scipy.sparse.linalg", "scipy.spatial", "SimpleITK", "torch",
-    "torch.nn.functional", "tqdm", "vtk",
+    *LOADED, "SimpleITK", "torch.nn.functional", "tqdm", "vtk",
     "vtkmodules.util.numpy_support",
     "ViTTransferFunction.CommandLine.vittf", "ViTTransferFunction.Logic.compute.server",
     "ViTTransferFunction.Logic.features.vision_transformer", "ViTTransferFunction.Logic.refinement.bilateral_solver",
@@ -61,15 +59,11 @@ def main() -> None:
 
 
 def _load() -> None:
-    for name in USED_BY_ALL:
-        importlib.import_module(name)
+    load(USED_BY_ALL)
     import torch
 
     # A child has none of its parent's threads, and would wait for them for ever.
     torch.set_num_threads(1)
-    gc.collect()
-    # A child that collects garbage would copy all memory.
-    gc.freeze()
 
 
 def _tiny_weights() -> Path:

@@ -104,15 +104,20 @@ class ForkedProcess:
         return 0
 
 
-def main() -> None:
-    """Fork as often as asked, until nobody is left who could ask."""
-    # `-m` puts the working folder in front.
-    sys.path.pop(0)
-    for name in LOADED:
+def load(names: Sequence[str]) -> None:
+    """Import modules in a process that is going to be forked."""
+    for name in names:
         importlib.import_module(name)
     gc.collect()
     # A child that collects garbage would copy all memory.
     gc.freeze()
+
+
+def main() -> None:
+    """Fork as often as asked, until nobody is left who could ask."""
+    # `-m` puts the working folder in front.
+    sys.path.pop(0)
+    load(LOADED)
     # Nobody waits for the children: they shall leave nothing.
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     with socket.socket(fileno=int(sys.argv[1])) as orders:
