@@ -38,7 +38,7 @@ class CellIntensities:
         connected: how annotated points are, by intensities.
         iso_cells: some cells, (N,), in order.
         edge_strength: of those, (N,) float32.
-        components: around annotated points, at those.
+        components: around annotated points, at those or all.
     """
 
     def __init__(self, volume: Volume, cells: Geometry) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from ..core.intensity_cdf import IntensityCdf
 from ..core.iso_proposals import LARGER, LARGEST_ISO, SMALLER, SMALLEST_ISO, IsoProposals
 from ..core.progress import Between, nothing_between
-from .stable_components import TOLERANCES, stability
+from .stable_components import TOLERANCES, component_sizes, stability
 
 POINTS_TO_HALF = 1.5
 """κ."""
@@ -122,7 +122,7 @@ def component_evidence(levels: Levels, components: Components) -> np.ndarray:
         components: at the same cells.
     """
     steps, tolerances = components.steps, len(TOLERANCES)
-    sizes = np.array([np.count_nonzero(steps <= tolerance) for tolerance in range(tolerances)])
+    sizes = component_sizes(steps)
     joint = np.bincount(levels.bins * (tolerances + 1) + steps[levels.seen], minlength=_BINS * (tolerances + 1))
     # How many cells each level encloses, of all and of each component.
     enclosed = joint.reshape(_BINS, tolerances + 1)[::-1].cumsum(axis=0)[::-1].cumsum(axis=1)

@@ -16,7 +16,8 @@ Two places are alike when their features, their intensities and their positions 
 
 Where p is an annotated point it is multiplied by (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and
 between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). A negative point at the rim of its
-structure is looked at where its cell is what it mostly is (`Connectedness.seen_at`).
+structure is looked at where its cell is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point
+is raised (`closed_structures`).
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .cell_intensities import CellIntensities
+from .closed_structures import raise_within
 from .connected_points import between_points, point_factors, shares
 from .iso_value import (
     STABILITY_SAMPLES,
@@ -125,6 +127,10 @@ class KernelRidge:
             np.add.at(weights.T, row, part[:, None] * point_weights)
         scores = self._rows.weighted(weights)
         np.clip(scores, 0.0, 1.0, out=scores)
+        for index, of_class in enumerate(scores):
+            closed = self._intensities.components.closed(requests, index)
+            if closed is not None:
+                raise_within(closed, of_class)
         return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:

@@ -72,7 +72,7 @@ def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidg
     assert (found[background] > iso).mean() < 0.05
 
 
-def test_one_click_in_a_large_structure_within_walls_takes_much_of_it_where_the_map_fades_long_before() -> None:
+def test_one_click_in_a_large_structure_within_walls_takes_most_of_it_though_its_features_turn() -> None:
     cells = (16, 16, 16)
     inside = np.zeros(cells, dtype=bool)
     inside[2:14, 2:14, 2:14] = True
@@ -88,7 +88,7 @@ def test_one_click_in_a_large_structure_within_walls_takes_much_of_it_where_the_
     clicked = [a_class("a", at_cell(8, 8, 8))]
     (found,) = rule.maps(clicked)
     iso = rule.iso(found, clicked, 0).chosen
-    assert (found[inside] > iso).mean() > 0.4 > 2.0 * (found[inside] > prior_iso(1)).mean()
+    assert (found[inside] > iso).mean() > 0.75
     assert not (found[~inside] > iso).any()
 
 

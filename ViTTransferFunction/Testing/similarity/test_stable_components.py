@@ -9,6 +9,7 @@ from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.similarity.closed_structures import raise_within
 from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import (
     CANDIDATES,
@@ -97,6 +98,45 @@ def test_several_points_have_the_components_of_all_of_them() -> None:
     components = components_of(two_rooms())
     steps = steps_of(components, [ClassRequest("both", at(LEFT, RIGHT))])
     assert steps[LEFT] == steps[RIGHT] == 0
+
+
+def closed_of(components: StableComponents, requests: list[ClassRequest]) -> np.ndarray:
+    """Where the first class is closed off."""
+    closed = components.closed(requests, 0)
+    assert closed is not None
+    return closed.reshape(CELLS)
+
+
+def test_what_lies_within_walls_with_a_point_is_closed_and_ends_there() -> None:
+    volume = two_rooms()
+    rooms = volume.array[::2, ::2, ::2] == 0.0
+    left = rooms & (np.arange(CELLS[2]) < CELLS[2] // 2)
+    components = components_of(volume)
+    np.testing.assert_array_equal(closed_of(components, [ClassRequest("left", at(LEFT))]), left)
+    np.testing.assert_array_equal(closed_of(components, [ClassRequest("both", at(LEFT, RIGHT, LEFT))]), rooms)
+
+
+def test_what_is_closed_ends_where_another_class_is_nearer() -> None:
+    volume = two_rooms()
+    volume.array[8:24, 8:24, 16:30] = 5.0  # One room, of two intensities.
+    components = components_of(volume)
+    left = ClassRequest("left", at(LEFT))
+    assert closed_of(components, [left])[RIGHT]
+    with_rival = closed_of(components, [left, ClassRequest("right", at(RIGHT))])
+    assert with_rival[LEFT]
+    assert not with_rival[RIGHT]
+
+
+def test_what_grows_with_every_tolerance_is_not_closed_however_many_points_are_in_it() -> None:
+    slope = np.broadcast_to(np.linspace(0.0, 90.0, 32, dtype=np.float32), (32, 32, 32))
+    components = components_of(volume_of(slope.copy()))
+    assert components.closed([ClassRequest("slope", at(LEFT, DOOR, RIGHT))], 0) is None
+
+
+def test_a_map_is_raised_to_half_way_on_a_logarithmic_scale_within_what_is_closed_and_nowhere_else() -> None:
+    similarity = np.array([0.81, 0.01, 0.0, 0.3, 0.9])
+    raise_within(np.array([True, True, True, False, False]), similarity)
+    np.testing.assert_allclose(similarity, [0.81, 0.09, 0.0, 0.3, 0.9])
 
 
 def test_components_are_found_beside_voxels_that_are_not_numbers() -> None:
