@@ -9,11 +9,12 @@ import numpy as np
 
 from ..core.geometry import Geometry
 from ..core.intensity_cdf import IntensityCdf
-from ..core.intensity_window import display_window
+from ..core.intensity_window import display_window, network_windows
 from ..core.orientation import canonical_orientation
 from ..core.volume import Volume
+from ..features.background_tokens import background_cells
 from .connected_points import ConnectedPoints
-from .connectedness import Connectedness
+from .connectedness import Connectedness, intensities_of_units
 from .iso_value import edge_strength_at
 from .stable_components import StableComponents
 
@@ -55,7 +56,8 @@ class CellIntensities:
             steps_ras = EDGE_STEP_CELLS * cells.spacing_mm.min() * axes_ras
             self.edge_strength = edge_strength_at(self.cdf, self.centres_ras[self.iso_cells], steps_ras)
             self.connected = connected.result()
-        self.components = StableComponents(self.connected.cell_units(), cells, self.iso_cells)
+        units = self.connected.cell_units()
+        self.components = StableComponents(units, cells, self.iso_cells, partial(_cells_of_body, units, volume))
 
     def are_of(self, cells: Geometry) -> bool:
         """Whether these are the cells."""
@@ -65,6 +67,12 @@ class CellIntensities:
 
 def _connected_points(volume: Volume, cells: Geometry) -> ConnectedPoints:
     return ConnectedPoints(partial(Connectedness, volume, cells, display_window(volume)))
+
+
+def _cells_of_body(units: np.ndarray, volume: Volume) -> int:
+    """How many cells hold more than the background around the body, by their mean intensities (`Connectedness.cell_units`)."""
+    means = intensities_of_units(units, display_window(volume))
+    return units.size - int(np.count_nonzero(background_cells(means, network_windows(volume), units.shape)))
 
 
 def _drawn(cells: Geometry) -> np.ndarray:

@@ -180,3 +180,10 @@ def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
     in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
     whole_numbers: np.ndarray = np.where(np.isnan(units), _UNKNOWN, in_range).astype(np.int16)
     return whole_numbers
+
+
+def intensities_of_units(units: np.ndarray, window: IntensityWindow) -> np.ndarray:
+    """Intensities that have been brought to `UNITS_PER_WINDOW`, float32; NaN where there were none."""
+    intensities = units * np.float32(window.width / UNITS_PER_WINDOW) + np.float32(0.5 * (window.low + window.high))
+    known: np.ndarray = np.where(units == _UNKNOWN, np.float32(np.nan), intensities)
+    return known

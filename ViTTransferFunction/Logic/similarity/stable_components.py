@@ -11,8 +11,8 @@ two lungs end where they meet, although the airways join them (relative fuzzy co
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property, reduce
+from collections.abc import Callable, Sequence
+from functools import cache, cached_property, reduce
 from threading import Lock
 
 import numpy as np
@@ -27,9 +27,14 @@ TOLERANCES = 0.02 * 2.0 ** np.arange(6)
 FEW_CELLS = 30
 """A component of so many cells tells half as much as a large one: a single noisy cell is joined to nothing for long."""
 LARGEST_SHARE = 0.5
-"""What holds more of the volume is no structure in it."""
+"""What holds more of the volume, or of the body, is no structure in it."""
 CLOSED = 0.9
-"""The stability of what is walled in. A lung's is .94; what leaks had up to .86 around points of ribs, .82 of a stomach."""
+"""The stability of what is walled in."""
+LARGEST_CUT = 0.005
+"""What has more of its cells at the faces of the volume goes on outside, such as a body: nobody knows how far."""
+_FLOODED = np.append(TOLERANCES, 2.0 * TOLERANCES[-1])
+"""To see whether the last one is stable, the next is needed."""
+_NEVER = np.uint8(len(_FLOODED))
 
 
 class StableComponents:
@@ -41,10 +46,13 @@ class StableComponents:
         units: intensities of all cells (K, J, I), int16 (`Connectedness.cell_units`).
         cells: their geometry.
         some: indices of the cells that `of_class` is asked about, (N,).
+        count_body: says how many cells hold more than the background around the body; asked once, and only if it matters.
     """
 
-    def __init__(self, units: np.ndarray, cells: Geometry, some: np.ndarray) -> None:
+    def __init__(self, units: np.ndarray, cells: Geometry, some: np.ndarray, count_body: Callable[[], int]) -> None:
         self._units, self._cells, self._some = units, cells, some
+        self._body = cache(count_body)
+        self._faces = _at_faces(units.shape)
         self._of_point: dict[bytes, _AroundPoint] = {}
         self._of_group: dict[bytes, _AroundGroup] = {}
         self._looking = Lock()
@@ -81,8 +89,8 @@ class StableComponents:
             of_rivals = [] if steps is None else [rival.steps for rival in rivals]
         if steps is None:
             return None
-        nearest: np.ndarray | int = reduce(np.minimum, of_rivals) if of_rivals else len(TOLERANCES)
-        closed: np.ndarray = (steps <= nearest) & (steps < len(TOLERANCES))
+        nearest: np.ndarray | np.uint8 = reduce(np.minimum, of_rivals) if of_rivals else _NEVER
+        closed: np.ndarray = (steps <= nearest) & (steps < _NEVER)
         return closed
 
     def _around(self, requests: Sequence[ClassRequest], index: int) -> tuple[_AroundGroup, list[_AroundGroup]]:
@@ -100,28 +108,37 @@ class StableComponents:
             if key not in self._of_point:
                 between()
                 (cell,) = self._cells.nearest_voxels(point[None])
-                self._of_point[key] = _AroundPoint(tolerances_too_small(self._units, cell, TOLERANCES).ravel(), self._some)
+                steps = tolerances_too_small(self._units, cell, _FLOODED).ravel()
+                self._of_point[key] = _AroundPoint(steps, self._some, self._closed(steps))
         known = self._of_group
         self._of_group = {
             key: known.get(key) or _AroundGroup([self._of_point[point.tobytes()] for point in group])
             for key, group in groups.items()
         }
 
+    def _closed(self, steps: np.ndarray) -> np.ndarray | None:
+        """Steps at all cells as far as the most stable component reaches, if that is closed; None if none is."""
+        sizes, at_faces = component_sizes(steps, len(_FLOODED)), component_sizes(steps[self._faces], len(_FLOODED))
+        stable = np.where(at_faces <= LARGEST_CUT * sizes, stability(sizes, len(steps)), 0.0)[: len(TOLERANCES)]
+        if stable.max() >= CLOSED:
+            # A body stands in its air as a structure within walls does.
+            stable[sizes[: len(TOLERANCES)] > LARGEST_SHARE * self._body()] = 0.0
+        reach = stable.argmax()
+        return np.where(steps <= reach, steps, _NEVER) if stable[reach] >= CLOSED else None
+
 
 class _AroundPoint:
     """The components of one point.
 
     Attributes:
-        steps: at all cells, uint8.
-        at_some: at some.
-        closed: at all cells, as far as the most stable one reaches, if that is closed; None if it is not.
+        steps: at all cells, of all that is flooded, uint8.
+        at_some: at some, of `TOLERANCES`.
+        closed: from `StableComponents._closed`.
     """
 
-    def __init__(self, steps: np.ndarray, some: np.ndarray) -> None:
-        self.steps, self.at_some = steps, steps[some]
-        stable = stability(component_sizes(steps), len(steps))
-        reaches = stable.max() >= CLOSED
-        self.closed = np.where(steps <= stable.argmax(), steps, np.uint8(len(TOLERANCES))) if reaches else None
+    def __init__(self, steps: np.ndarray, some: np.ndarray, closed: np.ndarray | None) -> None:
+        self.steps, self.closed = steps, closed
+        self.at_some = np.minimum(steps[some], np.uint8(len(TOLERANCES)))
 
 
 class _AroundGroup:
@@ -144,9 +161,16 @@ class _AroundGroup:
         return reduce(np.minimum, closed) if closed else None
 
 
-def component_sizes(steps: np.ndarray) -> np.ndarray:
-    """How many cells components have, (T,), by their steps at these cells, uint8."""
-    sizes: np.ndarray = np.bincount(steps, minlength=len(TOLERANCES) + 1)[:-1].cumsum()
+def _at_faces(shape: tuple[int, ...]) -> np.ndarray:
+    """The cells of a volume's outermost layer: their indices."""
+    inner = np.zeros(shape, dtype=bool)
+    inner[1:-1, 1:-1, 1:-1] = True
+    return np.flatnonzero(~inner)
+
+
+def component_sizes(steps: np.ndarray, tolerances: int = len(TOLERANCES)) -> np.ndarray:
+    """How many cells components have, (tolerances,), by their steps at these cells, uint8."""
+    sizes: np.ndarray = np.bincount(steps, minlength=tolerances + 1)[:-1].cumsum()
     return sizes
 
 

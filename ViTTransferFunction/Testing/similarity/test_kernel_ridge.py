@@ -81,14 +81,14 @@ def test_one_click_in_a_large_structure_within_walls_takes_most_of_it_though_its
     # Its features turn from one side to the other, as an organ's do.
     features = np.stack([inside * np.cos(angle), inside * np.sin(angle), ~inside], axis=-1)
     features = features + 0.15 * generator.normal(size=features.shape)
-    voxels = np.kron(np.where(inside, 100.0, 0.0), np.ones((2, 2, 2)))
+    voxels = np.kron(np.where(inside, 0.0, 100.0), np.ones((2, 2, 2)))
     volume = Volume(voxels + generator.normal(0, 3, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
     geometry = volume.geometry.resized(cells)
     rule = KernelRidge(normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
     clicked = [a_class("a", at_cell(8, 8, 8))]
     (found,) = rule.maps(clicked)
     iso = rule.iso(found, clicked, 0).chosen
-    assert (found[inside] > iso).mean() > 0.75
+    assert (found[inside] > iso).mean() > 0.6
     assert not (found[~inside] > iso).any()
 
 

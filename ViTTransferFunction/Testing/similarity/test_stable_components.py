@@ -37,10 +37,10 @@ def two_rooms() -> Volume:
     return volume_of(array)
 
 
-def components_of(volume: Volume) -> StableComponents:
+def components_of(volume: Volume, body: int = 16**3) -> StableComponents:
     cells = volume.geometry.resized(CELLS)
     units = Connectedness(volume, cells, WINDOW).cell_units()
-    return StableComponents(units, cells, np.arange(np.prod(CELLS)))
+    return StableComponents(units, cells, np.arange(units.size), lambda: body)
 
 
 def at(*cells: tuple[int, int, int]) -> np.ndarray:
@@ -125,6 +125,19 @@ def test_what_is_closed_ends_where_another_class_is_nearer() -> None:
     with_rival = closed_of(components, [left, ClassRequest("right", at(RIGHT))])
     assert with_rival[LEFT]
     assert not with_rival[RIGHT]
+
+
+def test_what_goes_on_outside_of_the_volume_is_not_closed() -> None:
+    volume = two_rooms()
+    volume.array[:16] = volume.array[8:24].copy()
+    assert components_of(volume).closed([ClassRequest("left", at(LEFT))], 0) is None
+
+
+def test_what_is_most_of_the_body_is_not_closed() -> None:
+    volume, requests = two_rooms(), [ClassRequest("left", at(LEFT))]
+    room = int(closed_of(components_of(volume), requests).sum())
+    assert components_of(volume, body=2 * room).closed(requests, 0) is not None
+    assert components_of(volume, body=2 * room - 1).closed(requests, 0) is None
 
 
 def test_what_grows_with_every_tolerance_is_not_closed_however_many_points_are_in_it() -> None:
