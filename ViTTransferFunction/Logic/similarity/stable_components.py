@@ -79,9 +79,9 @@ class StableComponents:
     def closed(self, requests: Sequence[ClassRequest], index: int) -> np.ndarray | None:
         """Where points of the index-th class are walled in: their most stable components, (cells,) bool; None where none is.
 
-        A component has to end within the volume, and to be stable by itself, before other classes take their part: what they cut keeps its size
-        also where it has leaked into all that surrounds it. And that of one point: three of a stomach that leak, each at another
-        tolerance, have a component together that is large early and then stays. Any thread may ask.
+        A component has to end within the volume, and to be stable by itself, before other classes take their part: what they
+        cut keeps its size also where it has leaked into all that surrounds it. And that of one point: three of a stomach that
+        leak, each at another tolerance, have a component together that is large early and then stays. Any thread may ask.
         """
         with self._looking:
             own, rivals = self._around(requests, index)
