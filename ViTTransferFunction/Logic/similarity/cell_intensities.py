@@ -14,7 +14,7 @@ from ..core.orientation import canonical_orientation
 from ..core.volume import Volume
 from ..features.background_tokens import background_cells
 from .connected_points import ConnectedPoints
-from .connectedness import Connectedness, intensities_of_units
+from .connectedness import Connectedness
 from .iso_value import edge_strength_at
 from .stable_components import StableComponents
 
@@ -56,8 +56,8 @@ class CellIntensities:
             steps_ras = EDGE_STEP_CELLS * cells.spacing_mm.min() * axes_ras
             self.edge_strength = edge_strength_at(self.cdf, self.centres_ras[self.iso_cells], steps_ras)
             self.connected = connected.result()
-        units = self.connected.cell_units()
-        self.components = StableComponents(units, cells, self.iso_cells, partial(_cells_of_body, units, volume))
+        count_body = partial(_cells_of_body, self.connected, volume)
+        self.components = StableComponents(self.connected.cell_units(), cells, self.iso_cells, count_body)
 
     def are_of(self, cells: Geometry) -> bool:
         """Whether these are the cells."""
@@ -69,10 +69,10 @@ def _connected_points(volume: Volume, cells: Geometry) -> ConnectedPoints:
     return ConnectedPoints(partial(Connectedness, volume, cells, display_window(volume)))
 
 
-def _cells_of_body(units: np.ndarray, volume: Volume) -> int:
-    """How many cells hold more than the background around the body, by their mean intensities (`Connectedness.cell_units`)."""
-    means = intensities_of_units(units, display_window(volume))
-    return units.size - int(np.count_nonzero(background_cells(means, network_windows(volume), units.shape)))
+def _cells_of_body(connected: ConnectedPoints, volume: Volume) -> int:
+    """How many cells hold more than the background around the body, by their mean intensities."""
+    means = connected.cell_means()
+    return int(np.count_nonzero(~background_cells(means, network_windows(volume), means.shape)))
 
 
 def _drawn(cells: Geometry) -> np.ndarray:

@@ -47,6 +47,10 @@ class ConnectedPoints:
         """See `Connectedness.cell_units`."""
         return self._fine.cell_units()
 
+    def cell_means(self) -> np.ndarray:
+        """See `Connectedness.cell_means`."""
+        return self._fine.cell_means()
+
     def update(self, points_ras: np.ndarray, between: Between = nothing_between) -> list[bytes]:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
 

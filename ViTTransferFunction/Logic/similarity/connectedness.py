@@ -52,7 +52,7 @@ class Connectedness:
         self._per_cell = blocks_per_cell if fits else 1
         k, j, i = (self._per_cell * count for count in cells.shape)
         self._blocks = _in_units(block_means(volume.array, (k, j, i)), window)
-        self._cells = cells
+        self._cells, self._window = cells, window
 
     def from_point(self, point_ras: np.ndarray) -> np.ndarray:
         """C_p of every cell, as an index to `SIMILARITIES`: a byte each, since it is kept for every point.
@@ -115,6 +115,13 @@ class Connectedness:
             count += known
         means: np.ndarray = np.where(count > 0, np.rint(total / np.maximum(count, 1)), _UNKNOWN).astype(np.int16)
         return means
+
+    def cell_means(self) -> np.ndarray:
+        """Mean intensity of each cell (K, J, I), float32, as exact as `cell_units`; NaN where no voxel is finite."""
+        units, window = self.cell_units(), self._window
+        means = units * np.float32(window.width / UNITS_PER_WINDOW) + np.float32(0.5 * (window.low + window.high))
+        known: np.ndarray = np.where(units == _UNKNOWN, np.float32(np.nan), means)
+        return known
 
 
 def tolerances_too_small(units: np.ndarray, block: np.ndarray, tolerances: np.ndarray, blocks_per_cell: int = 1) -> np.ndarray:
@@ -180,10 +187,3 @@ def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
     in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
     whole_numbers: np.ndarray = np.where(np.isnan(units), _UNKNOWN, in_range).astype(np.int16)
     return whole_numbers
-
-
-def intensities_of_units(units: np.ndarray, window: IntensityWindow) -> np.ndarray:
-    """Intensities that have been brought to `UNITS_PER_WINDOW`, float32; NaN where there were none."""
-    intensities = units * np.float32(window.width / UNITS_PER_WINDOW) + np.float32(0.5 * (window.low + window.high))
-    known: np.ndarray = np.where(units == _UNKNOWN, np.float32(np.nan), intensities)
-    return known

@@ -72,7 +72,8 @@ def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidg
     assert (found[background] > iso).mean() < 0.05
 
 
-def test_one_click_in_a_large_structure_within_walls_takes_most_of_it_though_its_features_turn() -> None:
+def one_click_in_a_large_structure(within: float, around: float) -> tuple[np.ndarray, float, np.ndarray]:
+    """The map of a structure of one intensity in surroundings of another, its iso value, and the structure, (K, J, I) bool."""
     cells = (16, 16, 16)
     inside = np.zeros(cells, dtype=bool)
     inside[2:14, 2:14, 2:14] = True
@@ -81,13 +82,24 @@ def test_one_click_in_a_large_structure_within_walls_takes_most_of_it_though_its
     # Its features turn from one side to the other, as an organ's do.
     features = np.stack([inside * np.cos(angle), inside * np.sin(angle), ~inside], axis=-1)
     features = features + 0.15 * generator.normal(size=features.shape)
-    voxels = np.kron(np.where(inside, 0.0, 100.0), np.ones((2, 2, 2)))
+    voxels = np.kron(np.where(inside, within, around), np.ones((2, 2, 2)))
     volume = Volume(voxels + generator.normal(0, 3, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
     geometry = volume.geometry.resized(cells)
     rule = KernelRidge(normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
     clicked = [a_class("a", at_cell(8, 8, 8))]
     (found,) = rule.maps(clicked)
-    iso = rule.iso(found, clicked, 0).chosen
+    return found, rule.iso(found, clicked, 0).chosen, inside
+
+
+def test_one_click_in_a_large_structure_within_walls_takes_much_of_it_where_the_map_fades_long_before() -> None:
+    # Alone in the dark, it is all of the body, and its map not raised.
+    found, iso, inside = one_click_in_a_large_structure(100.0, 0.0)
+    assert (found[inside] > iso).mean() > 0.4 > 2.0 * (found[inside] > prior_iso(1)).mean()
+    assert not (found[~inside] > iso).any()
+
+
+def test_one_click_in_a_large_structure_that_is_closed_takes_most_of_it() -> None:
+    found, iso, inside = one_click_in_a_large_structure(0.0, 100.0)
     assert (found[inside] > iso).mean() > 0.6
     assert not (found[~inside] > iso).any()
 

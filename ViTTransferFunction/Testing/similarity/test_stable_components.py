@@ -212,3 +212,11 @@ def test_cells_have_the_mean_of_their_blocks() -> None:
     fine = Connectedness(volume, cells, WINDOW).cell_units()
     coarse = Connectedness(volume, cells, WINDOW, blocks_per_cell=1).cell_units()
     np.testing.assert_allclose(fine, coarse, atol=1)
+
+
+def test_means_of_cells_are_those_of_their_voxels_and_unknown_where_no_voxel_is_a_number() -> None:
+    volume = two_rooms()
+    volume.array[:, :, :2] = np.nan
+    means = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW).cell_means()
+    expected = volume.array.reshape(16, 2, 16, 2, 16, 2).mean(axis=(1, 3, 5))
+    np.testing.assert_allclose(means, expected, atol=0.1)
