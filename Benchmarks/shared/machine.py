@@ -36,8 +36,10 @@ def processor_capability() -> str:
     if not vectors.startswith("AVX"):
         return _VECTORS.get(vectors, vectors)
     has = torch.cpu.get_capabilities()
-    short_floats = "with bfloat16" if has["avx512_bf16"] else "without bfloat16"
-    matrices = "AMX" if has["amx_tile"] else "no AMX"
+    # What the processor has, PyTorch may be limited not to use.
+    used = vectors == "AVX512"
+    short_floats = "with bfloat16" if used and has["avx512_bf16"] else "without bfloat16"
+    matrices = "AMX" if used and has["amx_tile"] else "no AMX"
     return f"{_VECTORS.get(vectors, vectors)} {short_floats}, {matrices}"
 
 

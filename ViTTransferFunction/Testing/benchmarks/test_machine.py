@@ -15,6 +15,8 @@ from Benchmarks.shared.machine import in_words, machine, processor_capability
         ("AVX512", True, True, "AVX-512 with bfloat16, AMX"),
         ("AVX512", False, False, "AVX-512 without bfloat16, no AMX"),
         ("AVX2", False, False, "AVX2 without bfloat16, no AMX"),
+        # A processor that has more, limited to less.
+        ("AVX2", True, True, "AVX2 without bfloat16, no AMX"),
         ("SVE256", False, False, "SVE256"),
     ],
 )
