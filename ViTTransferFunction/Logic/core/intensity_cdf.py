@@ -25,7 +25,7 @@ class IntensityCdf:
 
     def __init__(self, volume: Volume) -> None:
         self._volume = volume
-        self._levels = np.unique(np.quantile(finite_sample(volume.array), np.linspace(0.0, 1.0, _LEVELS + 1)))
+        self._levels = np.unique(np.quantile(finite_sample(volume), np.linspace(0.0, 1.0, _LEVELS + 1)))
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where nothing is finite."""

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import InputError
+from .orientation import canonical_orientation
 from .volume import Volume, finite_range
 
 _SINGLE = np.finfo(np.float32)
 
-SAMPLE_SIZE = 1_000_000
-"""Percentiles are taken over at most about this many voxels, spread evenly: more would only take longer."""
+SAMPLE_SIZE = 2_000_000
+"""Percentiles are taken over at most this many voxels, spread evenly: more would only take longer."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
 
     A CT cropped to soft tissue fails the test and is windowed by its percentiles instead, which suits it as well.
     """
-    low, high = np.percentile(finite_sample(volume.array), (1.0, 99.9))
+    low, high = np.percentile(finite_sample(volume), (1.0, 99.9))
     return bool(-4096.0 <= low <= -500.0 and -200.0 <= high <= 32767.0)
 
 
@@ -102,7 +103,7 @@ def percentile_window(volume: Volume, outside_percent: float = 0.5) -> Intensity
 
     Falls back to the full range where almost all voxels are equal, so that the window never collapses.
     """
-    low, high = np.percentile(finite_sample(volume.array), (outside_percent, 100.0 - outside_percent))
+    low, high = np.percentile(finite_sample(volume), (outside_percent, 100.0 - outside_percent))
     if low < high:
         return IntensityWindow(float(low), float(high))
     return full_range_window(volume)
@@ -113,11 +114,17 @@ def full_range_window(volume: Volume) -> IntensityWindow:
     return IntensityWindow(*finite_range(volume.array))
 
 
-def finite_sample(array: np.ndarray) -> np.ndarray:
-    """Finite voxels, every n-th of them where there are many, (N,) float64."""
-    flat = array.reshape(-1)
-    flat = flat[:: max(1, flat.size // SAMPLE_SIZE)]
-    finite = flat[np.isfinite(flat)]
-    # Where finite voxels are so few that the stride missed them all, look at every one.
+def finite_sample(volume: Volume) -> np.ndarray:
+    """Finite voxels, (N,) float64: where there are many, every n-th along each axis, the same ones however a scan is stored.
+
+    Every n-th of a flattened array would be of a few columns alone where rows are as long as a multiple of n.
+    """
+    array = canonical_orientation(volume.geometry).to_canonical(volume.array)
+    steps = [1, 1, 1]
+    while np.prod(left := [-(-size // step) for size, step in zip(array.shape, steps, strict=True)]) > SAMPLE_SIZE:
+        steps[int(np.argmax(left))] += 1
+    spread = np.ascontiguousarray(array[tuple(slice(step // 2, None, step) for step in steps)])
+    finite = spread[np.isfinite(spread)]
+    # Where finite voxels are so few that the steps missed them all, look at every one.
     sample: np.ndarray = (finite if finite.size else array[np.isfinite(array)]).astype(np.float64)
     return sample

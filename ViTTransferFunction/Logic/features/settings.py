@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-FORMAT_VERSION = 6
+FORMAT_VERSION = 7
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 
 

@@ -25,7 +25,7 @@ def intensity_levels(scan: Volume) -> np.ndarray:
     """The intensity that each grey level stands for, (256,) float64, increasing; between them, linear."""
     window = percentile_window(scan, OUTLIERS_PERCENT)
     edges = np.linspace(window.low, window.high, BINS + 1)
-    counts, _ = np.histogram(finite_sample(scan.array), edges)
+    counts, _ = np.histogram(finite_sample(scan), edges)
     frequent = np.concatenate([[0.0], np.cumsum(counts)]) / max(counts.sum(), 1)
     share = 0.5 * np.linspace(0.0, 1.0, BINS + 1) + 0.5 * frequent
     levels: np.ndarray = np.interp(np.linspace(0.0, share[-1], LEVELS), share, edges)

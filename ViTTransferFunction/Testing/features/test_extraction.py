@@ -28,7 +28,7 @@ from ViTTransferFunction.Logic.features.vision_transformer import VisionTransfor
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
-from ViTTransferFunction.Testing.support.volumes import volume_of
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
 WINDOW = IntensityWindow(0.0, 1.0)
 
@@ -176,26 +176,11 @@ def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], m
     expected = extract_features(Volume(array, geometry), network, settings).array
 
     stored = Orientation((order[0], order[1], order[2]), mirrored)
-    stored_array = np.ascontiguousarray(stored.to_canonical(array))
-    features = extract_features(Volume(stored_array, stored_geometry(geometry, stored)), network, settings).array
+    features = extract_features(stored_as(Volume(array, geometry), stored), network, settings).array
 
     restored = np.empty(expected.shape, expected.dtype)
     stored.to_canonical(restored)[...] = features
     np.testing.assert_array_equal(restored, expected)
-
-
-def stored_geometry(geometry: Geometry, stored: Orientation) -> Geometry:
-    """Geometry of `stored.to_canonical(array)`, of an array on `geometry`."""
-    shape = stored.canonical_shape(geometry.shape)
-    matrix = np.eye(4)
-    for column, axis in enumerate(reversed(range(3))):
-        source = 2 - stored.order[axis]
-        matrix[:3, column] = geometry.ijk_to_ras[:3, source] * (-1.0 if stored.mirrored[axis] else 1.0)
-    first = [0.0, 0.0, 0.0]
-    for axis in range(3):
-        first[2 - stored.order[axis]] = shape[axis] - 1.0 if stored.mirrored[axis] else 0.0
-    matrix[:3, 3] = geometry.ijk_to_ras_points(np.array([first]))[0]
-    return Geometry(shape, matrix)
 
 
 def test_canonical_axes_point_to_inferior_posterior_and_left() -> None:

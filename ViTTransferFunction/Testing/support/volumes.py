@@ -5,9 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.orientation import Orientation
 from ViTTransferFunction.Logic.core.volume import Volume
 
 
 def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
     """A volume with the content of `array` (K, J, I), its first voxel at the origin and its axes those of the patient."""
     return Volume(array, Geometry(array.shape, np.diag([*spacing_ijk, 1.0])))
+
+
+def stored_as(volume: Volume, stored: Orientation) -> Volume:
+    """The same scan in the same place with its voxels in the order of `stored.to_canonical`."""
+    array = np.ascontiguousarray(stored.to_canonical(volume.array))
+    matrix = np.eye(4)
+    first = np.zeros(3)
+    for axis, (source, mirrored) in enumerate(zip(stored.order, stored.mirrored, strict=True)):
+        matrix[:3, 2 - axis] = volume.geometry.ijk_to_ras[:3, 2 - source] * (-1.0 if mirrored else 1.0)
+        first[2 - source] = array.shape[axis] - 1.0 if mirrored else 0.0
+    matrix[:3, 3] = volume.geometry.ijk_to_ras_points(first[None])[0]
+    return Volume(array, Geometry(array.shape, matrix), volume.name)

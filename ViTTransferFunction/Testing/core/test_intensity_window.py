@@ -1,0 +1,32 @@
+"""Which voxels a volume's intensity windows are chosen by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core import intensity_window
+from ViTTransferFunction.Logic.core.intensity_window import finite_sample
+from ViTTransferFunction.Logic.core.orientation import Orientation
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+@pytest.mark.parametrize("mirrored", [(False, False, False), (True, True, True), (False, True, False)])
+def test_a_scan_is_looked_at_all_over_and_alike_however_it_is_stored(
+    order: tuple[int, int, int], mirrored: tuple[bool, bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every n-th voxel of the flattened array would be one of a single plane: each across I has as many as are looked at."""
+    monkeypatch.setattr(intensity_window, "SAMPLE_SIZE", 2000)
+    scan = volume_of(np.arange(30.0) + np.random.default_rng(0).random((40, 50, 30)))
+    sample = finite_sample(scan)
+    assert 1000 < len(sample) <= 2000
+    np.testing.assert_allclose(np.percentile(sample, (5, 50, 95)), np.percentile(scan.array, (5, 50, 95)), atol=1.0)
+    np.testing.assert_array_equal(finite_sample(stored_as(scan, Orientation(order, mirrored))), sample)
+
+
+def test_the_few_voxels_that_are_finite_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(intensity_window, "SAMPLE_SIZE", 10)
+    array = np.full((10, 12, 14), np.nan)
+    array[0, 0, 0], array[9, 11, 13] = 1.0, 2.0
+    assert sorted(finite_sample(volume_of(array))) == [1.0, 2.0]
