@@ -62,9 +62,7 @@ class GridLayout:
         Raises:
             InputError: the grid would be too large to hold.
         """
-        # Larger than the volume is as large as the volume; said here so that an infinite ratio needs no case of its own.
-        edges = [max(1, round(min(sigma_spatial_mm / s, n))) for s, n in zip(spacing_mm, voxels, strict=True)]
-        layout = cls(voxels, (edges[0], edges[1], edges[2]), math.floor(min(1.0 / sigma_luma, 2.0**31) + 0.5) + 1)
+        layout = cls._of_sigmas(voxels, spacing_mm, sigma_spatial_mm, sigma_luma)
         if layout.dense_cells > MAX_DENSE_CELLS:
             raise InputError(
                 f"sigma_spatial_mm {sigma_spatial_mm:g} and sigma_luma {sigma_luma:g} divide a volume of {voxels} voxels of "
@@ -72,6 +70,26 @@ class GridLayout:
                 f"{MAX_DENSE_CELLS:.3g}. Raise either sigma, or refine a smaller region."
             )
         return layout
+
+    @classmethod
+    def sigma_that_fits_mm(
+        cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
+    ) -> float:
+        """`sigma_spatial_mm`, or about the least one beyond it, for which `of_sigmas` has a layout."""
+        longest_mm = max(n * s for n, s in zip(voxels, spacing_mm, strict=True))
+        fits = sigma_spatial_mm
+        while fits < longest_mm and cls._of_sigmas(voxels, spacing_mm, fits, sigma_luma).dense_cells > MAX_DENSE_CELLS:
+            fits *= 1.05
+        return fits
+
+    @classmethod
+    def _of_sigmas(
+        cls, voxels: tuple[int, int, int], spacing_mm: tuple[float, float, float], sigma_spatial_mm: float, sigma_luma: float
+    ) -> GridLayout:
+        """As `of_sigmas`, however large."""
+        # Larger than the volume is as large as the volume; said here so that an infinite ratio needs no case of its own.
+        edges = [max(1, round(min(sigma_spatial_mm / s, n))) for s, n in zip(spacing_mm, voxels, strict=True)]
+        return cls(voxels, (edges[0], edges[1], edges[2]), math.floor(min(1.0 / sigma_luma, 2.0**31) + 0.5) + 1)
 
     @property
     def cells(self) -> tuple[int, int, int]:

@@ -181,12 +181,18 @@ def _solve(
     threshold: float,
     between: Between,
 ) -> None:
-    """Put the bilateral solver's answer into the target; it smooths over most of a feature cell, and two voxels at least."""
+    """Put the bilateral solver's answer into the target.
+
+    It smooths over most of a feature cell, and two voxels at least; over more where a large structure's grid would be too fine.
+    """
     import torch
 
+    from .bilateral_grid import GridLayout
     from .bilateral_solver import BilateralSolverSettings, refine_map
 
+    (k, j, i), (mm_k, mm_j, mm_i) = target.shape, spacing_mm.tolist()
     sigma_mm = max(SIGMA_SHARE_OF_CELL * cell_edge_mm, 2.0 * float(spacing_mm.min()))
+    sigma_mm = GridLayout.sigma_that_fits_mm((k, j, i), (mm_k, mm_j, mm_i), sigma_mm, BilateralSolverSettings.sigma_luma)
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
     tensors = torch.from_numpy(target), torch.from_numpy(intensities)

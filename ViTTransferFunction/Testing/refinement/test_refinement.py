@@ -10,8 +10,17 @@ from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
+from ViTTransferFunction.Logic.refinement import bilateral_grid
+from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
-from ViTTransferFunction.Logic.refinement.refinement import REFINEMENT_METHODS, RefinementMethod, class_window, refine
+from ViTTransferFunction.Logic.refinement.refinement import (
+    REFINEMENT_METHODS,
+    SIGMA_SHARE_OF_CELL,
+    RefinementMethod,
+    class_window,
+    refine,
+)
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
@@ -79,6 +88,22 @@ def test_refinement_brings_the_surface_to_the_images_edge(method: RefinementMeth
     intensities, inside, similarity = ball_and_its_map()
     unrefined = dice(refined(intensities, similarity, "none") > 0.35, inside)
     assert dice(refined(intensities, similarity, method) > 0.35, inside) > max(unrefined + 0.03, 0.93)
+
+
+def test_a_structure_whose_grid_would_be_too_fine_to_hold_is_smoothed_over_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    intensities, inside, similarity = ball_and_its_map()
+    monkeypatch.setattr(bilateral_grid, "MAX_DENSE_CELLS", 100_000)
+    assert dice(refined(intensities, similarity, "bilateral") > 0.35, inside) > 0.93
+
+
+def test_the_grid_of_the_largest_volume_in_the_finest_cells_can_be_held() -> None:
+    for edge in (350, 512, 533, 1024):
+        spacing = (1.0, 1.0, 1.0)
+        wanted = max(SIGMA_SHARE_OF_CELL * edge / LARGEST_GRID, 2.0)
+        fits = GridLayout.sigma_that_fits_mm((edge,) * 3, spacing, wanted, 10 / 255)
+        assert wanted < fits < 1.5 * wanted
+        GridLayout.of_sigmas((edge,) * 3, spacing, fits, 10 / 255)
+    assert GridLayout.sigma_that_fits_mm((256,) * 3, (1.0, 1.0, 1.0), 2.4, 10 / 255) == 2.4
 
 
 @pytest.mark.parametrize("method", REFINEMENT_METHODS)
