@@ -218,6 +218,6 @@ def _set_marks(least: np.ndarray, marks: Sequence[Mark]) -> None:
         away = sum(((x - at) / radius) ** 2 for x, at, radius in zip(offsets, mark.centre, mark.radii, strict=True))
         part[away <= 1.0] = 1 if mark.inside else WHOLE
     for mark in marks:
-        voxel = tuple(round(at) for at in mark.centre)
+        voxel = tuple(math.floor(at + 0.5) for at in mark.centre)
         if all(0 <= x < n for x, n in zip(voxel, least.shape, strict=True)):
             least[voxel] = 0 if mark.inside else WHOLE + 1

@@ -15,6 +15,7 @@ from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled
 from ViTTransferFunction.Testing.support.masks import box_mask, dice
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 WINDOW = IntensityWindow(0.0, 200.0)
 EDGE = 36
@@ -112,6 +113,17 @@ def test_marks_where_there_is_nothing_and_marks_beyond_the_volume_do_no_harm() -
     marks = [Mark(centre, (0.2, 0.2, 0.2), True) for centre in ((-3.0, 5.0, 5.0), (5.0, 90.0, 5.0), (2.0, 2.0, 2.4))]
     marked = after(truth, scan_of(truth, 5.0), *marks)
     assert np.argwhere(marked & ~ball(8.0)).tolist() == [[2, 2, 2]]
+
+
+@pytest.mark.parametrize("voxels", [1, 5 * EDGE**2, EDGE**3])
+def test_a_mark_between_two_voxels_is_of_the_one_that_holds_its_point(monkeypatch: pytest.MonkeyPatch, voxels: int) -> None:
+    monkeypatch.setattr(threshold_dynamics, "_VOXELS_HELD", voxels)
+    truth = ball(6.0)
+    marks = [Mark((k, 2.5, 3.5), (0.2, 0.2, 0.2), True) for k in (2.5, 5.5, 8.5)]
+    marked = after(truth, scan_of(truth, 5.0), *marks)
+    places = np.array([mark.centre[::-1] for mark in marks])
+    held = volume_of(truth.astype(np.uint8)).geometry.nearest_voxels(places)
+    np.testing.assert_array_equal(np.argwhere(marked & ~ball(8.0)), held)
 
 
 def test_the_share_of_the_neighbourhood_is_that_of_a_gaussian_of_one_voxel() -> None:
