@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,8 @@ class Volume:
     """Scalar intensities on a regular, possibly oblique and anisotropic, voxel grid.
 
     Attributes:
-        array: intensities, (K, J, I), any real dtype; may hold NaN or infinities.
+        array: intensities, (K, J, I), any real dtype; may hold NaN or infinities. Half and extended precision, and numbers in
+            another order of bytes, are converted, since neither SciPy nor PyTorch takes them everywhere.
         geometry: where the voxels lie, in RAS millimetres.
         name: what users call it; the file's stem, say.
         part_of: the volume of which it is a part, and like which it is looked at; None: it is a whole.
@@ -34,6 +36,7 @@ class Volume:
 
     def __post_init__(self) -> None:
         self._check_shape()
+        object.__setattr__(self, "array", self.array.astype(_computable(self.array.dtype), copy=False))
         self._check_values()
 
     @property
@@ -99,6 +102,14 @@ class Volume:
                 f"'{self.name}' has intensities from {minimum:g} to {maximum:g}, which cannot be told apart or held in single "
                 "precision. Save it with other units."
             )
+
+
+def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The dtype itself, or the nearest that everything computes with."""
+    if dtype.kind == "f" and dtype.itemsize not in (4, 8):
+        return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
+    native: np.dtype[Any] = dtype.newbyteorder("=")
+    return native
 
 
 def finite_range(array: np.ndarray) -> tuple[float, float]:

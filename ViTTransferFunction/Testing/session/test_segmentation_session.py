@@ -66,6 +66,22 @@ def test_a_refined_segment_leaves_out_what_was_clicked_as_not_its_own(
     assert (unsaid[voxel], own[voxel], of_another[voxel]) == (1, 0, 2)
 
 
+@pytest.mark.parametrize("dtype", ["u1", ">i2", "u4", "f2", "f8", "g"])
+def test_whatever_numbers_a_volume_comes_in_it_is_segmented_alike(
+    session: SegmentationSession, spheres: Spheres, dtype: str
+) -> None:
+    """All of these hold the intensities exactly."""
+    volume = spheres[0]
+    integers = np.clip(np.rint(volume.array), 0.0, 255.0)
+
+    def labels_of(array: np.ndarray) -> np.ndarray:
+        stored = SegmentationSession(Volume(array, volume.geometry), session.preset)
+        stored.use_features(session.features.source)
+        return stored.segment(requests_of(spheres)).labels
+
+    np.testing.assert_array_equal(labels_of(integers.astype(dtype)), labels_of(integers.astype(np.int16)))
+
+
 @pytest.mark.slow
 def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
     session: SegmentationSession, spheres: Spheres
