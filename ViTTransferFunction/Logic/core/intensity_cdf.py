@@ -1,6 +1,9 @@
-"""The empirical cumulative distribution function (CDF) of a volume's intensities: what share of its voxels is darker.
+"""The empirical cumulative distribution function (CDF) of a volume's intensities: roughly, what share of its voxels is darker.
 
-Values of the CDF do not depend on units and outliers, and tell apart best what is most frequent, in CT as in MR.
+Values of the CDF do not depend on units and outliers, and tell apart best what is most frequent, in CT as in MR. It is not to
+the letter what share is darker: a value that fills several of 512 quantiles by itself, such as the air of a CT or the padding
+around a scan, counts as one. So it takes no more room than others; and where there are few different values, as in 8 bits, the
+CDF grows about evenly with them.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ _NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0
 
 
 class IntensityCdf:
-    """The empirical CDF of one volume.
+    """The CDF of one volume.
 
     Args:
         volume: the intensities; voxels that are not finite are passed over.
@@ -28,7 +31,7 @@ class IntensityCdf:
         self._levels = np.unique(np.quantile(finite_sample(volume), np.linspace(0.0, 1.0, _LEVELS + 1)))
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
-        """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where nothing is finite."""
+        """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where they are NaN."""
         return self._cdf(np.nan_to_num(self._sample(self._volume.geometry.ras_to_ijk(points_ras)), nan=-np.inf))
 
     def around(self, points_ras: np.ndarray) -> np.ndarray:

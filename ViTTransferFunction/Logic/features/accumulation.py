@@ -28,7 +28,7 @@ class FeatureSums:
 
     def add(self, axis: int, sample: SliceSample, keys: Tensor) -> None:
         """Add the keys (rows, columns, C) of a slice across `axis` to the layers that it contributes to."""
-        # Rounded as the features will be, they add up exactly in float32, in any order: with weights of 1 and ½, not with 1/3.
+        # Rounded as the features will be, all but one in some ten thousand add up exactly in float32, with weights of 1 and ½.
         rounded = keys.to(self._sums.device).half().float()
         for layer, weight in sample.layers:
             self._sums.select(axis, layer).add_(rounded, alpha=weight)

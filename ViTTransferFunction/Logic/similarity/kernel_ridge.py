@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 FEATURE_SHARPNESS = 2.5
 """γ: how fast similarity falls with the angle between whitened features."""
 INTENSITY_SIGMA = 0.12
-"""σ_u, in units of the CDF: intensities are compared by the share of the volume's voxels that lie between them."""
+"""σ_u, in units of the CDF: intensities are compared by what share of the volume's voxels lies between them, about."""
 POSITION_SIGMA = 0.15
 """σ_x, as a share of the longest edge of the volume, or of that of which it is a part."""
 POSITION_WEIGHT = 0.5

@@ -21,3 +21,14 @@ def test_around_all_cells_of_a_grid_is_around_each_of_their_centres(cells: tuple
     volume = Volume(array, Geometry(array.shape, OBLIQUE))
     cdf, grid = IntensityCdf(volume), volume.geometry.resized(cells)
     np.testing.assert_allclose(cdf.around_cells(grid), cdf.around(grid.voxel_centres_ras()), atol=1e-6)
+
+
+def test_a_value_that_fills_half_of_the_volume_takes_no_more_room_than_others() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (20, 16, 12))
+    array[:10] = -1000.0
+    array[15, 8, 6] = 50.0
+    geometry = Geometry(array.shape, OBLIQUE)
+    cdf = IntensityCdf(Volume(array, geometry))
+    at_air, at_half = cdf.at(geometry.ijk_to_ras_points(np.array([[6.0, 8.0, 2.0], [6.0, 8.0, 15.0]])))
+    assert at_air == 0.0
+    assert at_half == pytest.approx(0.5, abs=0.05)
