@@ -37,7 +37,7 @@ from .classes import (
 )
 from .history import AnnotationHistory
 from .observers import SceneObservers
-from .point_lists import Point
+from .point_lists import Point, index_of_new_point
 from .volume import matrix_to_world
 
 Classes = tuple[ClassState, ...]
@@ -71,7 +71,8 @@ class SceneAnnotations:
         self._paused = 0
         self._last_grown: dict[str, str] = {}
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
-        self._placed_counts: dict[slicer.vtkMRMLMarkupsFiducialNode, int] = {}
+        # Of points that there are, and of those that were placed.
+        self._counts: dict[slicer.vtkMRMLMarkupsFiducialNode, tuple[int, int]] = {}
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
@@ -233,7 +234,7 @@ class SceneAnnotations:
         for node in lists:
             self._observers.observe(node, self._reactions())
         self._observers.keep_only(lists)
-        self._placed_counts = {node: node.GetNumberOfDefinedControlPoints() for node in lists}
+        self._counts = {node: (node.GetNumberOfControlPoints(), node.GetNumberOfDefinedControlPoints()) for node in lists}
         self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
@@ -277,18 +278,29 @@ class SceneAnnotations:
     def _on_placed(self, caller: vtk.vtkObject, event: str) -> None:
         if not self._listens:
             return
-        last = caller.GetNumberOfControlPoints() - 1
-        placed = np.array(caller.GetNthControlPointPositionWorld(last))
-        settled = self._settle(placed)
-        if settled is not placed:
-            self._paused += 1
-            caller.SetNthControlPointPositionWorld(last, *settled)
-            self._paused -= 1
+        known = {point for state in self.classes for point in (*state.positive, *state.negative)}
+        index = index_of_new_point(caller, known)
+        if index is not None:
+            placed = np.array(caller.GetNthControlPointPositionWorld(index))
+            settled = self._settle(placed)
+            if settled is not placed:
+                self._paused += 1
+                caller.SetNthControlPointPositionWorld(index, *settled)
+                self._paused -= 1
         self._on_step(caller, event)
 
     def _on_moved(self, caller: vtk.vtkObject, event: str) -> None:
-        """A point was dragged, or its coordinates typed; one that is new still hangs on the mouse, or is just being placed."""
-        if caller.GetNumberOfControlPoints() == self._placed_counts.get(caller):
+        """A point was dragged, say; one that hangs on the mouse, or is just being added, is heard of when it is placed."""
+        count, before = self._counts.get(caller, (0, 0))
+        placed = caller.GetNumberOfDefinedControlPoints()
+        if count != caller.GetNumberOfControlPoints() or placed != caller.GetNumberOfDefinedControlPoints(True):
+            return
+        # Slicer's table of points can unset one, and restore it without saying that it is placed.
+        if placed > before:
+            self._on_placed(caller, event)
+        elif placed < before:
+            self._on_step(caller, event)
+        else:
             self._on_passing(caller, event)
 
     def _on_step(self, caller: vtk.vtkObject, event: str) -> None:

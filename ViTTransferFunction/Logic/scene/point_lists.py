@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from difflib import SequenceMatcher
 from typing import Any
 
@@ -29,6 +29,15 @@ def points_and_properties(node: slicer.vtkMRMLMarkupsNode) -> tuple[tuple[Point,
     read = [getattr(node, f"GetNthControlPoint{name}") for name in _PROPERTIES]
     placed = [(_position(node, index), tuple(get(index) for get in read)) for index in _defined(node)]
     return tuple(point for point, _ in placed), dict(placed)
+
+
+def index_of_new_point(node: slicer.vtkMRMLMarkupsNode, known: Collection[Point]) -> int | None:
+    """Which control point was placed, and is none of the known ones: the last such one; None where there is none.
+
+    Most often it is the list's last; but where users unset points, Slicer has these placed anew first.
+    """
+    placed = (index for index in reversed(range(node.GetNumberOfControlPoints())) if _is_defined(node, index))
+    return next((index for index in placed if _position(node, index) not in known), None)
 
 
 def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], properties: PropertiesByPoint) -> None:
@@ -58,9 +67,11 @@ def set_points(node: slicer.vtkMRMLMarkupsNode, points: tuple[Point, ...], prope
 
 
 def _defined(node: slicer.vtkMRMLMarkupsNode) -> Iterator[int]:
-    for index in range(node.GetNumberOfControlPoints()):
-        if node.GetNthControlPointPositionStatus(index) == slicer.vtkMRMLMarkupsNode.PositionDefined:
-            yield index
+    return (index for index in range(node.GetNumberOfControlPoints()) if _is_defined(node, index))
+
+
+def _is_defined(node: slicer.vtkMRMLMarkupsNode, index: int) -> bool:
+    return bool(node.GetNthControlPointPositionStatus(index) == slicer.vtkMRMLMarkupsNode.PositionDefined)
 
 
 def _position(node: slicer.vtkMRMLMarkupsNode, index: int) -> Point:
@@ -81,5 +92,5 @@ def _place(node: slicer.vtkMRMLMarkupsNode, index: int, point: Point, properties
 def _remove_unplaced(node: slicer.vtkMRMLMarkupsNode) -> None:
     """One still hangs on the mouse, say."""
     for index in reversed(range(node.GetNumberOfControlPoints())):
-        if node.GetNthControlPointPositionStatus(index) != slicer.vtkMRMLMarkupsNode.PositionDefined:
+        if not _is_defined(node, index):
             node.RemoveNthControlPoint(index)

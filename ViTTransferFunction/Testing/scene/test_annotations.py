@@ -81,6 +81,42 @@ def test_coordinates_that_are_typed_into_slicers_table_count_and_can_be_undone(s
     assert session.classes[0].positive == ((0.0, 0.0, 0.0),)
 
 
+def test_points_that_are_unset_and_restored_in_slicers_table_go_and_come_back_by_steps(session: SceneSession) -> None:
+    state = session.annotations.add_class("liver")
+    node = session.annotations.points_node(state.id, positive=True)
+    for x in (0.0, 10.0, 20.0):
+        node.AddControlPointWorld(vtk.vtkVector3d(x, 0.0, 0.0))
+    node.UnsetNthControlPointPosition(0)
+    node.SetNthControlPointPositionMissing(1)
+    assert [point[0] for point in session.classes[0].positive] == [20.0]
+    node.SetNthControlPointPositionWorld(2, 21.0, 0.0, 0.0)
+    assert [point[0] for point in session.classes[0].positive] == [21.0]
+    node.RestoreNthControlPointPosition(1)
+    assert [point[0] for point in session.classes[0].positive] == [10.0, 21.0]
+    for left in ([21.0], [20.0], [10.0, 20.0], [0.0, 10.0, 20.0]):
+        session.annotations.undo()
+        assert [point[0] for point in session.classes[0].positive] == left
+
+
+@pytest.mark.parametrize("hangs", [True, False], ids=["by the mouse", "at once"])
+def test_a_point_that_was_unset_is_placed_anew_in_one_step_and_the_others_stay(slicer_app: Any, hangs: bool) -> None:
+    annotations = SceneAnnotations(
+        slicer_app.scene, add_parameter_node(slicer_app.scene), lambda: None, settle=lambda point_ras: point_ras + 1.0
+    )
+    state = annotations.add_class("liver")
+    annotations.add_points(state.id, np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]]), positive=True)
+    node = annotations.points_node(state.id, positive=True)
+    node.UnsetNthControlPointPosition(0)
+    if hangs:
+        node.SetNthControlPointPositionWorld(0, 3.0, 0.0, 0.0, node.PositionPreview)
+        assert annotations.classes[0].positive == ((10.0, 0.0, 0.0),)
+    node.SetNthControlPointPositionWorld(0, 5.0, 0.0, 0.0)
+    assert annotations.classes[0].positive == ((6.0, 1.0, 1.0), (10.0, 0.0, 0.0))
+    annotations.undo()
+    assert annotations.classes[0].positive == ((10.0, 0.0, 0.0),)
+    annotations.close()
+
+
 def table(node: Any) -> list[tuple[str, str, bool, bool, bool]]:
     """What Slicer's table of points shows beside coordinates."""
     return [
