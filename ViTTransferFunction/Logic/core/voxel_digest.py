@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,9 @@ from .stepped_work import Steps, slabs
 
 TOLERANCE_VOXELS = 0.01
 """How far a corner may lie from where it was: more than matrices lose when a file holds them as text, less than any shift."""
+
+LARGEST_USUAL_LABEL = np.iinfo(np.uint16).max
+"""Of ours, and of most others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +71,7 @@ def voxel_digests(labels: np.ndarray, geometry: Geometry, values: Collection[int
     """Digest the voxels of each of several labels.
 
     Args:
-        labels: (K, J, I), integers.
+        labels: (K, J, I), whole numbers of any type.
         geometry: of the labels.
         values: labels, from 1 up; those that no voxel has get the digest of nothing.
 
@@ -90,12 +93,29 @@ def label_boxes(labels: np.ndarray) -> Steps[dict[int, Box]]:
     boxes: dict[int, Box] = {}
     for slab in slabs(_all(labels)):
         part = labels[slab]
-        for value, found in enumerate(ndimage.find_objects(part), start=1):
-            if found is not None:
-                box = out_of(found, slab)
-                boxes[value] = common_box([boxes[value], box]) if value in boxes else box
+        for value, found in _found_in(part):
+            box = out_of(found, slab)
+            boxes[value] = common_box([boxes[value], box]) if value in boxes else box
         yield part.size
     return boxes
+
+
+def _found_in(labels: np.ndarray) -> Iterator[tuple[int, Box]]:
+    """The labels in an array, and the smallest box of each.
+
+    Segments that scripts write may be of floating point, and atlases have labels of nine digits, for each of which SciPy would
+    take memory, and for those below.
+    """
+    if labels.dtype.kind in "iu" and labels.max(initial=0) <= LARGEST_USUAL_LABEL:
+        names, numbers = None, labels
+    else:
+        names, numbers = np.unique(labels, return_inverse=True)
+        numbers = numbers.reshape(labels.shape) + 1
+    for number, found in enumerate(ndimage.find_objects(numbers), start=1):
+        value = number if names is None else names[number - 1].item()
+        # No label is a fraction, or no number at all.
+        if found is not None and value >= 1 and value % 1 == 0:
+            yield int(value), found
 
 
 def _digest(labels: np.ndarray, geometry: Geometry, value: int, box: Box) -> Steps[VoxelDigest]:

@@ -30,6 +30,16 @@ def test_it_does_not_matter_how_voxels_are_stored(low: tuple[int, int, int], hig
     assert digest_of(stored, label, moved).is_like(digest_of(MASK.astype(np.uint8)))
 
 
+@pytest.mark.parametrize(("dtype", "label"), [(np.float32, 1), (np.float64, 7), (np.int8, 1), (np.uint32, 614_454_277)])
+def test_labels_may_be_of_any_type_and_size(dtype: type, label: int) -> None:
+    stored = MASK.astype(dtype) * dtype(label)
+    stored[0, 0, 0] = label + 1
+    if dtype in (np.float32, np.float64):
+        stored[0, 0, 1:5] = 0.5, np.nan, np.inf, -1.0
+    assert digest_of(stored, label).is_like(digest_of(MASK.astype(np.uint8)))
+    assert list(finished(label_boxes(stored))) == [label, label + 1]
+
+
 @pytest.mark.parametrize("place", [(1, 2, 1), (2, 3, 3), (0, 0, 0), (4, 5, 6)])
 def test_one_voxel_more_or_less_is_a_difference(place: tuple[int, int, int]) -> None:
     changed = MASK.copy()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.scene.outside_points import outside_points
@@ -14,7 +15,7 @@ from ViTTransferFunction.Logic.scene.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segment_tags import CORRECTED_TAG, set_tag
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, put_under
-from ViTTransferFunction.Testing.support.segments import SHAPE, block, output, positions_of, rounded, write_segments
+from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, output, positions_of, rounded, write_segments
 
 
 @pytest.fixture
@@ -46,6 +47,19 @@ def test_points_lie_in_the_segment_also_where_it_was_moved(a_segmentation: Any, 
     assert points is not None
     assert len(points) == 3
     assert set(rounded(points)) <= set(positions_of(block(1, 4), a_volume))
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int16])
+def test_points_are_found_in_a_segment_that_a_script_made_whatever_the_type_of_its_voxels(
+    session: SceneSession, a_segmentation: Any, a_volume: Any, dtype: type[np.number[Any]]
+) -> None:
+    segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE, dtype)
+    labelmap = a_segmentation.GetSegmentation().GetSegment(segment_id).GetRepresentation(LABELMAP)
+    assert vtk_to_numpy(labelmap.GetPointData().GetScalars()).dtype == dtype
+    session.continue_segment(segment_id)
+    session.wait()
+    (state,) = session.classes
+    assert set(rounded(np.array(state.positive))) <= set(positions_of(block(1, 4), a_volume))
 
 
 def test_points_are_found_anew_when_voxels_change_and_only_then(a_segmentation: Any, a_volume: Any) -> None:

@@ -77,16 +77,19 @@ def put_under(node: Any, matrix: np.ndarray) -> Any:
     return transform
 
 
-def add_segment(segmentation_node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray) -> str:
+def add_segment(
+    segmentation_node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray, dtype: type[np.number[Any]] = np.uint8
+) -> str:
     """Add a segment as another module would, by Slicer's own function; its id is its name.
 
     Args:
         mask: (K, J, I).
         ijk_to_ras: of the mask's grid, to the segmentation's local frame.
+        dtype: that its voxels are kept in.
     """
     labelmap = slicer.vtkOrientedImageData()
     labelmap.SetDimensions(*mask.shape[::-1])
-    labelmap.GetPointData().SetScalars(numpy_to_vtk(mask.astype(np.uint8).ravel(), deep=True))
+    labelmap.GetPointData().SetScalars(numpy_to_vtk(mask.astype(dtype).ravel(), deep=True))
     labelmap.SetGeometryFromImageToWorldMatrix(vtk_matrix(ijk_to_ras))
     segment_id = segmentation_node.GetSegmentation().AddEmptySegment(name, name)
     slicer.vtkSlicerSegmentationsModuleLogic.SetBinaryLabelmapToSegment(labelmap, segmentation_node, segment_id)
