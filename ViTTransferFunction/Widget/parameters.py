@@ -5,9 +5,12 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import qt
+import slicer
+import vtk
 from slicer.parameterNodeWrapper import Choice, WithinRange, parameterNodeWrapper
 
 from ViTTransferFunction.Logic.scene.choices import RANGES, choices, make_possible
+from ViTTransferFunction.Logic.scene.observers import SceneObservers
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Logic.session.presets import PRESETS
 
@@ -57,12 +60,23 @@ class BoundParameters:
         _word_choices(ui)
         self._selectors = (ui.volumeSelector, ui.segmentationSelector)
         self._silence_selectors(False)
+        self._observers = SceneObservers()
+        scene = slicer.mrmlScene
+        self._observers.observe(scene, [(scene.NodeAboutToBeRemovedEvent, self._on_node_going)])
 
     def release(self) -> None:
         """Leave widgets and node to themselves."""
+        self._observers.remove_all()
         # When a scene was added, Slicer's selectors list its nodes anew, and say that none is chosen.
         self._silence_selectors(True)
         self._parameters.disconnectGui(self._tag)
+
+    @vtk.calldata_type(vtk.VTK_OBJECT)
+    def _on_node_going(self, caller: vtk.vtkObject, event: str, node: Any) -> None:
+        """Where it is the chosen one, none is: by themselves, Slicer's selectors choose the one beside it in their list."""
+        for selector in self._selectors:
+            if selector.currentNode() is node:
+                selector.setCurrentNode(None)
 
     def _silence_selectors(self, silent: bool) -> None:
         for selector in self._selectors:

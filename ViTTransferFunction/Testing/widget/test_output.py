@@ -130,6 +130,17 @@ def test_a_tested_application_is_not_asked_and_keeps_corrections(widget: Any) ->
     assert ask_about_corrections(("liver",)) == "keep"
 
 
+def test_where_the_chosen_segmentation_is_deleted_none_of_others_gets_the_segments(
+    widget: Any, segmentation: Any, slicer_app: Any
+) -> None:
+    chosen = slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode")
+    widget.ui.segmentationSelector.setCurrentNode(chosen)
+    assert widget.panel.session.parameters.segmentation is chosen
+    slicer_app.scene.RemoveNode(chosen)
+    assert widget.panel.session.parameters.segmentation is None
+    assert widget.ui.segmentationSelector.currentNode() is None
+
+
 def test_segments_are_shown_in_3d_as_by_slicers_own_button(widget: Any, segmentation: Any) -> None:
     ui, segments = widget.ui, segmentation.GetSegmentation()
     assert not ui.show3DButton.isEnabled()

@@ -71,6 +71,17 @@ def test_of_several_volumes_none_is_guessed(widget: Any, volume: Any, slicer_app
     assert widget.panel.session.parameters.volume is None
 
 
+@pytest.mark.parametrize("chosen", range(3))
+def test_where_the_chosen_volume_is_deleted_no_other_one_takes_its_place(
+    widget: Any, slicer_app: Any, spheres: Spheres, chosen: int
+) -> None:
+    volumes = [add_volume(slicer_app.scene, spheres[0]) for _ in range(3)]
+    widget.ui.volumeSelector.setCurrentNode(volumes[chosen])
+    slicer_app.scene.RemoveNode(volumes[chosen])
+    assert widget.panel.session.parameters.volume is None
+    assert widget.ui.volumeSelector.currentNode() is None
+
+
 def test_what_a_download_is_and_that_this_is_research_is_said_before_it(host: Host) -> None:
     from ViTTransferFunction.Logic.scene.feature_wording import download_question
 

@@ -6,8 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import slicer
+import vtk
 from PySide6.QtCore import Property, QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QWidget
+
+_LAST = -10.0
+"""After all who do not say when they want to hear of it."""
 
 
 class qMRMLNodeComboBox(QWidget):  # noqa: N801
@@ -39,6 +43,8 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         reactions["EndImportEvent"] = self._fill_anew
         self._tags = [self._observe(name, react) for name, react in reactions.items()] if scene else []
         if scene:
+            self._tags.append(scene.AddObserver(slicer.vtkMRMLScene.NodeAboutToBeRemovedEvent, self._take_out, _LAST))
+        if scene:
             self._fill()
 
     def mrmlScene(self) -> Any:  # noqa: N802
@@ -57,6 +63,14 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
     def _observe(self, event: str, react: Callable[[], None]) -> int:
         tag: int = self._scene.AddObserver(getattr(slicer.vtkMRMLScene, event), lambda *_: react())
         return tag
+
+    @vtk.calldata_type(vtk.VTK_OBJECT)
+    def _take_out(self, scene: Any, event: str, node: Any) -> None:
+        """A node is removed: where it was the one that is chosen, Qt chooses one beside it, and that is announced."""
+        if node in self._nodes and not scene.IsClosing():
+            index = self._nodes.index(node)
+            del self._nodes[index]
+            self._combo_box.removeItem(index)
 
     def _fill_anew(self) -> None:
         """Slicer's takes all nodes out of its list when a scene was added, and so forgets which one was chosen."""
