@@ -6,7 +6,7 @@ application counts as one placed here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Literal
@@ -147,6 +147,16 @@ class SceneAnnotations:
         """Have a class looked at in a box of the volume, or in the whole (None); see `ClassState`."""
         with self._edit():
             write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+
+    def move_close_ups(self, close_ups: Mapping[str, CloseUpBox]) -> None:
+        """Have boxes elsewhere, by class id, since a transform has moved what is in them: no step for undo, as that is none."""
+        self._paused += 1
+        for id_, close_up in close_ups.items():
+            write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+        self._paused -= 1
+        self.refresh()
+        self._history.correct(self.classes)
+        self._on_change()
 
     def step_size(self, id_: str, direction: Literal[-1, 1]) -> None:
         """Make a class one step smaller (−1) or larger (1)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..compute.proxy import SegmentationProxy
@@ -15,6 +17,17 @@ from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems
 from .volume import matrix_to_world
+
+_SAME_MM = 1e-3
+"""Points that a transform has moved are rounded by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where the points of a class are: (N, 3) RAS millimetres, and (4, 4) the transforms that their list is under."""
+
+    points: np.ndarray
+    to_world: np.ndarray
 
 
 class SceneCloseUps:
@@ -42,6 +55,7 @@ class SceneCloseUps:
         self._proxy = proxy
         self._problems = problems
         self._shown: dict[str, CloseUpBox | None] = {}
+        self._places: dict[str, _Place] = {}
 
     def look_closer(self, id_: str, requests: ClassRequests) -> None:
         """Have a class looked at in a box around it as it is shown now.
@@ -83,6 +97,38 @@ class SceneCloseUps:
             return None if state.close_up is None else state.close_up[3:]
         return request.close_up.enlarged(content.geometry, request.positive).size_mm
 
+    def go_along(self) -> None:
+        """Move boxes whose points a transform has moved since the last call, with the volume say.
+
+        Not at once: a transform that is hardened moves points twice, there and back, and no box.
+        """
+        before, self._places = self._places, {}
+        moved: dict[str, CloseUpBox] = {}
+        for state in self._annotations.classes:
+            if state.close_up is None or (now := self._place(state)) is None:
+                continue
+            self._places[state.id] = now
+            change = _change(before.get(state.id), now)
+            if change is not None:
+                moved[state.id] = _moved(state.close_up, change)
+                shown = self._shown.get(state.id)
+                self._shown[state.id] = None if shown is None else _moved(shown, change)
+        if moved:
+            self._annotations.move_close_ups(moved)
+
+    def forget(self) -> None:
+        """The scene is another one, in which nothing was moved."""
+        self._places.clear()
+        self._shown.clear()
+
+    def _place(self, state: ClassState) -> _Place | None:
+        """None where no matrix says the transforms."""
+        try:
+            to_world = matrix_to_world(self._annotations.points_node(state.id, positive=True))
+        except InputError:
+            return None
+        return _Place(np.array(state.positive).reshape(-1, 3), to_world)
+
     def remember_shown(self) -> None:
         """Remember which box each class is shown in, of those whose maps are there as they were asked for."""
         awaited = self._proxy.awaiting_close_ups
@@ -98,3 +144,17 @@ class SceneCloseUps:
                 shown = self._shown.get(state.id)
                 # Where a point enlarged the box that it is shown in, there is none to go back to.
                 self._annotations.set_close_up(state.id, shown if shown != state.close_up else None)
+
+
+def _change(before: _Place | None, now: _Place) -> np.ndarray | None:
+    """(4, 4): how a transform has moved a class's points; None where it has not."""
+    if before is None or (before.to_world == now.to_world).all() or before.points.shape != now.points.shape:
+        return None
+    change = now.to_world @ np.linalg.inv(before.to_world)
+    went_along = np.allclose(transform_points(change, before.points), now.points, rtol=0.0, atol=_SAME_MM)
+    return change if went_along else None
+
+
+def _moved(close_up: CloseUpBox, change: np.ndarray) -> CloseUpBox:
+    x, y, z = transform_points(change, np.array(close_up[:3]))[0].tolist()
+    return (x, y, z, *close_up[3:])

@@ -348,7 +348,10 @@ class SceneSession:
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
-        looked, self._look_due = self._look_due and self._left_behind.look(), False
+        look_due, self._look_due = self._look_due, False
+        looked = look_due and self._left_behind.look()
+        if look_due:
+            self._close_ups.go_along()
         came_to_rest = was_busy and not self.busy
         if events or writing or segments_changed or looked or came_to_rest:
             self._notify()
@@ -417,6 +420,7 @@ class SceneSession:
 
     def _on_other_scene(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
         self.annotations.restart()
+        self._close_ups.forget()
         self._hints.forget()
         self._other_segments.forget()
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.close_up import CloseUp
+from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volume import vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import cache_known_close_up
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres, put_under, segment_masks
@@ -70,6 +72,59 @@ def test_a_moved_volume_takes_the_box_of_a_later_look_along(session: SceneSessio
     after = session.classes[0].close_up
     assert after is not None
     assert after[0] == pytest.approx(before[0] + 100.0, abs=5.0)
+
+
+TURN = np.array([[0.8, -0.6, 0.0, 100.0], [0.6, 0.8, 0.0, -20.0], [0.0, 0.0, 1.0, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@pytest.fixture
+def under_transform(session: SceneSession, spheres: Spheres) -> tuple[tuple[float, ...], Any]:
+    """The box in which the first class is looked at, and a transform to move volume and points by."""
+    (id_, *_) = annotate(session, spheres)
+    transform = put_under(session.parameters.volume, np.eye(4))
+    for node in lists_of(session):
+        node.SetAndObserveTransformNodeID(transform.GetID())
+    session.look_closer(id_)
+    know_close_up(session, spheres)
+    session.wait()
+    box = session.classes[0].close_up
+    assert box is not None
+    return box, transform
+
+
+def lists_of(session: SceneSession) -> list[Any]:
+    return [session.annotations.points_node(state.id, positive) for state in session.classes for positive in (True, False)]
+
+
+def test_a_box_goes_along_with_its_points_and_stays_where_these_stay(
+    session: SceneSession, under_transform: tuple[tuple[float, ...], Any]
+) -> None:
+    box, transform = under_transform
+    for share in (0.5, 1.0):
+        matrix = TURN.copy()
+        matrix[:3, 3] *= share
+        transform.SetMatrixTransformToParent(vtk_matrix(matrix))
+    session.wait()
+    moved = session.classes[0].close_up
+    assert moved == pytest.approx((*transform_points(TURN, np.array(box[:3]))[0], *box[3:]))
+    # Of features that are not in the cache, an error would tell.
+    assert session.take_error() is None
+    assert not session.annotations.can_undo
+    for node in [session.parameters.volume, *lists_of(session)]:
+        node.HardenTransform()
+    session.wait()
+    assert session.classes[0].close_up == moved
+
+
+def test_a_box_of_another_scene_is_where_that_has_it(
+    slicer_app: Any, session: SceneSession, under_transform: tuple[tuple[float, ...], Any]
+) -> None:
+    box, transform = under_transform
+    slicer_app.scene.StartState(slicer_app.scene.RestoreState)
+    transform.SetMatrixTransformToParent(vtk_matrix(TURN))
+    slicer_app.scene.EndState(slicer_app.scene.RestoreState)
+    session.wait()
+    assert session.classes[0].close_up == box
 
 
 def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session: SceneSession, spheres: Spheres) -> None:
