@@ -150,10 +150,9 @@ class SceneAnnotations:
 
     def move_close_ups(self, close_ups: Mapping[str, CloseUpBox]) -> None:
         """Have boxes elsewhere, by class id, since a transform has moved what is in them: no step for undo, as that is none."""
-        self._paused += 1
-        for id_, close_up in close_ups.items():
-            write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
-        self._paused -= 1
+        with self._unheard():
+            for id_, close_up in close_ups.items():
+                write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
         self.refresh()
         self._history.correct(self.classes)
         self._on_change()
@@ -250,10 +249,9 @@ class SceneAnnotations:
     def refresh_and_record(self) -> None:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
         if not self._paused:
-            self._paused += 1
-            remove_widowed_lists(self._scene, self._negative)
-            self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
-            self._paused -= 1
+            with self._unheard():
+                remove_widowed_lists(self._scene, self._negative)
+                self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
             self._changed(None)
 
     @property
@@ -294,9 +292,8 @@ class SceneAnnotations:
             placed = np.array(caller.GetNthControlPointPositionWorld(index))
             settled = self._settle(placed)
             if settled is not placed:
-                self._paused += 1
-                caller.SetNthControlPointPositionWorld(index, *settled)
-                self._paused -= 1
+                with self._unheard():
+                    caller.SetNthControlPointPositionWorld(index, *settled)
         self._on_step(caller, event)
 
     def _on_moved(self, caller: vtk.vtkObject, event: str) -> None:
@@ -329,12 +326,18 @@ class SceneAnnotations:
         """Change nodes without reacting to every single step, then react once."""
         if not continued:
             self._history.seal()
+        with self._unheard():
+            yield
+        self._changed(kind)
+
+    @contextmanager
+    def _unheard(self) -> Iterator[None]:
+        """Change nodes without reacting to it."""
         self._paused += 1
         try:
             yield
         finally:
             self._paused -= 1
-        self._changed(kind)
 
     def _changed(self, kind: str | None) -> None:
         before = self.classes
@@ -344,17 +347,16 @@ class SceneAnnotations:
 
     def _restore(self, states: Classes) -> None:
         """Bring the scene's classes to `states`."""
-        self._paused += 1
-        present = {class_id(node): node for node in class_nodes(self._parameter_node)}
-        for id_ in present.keys() - {state.id for state in states}:
-            remove_class(self._scene, present[id_])
-        for state in states:
-            if state.id in present:
-                write_class(self._scene, present[state.id], state)
-            else:
-                create_class(self._scene, self._parameter_node, state)
-        order_classes(self._parameter_node, [state.id for state in states])
-        self._paused -= 1
+        with self._unheard():
+            present = {class_id(node): node for node in class_nodes(self._parameter_node)}
+            for id_ in present.keys() - {state.id for state in states}:
+                remove_class(self._scene, present[id_])
+            for state in states:
+                if state.id in present:
+                    write_class(self._scene, present[state.id], state)
+                else:
+                    create_class(self._scene, self._parameter_node, state)
+            order_classes(self._parameter_node, [state.id for state in states])
         self.refresh()
         # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
         self._history.correct(self.classes)

@@ -44,7 +44,6 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         self._tags = [self._observe(name, react) for name, react in reactions.items()] if scene else []
         if scene:
             self._tags.append(scene.AddObserver(slicer.vtkMRMLScene.NodeAboutToBeRemovedEvent, self._take_out, _LAST))
-        if scene:
             self._fill()
 
     def mrmlScene(self) -> Any:  # noqa: N802
