@@ -28,6 +28,7 @@ import numpy as np
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.torch_arrays import tensor_of
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.sources import WeightsFile, WeightsUnavailable, fetch_weights
@@ -193,8 +194,6 @@ def _expect(what: str, got: str, expected: str) -> None:
 
 def _state_dict(model: bytes) -> dict[str, Tensor]:
     """The backbone's parameters under the published DINOv2 names."""
-    import torch
-
     parameters = _parameters(model)
     arrays = {
         "cls_token": parameters["embeddings.cls_token"],
@@ -204,7 +203,7 @@ def _state_dict(model: bytes) -> dict[str, Tensor]:
     }
     for index in range(_DEPTH):
         arrays |= _block(parameters, f"encoder.layer.{index}", f"blocks.{index}")
-    return {name: torch.from_numpy(np.array(array, dtype=np.float32)) for name, array in arrays.items()}
+    return {name: tensor_of(np.array(array, dtype=np.float32)) for name, array in arrays.items()}
 
 
 def _block(parameters: dict[str, np.ndarray], package: str, published: str) -> dict[str, np.ndarray]:

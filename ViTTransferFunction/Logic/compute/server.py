@@ -7,13 +7,14 @@ whatever else is.
 from __future__ import annotations
 
 import faulthandler
+import io
 import os
 import queue
 import sys
 import threading
 import traceback
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -163,16 +164,17 @@ def _fatal_if_it_fails(work: Callable[[], None]) -> None:
     except BaseException:
         # Also where the reason cannot be written, on a full disk say.
         try:
-            traceback.print_exc()
-            sys.stderr.flush()
+            errors = sys.__stderr__ or sys.stderr
+            traceback.print_exc(file=errors)
+            errors.flush()
         finally:
             os._exit(1)
 
 
 def _import_torch() -> None:
     """Takes a second or two, in which the volume may be handed over, or still be chosen."""
-    # Where it fails, who needs it says so.
-    with suppress(Exception):
+    # Where it fails, who needs it says so. What it says of another NumPy than its own is not why the process dies one day.
+    with suppress(Exception), redirect_stderr(io.StringIO()):
         import torch  # noqa: F401
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError
@@ -14,6 +15,8 @@ DEVICE_NAMES = ("auto", "cpu", "cuda", "mps")
 
 def choose_device(name: str) -> torch.device:
     """The PyTorch device called `name`; "auto" takes CUDA, else Apple's MPS, else the CPU.
+
+    Programs for Intel's processors are not given MPS unless they ask: there it computes wrong numbers, or ends the process.
 
     Raises:
         InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing.
@@ -28,7 +31,9 @@ def choose_device(name: str) -> torch.device:
 
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
     if name == "auto":
-        return torch.device(next(device for device, there in available.items() if there))
+        # Such a program is all that Rosetta lets run on Apple's processors; it is told that it runs on Intel's.
+        sound = available | {"mps": available["mps"] and platform.machine() == "arm64"}
+        return torch.device(next(device for device, there in sound.items() if there))
     if not available[name]:
         raise InputError(
             f"PyTorch cannot compute on {name} on this computer; choose another device: auto, or cpu (the processor)."

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..core.geometry import Geometry
 from ..core.progress import Progress, no_progress
+from ..core.torch_arrays import array_of
 from ..core.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import FeatureSums
@@ -97,5 +98,5 @@ class FeatureRun:
         # Each layer is written where it belongs: there is never a second volume of features.
         array = np.empty((*self.plan.patches_geometry.shape, self._channels), dtype=np.float16)
         for place, layer in zip(self.plan.orientation.to_canonical(array), self._sums.means(), strict=True):
-            place[...] = layer.numpy()
+            place[...] = array_of(layer)
         return FeatureVolume(array, self.plan.patches_geometry, self._key, self._cells)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from ..core.torch_arrays import array_of, tensor_of
 from .line_resizing import resizing_matrix
 from .slice_sampling import layer_centre
 
@@ -29,7 +30,7 @@ def interpolated_layers(
         yield from layers
         return
     to_rows, to_columns = (resizing_matrix(present[axis], shape[axis]) for axis in (1, 2))
-    remaining = (torch.from_numpy(layer) for layer in layers)
+    remaining = (tensor_of(layer) for layer in layers)
     lower = next(remaining)
     upper, number = next(remaining, lower), 0
     for k in range(shape[0]):
@@ -37,4 +38,4 @@ def interpolated_layers(
         while number < int(position):
             lower, upper, number = upper, next(remaining, upper), number + 1
         between = torch.lerp(lower, upper, position - number)
-        yield (to_columns @ (to_rows @ between.flatten(1)).unflatten(1, between.shape[1:])).numpy()
+        yield array_of(to_columns @ (to_rows @ between.flatten(1)).unflatten(1, between.shape[1:]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.intensity_window import ChannelWindows
+from ..core.torch_arrays import tensor_of
 from .background_tokens import TokenSelection
 from .line_resizing import resizing_matrix
 from .slice_sampling import slice_at
@@ -52,17 +53,15 @@ class SlicePatches:
 
     def tokens(self, position: float, chosen: TokenSelection) -> PatchTokens:
         """The chosen patches of the slice at `position`, as the network takes them."""
-        import torch
-
         from .packed_slices import PatchTokens
 
-        channels = torch.from_numpy(self._channels(slice_at(self._array, self._axis, position)))
+        channels = tensor_of(self._channels(slice_at(self._array, self._axis, position)))
         image = self._to_rows @ channels.to(self._to_rows.device) @ self._to_columns.T
         size = self._patch_size
         patches = image.reshape(3, self.rows, size, self.columns, size).permute(1, 3, 0, 2, 4)
         if len(chosen.places) == self.rows * self.columns:
             return PatchTokens(patches.reshape(self.rows * self.columns, -1), self.rows, self.columns)
-        places, multiplicity = torch.from_numpy(chosen.places), torch.from_numpy(chosen.multiplicity)
+        places, multiplicity = tensor_of(chosen.places), tensor_of(chosen.multiplicity)
         of_places = patches[places // self.columns, places % self.columns].flatten(1)
         return PatchTokens(of_places, self.rows, self.columns, places, multiplicity)
 
@@ -74,6 +73,4 @@ class SlicePatches:
 
     def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
         """Keys (T, C) of the chosen patches, in the places of all that they represent: (rows, columns, C)."""
-        import torch
-
-        return keys[torch.from_numpy(chosen.representative).to(keys.device)].reshape(self.rows, self.columns, -1)
+        return keys[tensor_of(chosen.representative).to(keys.device)].reshape(self.rows, self.columns, -1)

@@ -14,6 +14,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.resampling import sample_by
+from ..core.torch_arrays import array_of, tensor_of
 from .feature_volume import FeatureVolume
 from .layer_interpolation import interpolated_layers
 
@@ -136,8 +137,6 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
 
 def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean (C,) and covariance (C, C) over evenly spread patches, at most `STATISTICS_PATCHES`, in float64."""
-    import torch
-
     cells = array.reshape(-1, array.shape[-1])
     cells = cells[:: -(-len(cells) // STATISTICS_PATCHES)]
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
@@ -146,8 +145,8 @@ def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     middle = mean.astype(np.float32)
     covariance = np.zeros((len(mean), len(mean)))
     for block in blocks:
-        centred = torch.from_numpy(_as_single(block) - middle)
-        covariance += (centred.T @ centred).numpy()
+        centred = tensor_of(_as_single(block) - middle)
+        covariance += array_of(centred.T @ centred)
     return mean, covariance / len(cells)
 
 
@@ -155,8 +154,7 @@ def _as_single(vectors: np.ndarray) -> np.ndarray:
     """As float32; the same array where it is that already."""
     if vectors.dtype != np.float16:
         return np.asarray(vectors, dtype=np.float32)
-    import torch
 
     # The same values, several times faster than numpy finds them. PyTorch knows no arrays that cannot be written to.
-    single: np.ndarray = torch.from_numpy(np.require(vectors, requirements=("C", "W"))).float().numpy()
+    single: np.ndarray = array_of(tensor_of(np.require(vectors, requirements=("C", "W"))).float())
     return single

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.torch_arrays import array_of, tensor_of
 from . import large_arrays
 from .bilateral_grid import DIMENSIONS
 
@@ -211,14 +212,12 @@ def _separate_sums(voxel_cells: VoxelCells, layers: slice, target: Target, confi
 
 def _places_of_colour(first_layer: int, colour: int, mass: Tensor) -> Tensor:
     """int64, ascending: places, from a layer on, of the occupied cells that are red (0) or black (1)."""
-    import torch
-
     # Layers have an odd size, so that this holds for those after the first as well.
     first = (first_layer + colour) % 2
     of_colour = mass[first::2]
     if mass.device.type == "cpu":
         # The same as below, several times faster.
-        places = torch.from_numpy(np.flatnonzero(of_colour.numpy() > 0.0))
+        places = tensor_of(np.flatnonzero(array_of(of_colour) > 0.0))
     else:
         places = (of_colour > 0.0).nonzero()[:, 0]
     return places.mul_(2).add_(first)

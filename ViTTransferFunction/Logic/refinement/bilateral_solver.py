@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from ..core.progress import Between, nothing_between
+from ..core.torch_arrays import array_of
 from . import large_arrays
 from .bilateral_cells import Target, splat
 from .bilateral_energy import MAX_SMOOTHNESS, solve_cells
@@ -280,7 +281,7 @@ def _read_all(target: Target, out: Tensor, layout: GridLayout, workers: Workers)
 
 def _cropped(layout: GridLayout, active: Tensor) -> tuple[Box, GridLayout, Tensor] | None:
     """The smallest box of voxels that holds all active cells; its own layout, and its active cells. None where none is."""
-    cells = bounding_box(active.cpu().numpy())
+    cells = bounding_box(array_of(active.cpu()))
     if cells is None:
         return None
     k, j, i = (

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.torch_arrays import dtype_of, tensor_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -20,8 +22,7 @@ def empty(shape: Sequence[int], dtype: torch.dtype, device: torch.device) -> Ten
     if device.type != "cpu":
         return torch.empty(tuple(shape), dtype=dtype, device=device)
     # numpy asks the system for huge pages where torch does not: the first write is up to 4 times faster.
-    same_dtype_in_numpy = torch.empty(0, dtype=dtype).numpy().dtype
-    return torch.from_numpy(np.empty(tuple(shape), same_dtype_in_numpy))
+    return tensor_of(np.empty(tuple(shape), dtype_of(dtype)))
 
 
 def all_finite(values: Tensor) -> bool:

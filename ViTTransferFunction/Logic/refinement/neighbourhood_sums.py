@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.torch_arrays import array_of, tensor_of
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -51,15 +53,13 @@ def updated_sums(sums: Tensor, mask: Tensor, changed: np.ndarray, workers: Worke
         changed: (N,) which of its voxels, flattened, were others before.
         workers: that find all sums where many have changed.
     """
-    import torch
-
     if len(changed) * _VOXELS_PER_CHANGE > mask.numel():
         return neighbourhood_sums(mask, workers)
     steps = np.arange(-REACH, REACH + 1)
     stride_k, stride_j, stride_i = sums.stride()
     offsets = (stride_k * steps[:, None, None] + stride_j * steps[:, None] + stride_i * steps).ravel()
     tables = [_reached(n) for n in mask.shape]
-    signs = 2 * mask.view(-1).numpy()[changed].astype(np.int16) - 1
+    signs = 2 * array_of(mask.view(-1))[changed].astype(np.int16) - 1
     for start in range(0, len(changed), _CHANGES_AT_ONCE):
         workers.between()
         some = slice(start, start + _CHANGES_AT_ONCE)
@@ -67,7 +67,7 @@ def updated_sums(sums: Tensor, mask: Tensor, changed: np.ndarray, workers: Worke
         changes = (signs[some, None] * k)[:, :, None, None] * (j[:, :, None] * i[:, None])[:, None]
         # What would lie beyond the mask gets nothing, wherever it is put.
         reached = (changed[some, None] + offsets).clip(0, mask.numel() - 1)
-        sums.view(-1).scatter_add_(0, torch.from_numpy(reached.ravel()), torch.from_numpy(changes.ravel()))
+        sums.view(-1).scatter_add_(0, tensor_of(reached.ravel()), tensor_of(changes.ravel()))
     return sums
 
 

@@ -15,6 +15,7 @@ from ..core.geometry import Box
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
 from ..core.resampling import sample_at
+from ..core.torch_arrays import array_of, tensor_of
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from .intensity_likelihood import weigh_by_intensity
@@ -60,17 +61,15 @@ def refine(
     Returns:
         S_H, of which only what was refined is held in memory if the volume is large.
     """
-    import torch
-
     from .upsampling import Upsampling
 
     if method not in REFINEMENT_METHODS:
         raise InputError(f"Unknown refinement '{method}'; expected one of {', '.join(REFINEMENT_METHODS)}.")
     similarity = np.ascontiguousarray(similarity, dtype=np.float32)
-    upsampling = Upsampling(torch.from_numpy(similarity), volume.shape)
+    upsampling = Upsampling(tensor_of(similarity), volume.shape)
 
     def interpolated(k: int, rows: slice) -> np.ndarray:
-        plane: np.ndarray = upsampling.read((slice(k, k + 1), rows))[0].numpy()
+        plane: np.ndarray = array_of(upsampling.read((slice(k, k + 1), rows))[0])
         return plane
 
     near = _near(iso, lowest_iso)
@@ -92,7 +91,7 @@ def _interpolated_part(upsampling: Upsampling, box: Box, between: Between) -> np
     from .workers import Workers
 
     k, rows, columns = box
-    part = torch.from_numpy(np.empty([extent.stop - extent.start for extent in box], dtype=np.float32))
+    part = tensor_of(np.empty([extent.stop - extent.start for extent in box], dtype=np.float32))
 
     def read(slices: Sequence[int]) -> None:
         for index in slices:
@@ -102,7 +101,7 @@ def _interpolated_part(upsampling: Upsampling, box: Box, between: Between) -> np
 
     with Workers(torch.device("cpu"), part.numel(), between) as workers:
         workers.share_out(range(k.start, k.stop), read)
-    return part.numpy()
+    return array_of(part)
 
 
 def held_voxels(
@@ -185,8 +184,6 @@ def _solve(
 
     It smooths over most of a feature cell, and two voxels at least; over more where a large structure's grid would be too fine.
     """
-    import torch
-
     from .bilateral_grid import GridLayout
     from .bilateral_solver import BilateralSolverSettings, refine_map
 
@@ -195,20 +192,19 @@ def _solve(
     sigma_mm = GridLayout.sigma_that_fits_mm((k, j, i), (mm_k, mm_j, mm_i), sigma_mm, BilateralSolverSettings.sigma_luma)
     bounds = (window.low, window.high)
     settings = BilateralSolverSettings(sigma_spatial_mm=sigma_mm)
-    tensors = torch.from_numpy(target), torch.from_numpy(intensities)
+    tensors = tensor_of(target), tensor_of(intensities)
     refine_map(*tensors, bounds, spacing_mm.tolist(), settings, threshold, between, in_place=True)
 
 
 def _filtered(target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray) -> np.ndarray:
-    import torch
 
     from .guided_filter import guided_filter
 
     # Slice by slice, so that nothing but the result has the box's size.
-    luma = torch.from_numpy(np.empty(intensities.shape, dtype=np.float32))
-    for plane, of_volume in zip(luma.numpy(), intensities, strict=True):
+    luma = tensor_of(np.empty(intensities.shape, dtype=np.float32))
+    for plane, of_volume in zip(array_of(luma), intensities, strict=True):
         plane[...] = window.apply(of_volume)
-    return guided_filter(torch.from_numpy(target), luma, tuple(spacing_mm.tolist())).numpy()
+    return array_of(guided_filter(tensor_of(target), luma, tuple(spacing_mm.tolist())))
 
 
 def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndarray) -> IntensityWindow:

@@ -23,6 +23,7 @@ import numpy as np
 
 from ..core.intensity_window import IntensityWindow
 from ..core.progress import Between, nothing_between
+from ..core.torch_arrays import array_of, tensor_of
 from .intensity_histograms import BINS, bins_of, density
 from .neighbourhood_sums import REACH, WHOLE, neighbourhood_sums, updated_sums
 
@@ -91,7 +92,7 @@ def settled(
 
     from .workers import Workers
 
-    before = torch.from_numpy(np.ascontiguousarray(mask)).view(torch.uint8)
+    before = tensor_of(np.ascontiguousarray(mask)).view(torch.uint8)
     parts = _parts(mask.shape)
     with Workers(torch.device("cpu"), mask.size, between) as workers:
         # Most masks are one part, whose sums are found once for the level and the steps.
@@ -103,7 +104,7 @@ def settled(
             least = np.take(least_of_bin, bins[part.around])
             _set_marks(least, [mark.in_layers(part.around) for mark in marks])
             now, sums = _after_steps(before[part.around], sums_of(n), least, workers)
-            yield part.layers, now[part.within].numpy().view(bool), sums[part.within].numpy()
+            yield part.layers, array_of(now[part.within]).view(bool), array_of(sums[part.within])
 
 
 def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers) -> tuple[Tensor, Tensor]:
@@ -112,11 +113,11 @@ def _after_steps(mask: Tensor, sums: Tensor, least: np.ndarray, workers: Workers
 
     for _ in range(STEPS):
         workers.between()
-        now = sums.numpy() >= least
-        changed = np.flatnonzero(now != mask.numpy().view(bool))
+        now = array_of(sums) >= least
+        changed = np.flatnonzero(now != array_of(mask).view(bool))
         if not len(changed):
             break
-        mask = torch.from_numpy(now).view(torch.uint8)
+        mask = tensor_of(now).view(torch.uint8)
         sums = updated_sums(sums, mask, changed, workers)
     return mask, sums
 
@@ -176,12 +177,12 @@ def _known_bins_of(intensities: np.ndarray, window: IntensityWindow) -> np.ndarr
 def _level(voxels: int, sums_in_turn: Callable[[], Iterable[Tensor]]) -> float:
     """ℓ of a mask of so many voxels, in (0, ½], from its G * m times `WHOLE`, of some layers after the other."""
     least = math.ceil(COMPACT * WHOLE)
-    compact = sum(int(np.count_nonzero(sums.numpy() >= least)) for sums in sums_in_turn())
+    compact = sum(int(np.count_nonzero(array_of(sums) >= least)) for sums in sums_in_turn())
     if compact >= voxels:
         return 0.5
     counts = np.zeros(WHOLE + 1, dtype=np.int64)
     for sums in sums_in_turn():
-        counts += np.bincount(sums[sums > 0].numpy(), minlength=WHOLE + 1)
+        counts += np.bincount(array_of(sums[sums > 0]), minlength=WHOLE + 1)
     keeps_volume = (np.count_nonzero(counts[::-1].cumsum()[::-1] >= voxels) - 1) / WHOLE
     return float(np.interp(max(keeps_volume, 1.0 / WHOLE), [0.0, THIN, COMPACT], [0.0, THIN, 0.5]))
 

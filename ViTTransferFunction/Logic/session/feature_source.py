@@ -16,6 +16,7 @@ from ..core.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.cost import feature_cost
 from ..features.device import choose_device
+from ..features.device_check import UnsoundDevice
 from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
 from ..features.progressive import progressive_features
@@ -106,7 +107,7 @@ class FeatureSource:
         try:
             return self._estimate()
         except (RuntimeError, MemoryError) as error:
-            self._leave_full_device(error)
+            self._leave_device(error)
         return self._estimate()
 
     def _estimate(self) -> FeatureEstimate:
@@ -128,7 +129,7 @@ class FeatureSource:
 
         Yields:
             Features of ever finer detail; the last are the final ones. They are in the cache when the iteration ends. Where the
-            memory of a graphics card is not enough, the processor begins anew.
+            memory of a graphics card is not enough, or it does not compute rightly, the processor begins anew.
 
         Raises:
             InputError: weights or device are not to be had, the weights do not fit, memory is not enough, or the cache's
@@ -143,7 +144,7 @@ class FeatureSource:
             yield from self._features(noted, coarse_first)
             return
         except (RuntimeError, MemoryError) as error:
-            self._leave_full_device(error)
+            self._leave_device(error)
         yield from self._features(noted, coarse_first)
 
     def _features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
@@ -175,18 +176,19 @@ class FeatureSource:
             return None
         return normalised_features(features.placed_in(self._volume.geometry), self._statistics)
 
-    def _leave_full_device(self, error: Exception) -> None:
-        """Take the processor, where a graphics card ran out of memory; anything else is raised again.
+    def _leave_device(self, error: Exception) -> None:
+        """Take the processor, where a graphics card ran out of memory or is not sound; anything else is raised again.
 
         All is computed in the processor's own precision then, and kept under its key.
         """
         import torch
 
-        if self._device.type == "cpu" or not is_out_of_memory(error):
+        if self._device.type == "cpu" or not (is_out_of_memory(error) or isinstance(error, UnsoundDevice)):
             raise error
-        logger.warning("Out of memory on %s: the processor computes the features. (%s)", self._device, error)
+        logger.warning("The processor computes the features, not %s: %s", self._device, error)
+        trouble = "does not compute rightly" if isinstance(error, UnsoundDevice) else "has too little memory"
+        self._note = f" (the graphics card {trouble}; the processor computes)"
         self._device = torch.device("cpu")
-        self._note = " (too little memory on the graphics card; the processor computes)"
 
     @cached_property
     def _device(self) -> torch.device:

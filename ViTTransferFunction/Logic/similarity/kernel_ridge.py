@@ -34,6 +34,7 @@ from ..core.class_request import ClassRequest
 from ..core.iso_proposals import IsoProposals
 from ..core.progress import Between, nothing_between
 from ..core.resampling import FixedPlaces, sample_at
+from ..core.torch_arrays import array_of, tensor_of
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -217,11 +218,11 @@ class KernelRidge:
         import torch
 
         # In as few passes as there are: differences come of products, and what is added to one is where the next begins.
-        features = torch.from_numpy(a.features) @ torch.from_numpy(b.features).T
+        features = tensor_of(a.features) @ tensor_of(b.features).T
         alike = a.intensities.with_constant(-FEATURE_SHARPNESS), b.intensities.transposed
         exponent = torch.addmm(features, *alike, beta=FEATURE_SHARPNESS, out=features)
         near = a.positions.with_constant(math.log(POSITION_WEIGHT)) @ b.positions.transposed
-        kernel: np.ndarray = near.exp_().add_(1.0 - POSITION_WEIGHT).mul_(exponent.exp_()).numpy()
+        kernel: np.ndarray = array_of(near.exp_().add_(1.0 - POSITION_WEIGHT).mul_(exponent.exp_()))
         return kernel
 
 
@@ -254,7 +255,7 @@ class _Differences:
         import torch
 
         norms = self._halved_norms()
-        return torch.cat([torch.from_numpy(self.vectors), norms + constant, torch.ones_like(norms)], dim=1)
+        return torch.cat([tensor_of(self.vectors), norms + constant, torch.ones_like(norms)], dim=1)
 
     @cached_property
     def transposed(self) -> Tensor:
@@ -262,13 +263,11 @@ class _Differences:
         import torch
 
         norms = self._halved_norms()
-        return torch.cat([torch.from_numpy(self.vectors), torch.ones_like(norms), norms], dim=1).T.contiguous()
+        return torch.cat([tensor_of(self.vectors), torch.ones_like(norms), norms], dim=1).T.contiguous()
 
     def _halved_norms(self) -> Tensor:
         """−½ |x|², (N, 1)."""
-        import torch
-
-        return torch.from_numpy(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
+        return tensor_of(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
 
 
 def _prior(request: ClassRequest) -> float:

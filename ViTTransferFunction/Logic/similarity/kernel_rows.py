@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..core.torch_arrays import array_of, tensor_of
 from ..features.precision import device_precision
 
 ROWS_AT_ONCE = 32
@@ -58,11 +59,9 @@ class KernelRows:
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
-        import torch
-
         rows = self._rows[:, : self.count]
-        of_blocks = torch.from_numpy(weights).to(rows.dtype).expand(len(rows), -1, -1) @ rows
-        of_cells: np.ndarray = of_blocks.movedim(0, 1).flatten(1)[:, : self._cells].float().numpy()
+        of_blocks = tensor_of(weights).to(rows.dtype).expand(len(rows), -1, -1) @ rows
+        of_cells: np.ndarray = array_of(of_blocks.movedim(0, 1).flatten(1)[:, : self._cells].float())
         return of_cells
 
     def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
@@ -87,9 +86,7 @@ class KernelRows:
 
     def _put(self, rows: slice, kernel: np.ndarray, first_cell: int = 0) -> None:
         """Some rows of some cells, (rows, cells) float32; where blocks are short, from the beginning of one on."""
-        import torch
-
-        of_cells = torch.from_numpy(kernel)
+        of_cells = tensor_of(kernel)
         block, within = divmod(first_cell, self._block)
         whole = 0 if within else kernel.shape[1] // self._block
         end = whole * self._block

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.out_of_memory import is_out_of_memory
+from ..core.torch_arrays import array_of
 from .safetensors_file import is_safetensors, read_safetensors
 from .transformers_names import has_transformers_names, with_published_names
 
@@ -55,7 +56,7 @@ def tensors_sha256(state_dict: dict[str, Tensor]) -> str:
     """
     digest = hashlib.sha256()
     for name in sorted(state_dict):
-        array = state_dict[name].numpy()
+        array = array_of(state_dict[name])
         digest.update(f"{name} {list(array.shape)}\n".encode())
         digest.update(np.ascontiguousarray(array, dtype="<f4").tobytes())
     return digest.hexdigest()

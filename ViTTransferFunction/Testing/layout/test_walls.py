@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -83,6 +84,17 @@ def test_numerics_know_no_scene_and_the_scene_knows_no_torch(path: Path) -> None
     strangers = {"qt", "ctk", "PySide6", "PythonQt"}
     strangers |= {"torch"} if room_of(path) in KNOWS_MRML else {"vtk", "vtkmodules", "slicer", "trame_slicer"}
     assert not strangers & {module.partition(".")[0] for module in imported(path)}
+
+
+def test_one_file_alone_makes_tensors_of_arrays_and_arrays_of_tensors() -> None:
+    """PyTorch's own way is closed where it was built for another NumPy (`core/torch_arrays.py`)."""
+    files = [*FILES, *(MODULE / "CommandLine").rglob("*.py")]
+    assert [path.name for path in files if {"from_numpy", "numpy"} & _attributes(path)] == ["torch_arrays.py"]
+
+
+def _attributes(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
 
 
 def test_no_file_imports_itself_by_way_of_others() -> None:

@@ -1,4 +1,4 @@
-"""A graphics card without memory for the features: the processor computes them, under its own key.
+"""A graphics card without memory for the features, or that computes others: the processor computes them, under its own key.
 
 PyTorch's device `meta`, which holds no values, stands in for the card.
 """
@@ -36,9 +36,12 @@ def with_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSetting
     return SessionSettings(grid=8, model="tiny", weights_path=str(path), device="cuda")
 
 
-@pytest.fixture(params=["where the network is loaded", "where a slice is run"])
+@pytest.fixture(params=["where the network is loaded", "where a slice is run", "nowhere"])
 def full(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory of the card runs out there."""
+    """Memory of the card runs out there; or nowhere, but what it computes is wrong."""
+    if request.param == "nowhere":
+        monkeypatch.setattr(networks_module, "device_trouble", lambda network: f"features on {network.device} differ")
+        return
     owner, name = {
         "where the network is loaded": (networks_module, "open_network"),
         "where a slice is run": (VisionTransformer, "keys_of_tokens"),
