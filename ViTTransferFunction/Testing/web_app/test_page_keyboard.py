@@ -113,6 +113,20 @@ def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> Non
     page.wait_for_state("classes.length === 7")
 
 
+def test_keys_of_the_table_work_on_the_structure_that_has_the_focus(page: AppPage) -> None:
+    names = page.page.evaluate("window.trame.state.get('classes').map((one) => one.name)")
+    page["class-4"].focus()
+    page.page.keyboard.press("Enter")
+    page.page.wait_for_function("window.trame.state.get('selected') === window.trame.state.get('classes')[4].id")
+    page["class-1"].focus()
+    page.page.keyboard.press("Alt+ArrowDown")
+    page.wait_for_state(f"classes[2].name === '{names[1]}' && classes[1].name === '{names[2]}'")
+    page["class-0"].focus()
+    page.page.keyboard.press("Delete")
+    page.wait_for_state(f"classes.length === {len(names) - 1}")
+    assert names[0] not in page.page.evaluate("window.trame.state.get('classes').map((one) => one.name)")
+
+
 def test_esc_leaves_a_structure_its_name(page: AppPage) -> None:
     before = page["class-name-2"].input_value()
     page["class-2"].focus()

@@ -33,6 +33,8 @@
     const row = event.target.closest && event.target.closest("[data-class-row]");
     if (state("table_keys").includes(shortcut.action)) {
       if (!row) return;
+      // The focus may be on another row than the selected one.
+      act("select", row.dataset.classRow);
       if (shortcut.action === "rename") {
         const name = row.querySelector("[data-name]");
         name.readOnly = false;
