@@ -52,7 +52,10 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "enlarged": "",
         # What is being typed in a field: each change of the state fills all fields anew.
         "typing": {},
-        "trame__client_only": [*server.state.trame__client_only, "typing"],
+        # What is being sent ends with the page, which may be loaded again in the midst of it.
+        "sent": None,
+        "dragging": False,
+        "trame__client_only": [*server.state.trame__client_only, "typing", "sent", "dragging"],
         "advanced_open": False,
         "appearance_open": False,
         "picture_width": int(form["pictureWidthSpinBox"]["value"]),
@@ -65,8 +68,6 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "asking_open": False,
         "asking_help": False,
         "path": "",
-        "sent": None,
-        "dragging": False,
     })  # fmt: skip
     with DivLayout(server) as layout:
         layout.root.add_child((_STATIC / "page.html").read_text(encoding="utf-8"))

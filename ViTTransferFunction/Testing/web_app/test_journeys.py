@@ -181,6 +181,26 @@ def test_a_file_is_sent_by_the_browser_and_a_bad_one_gives_a_message(at_app: App
     page.wait_for_state("volume_name === 'sent' && opening === ''")
 
 
+def test_a_page_that_is_loaded_again_while_it_sends_a_file_sends_none(at_app: AppPage, volume: Path, folder: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    large = folder / "large.raw"
+    large.write_bytes(bytes(20_000_000))
+    slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 1_000_000}
+    page.page.context.new_cdp_session(page.page).send("Network.emulateNetworkConditions", slow)
+    page["open"].click()
+    page["open-upload"].set_input_files(large)
+    page.page.wait_for_function("window.trame.state.get('sent') > 0")
+    # Answered after all that the page told before.
+    page["add-class"].evaluate("button => button.click()")
+    page.wait_for_state("classes.length === 1")
+    page.page.on("dialog", lambda dialog: dialog.accept())
+    page.page.reload()
+    page.wait_for_state("classes.length === 1")
+    page.wait_for_drawing()
+    assert not page.page.get_by_text("Sending files").count()
+
+
 def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)
