@@ -52,10 +52,11 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "enlarged": "",
         # What is being typed in a field: each change of the state fills all fields anew.
         "typing": {},
-        # What is being sent ends with the page, which may be loaded again in the midst of it.
+        # What is being sent, or was dropped, ends with the page, which may be loaded again in the midst of it.
         "sent": None,
         "dragging": False,
-        "trame__client_only": [*server.state.trame__client_only, "typing", "sent", "dragging"],
+        "asking_dropped": False,
+        "trame__client_only": [*server.state.trame__client_only, "typing", "sent", "dragging", "asking_dropped"],
         "advanced_open": False,
         "appearance_open": False,
         "picture_width": int(form["pictureWidthSpinBox"]["value"]),

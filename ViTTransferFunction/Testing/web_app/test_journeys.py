@@ -93,6 +93,14 @@ def extract(page: AppPage) -> None:
     page.wait_for_state("phase === 'ready'")
 
 
+def drop(page: AppPage, path: Path) -> None:
+    """Drop a file on the views, as from a file manager."""
+    browser = page.page.context.new_cdp_session(page.page)
+    for event in ("dragEnter", "dragOver", "drop"):
+        data = {"items": [], "files": [str(path)], "dragOperationsMask": 1}
+        browser.send("Input.dispatchDragEvent", {"type": event, "x": 900, "y": 400, "data": data})
+
+
 def add_structure(page: AppPage, number: int) -> None:
     page["add-class"].click()
     page[f"class-{number}"].wait_for()
@@ -199,6 +207,27 @@ def test_a_page_that_is_loaded_again_while_it_sends_a_file_sends_none(at_app: Ap
     page.wait_for_state("classes.length === 1")
     page.wait_for_drawing()
     assert not page.page.get_by_text("Sending files").count()
+
+
+def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, volume: Path, folder: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    add_structure(page, 0)
+    page.wait_for_state("classes.length === 1")
+    shutil.copy(volume, folder / "dropped.nrrd")
+    drop(page, folder / "dropped.nrrd")
+    page["dropped"].wait_for()
+    page.keep_picture("dropped")
+    page.page.keyboard.press("Escape")
+    page["dropped"].wait_for(state="detached")
+    drop(page, folder / "dropped.nrrd")
+    page["dropped"].wait_for()
+    assert page.page.evaluate("[trame.state.get('volume_name'), trame.state.get('sent')]") == [volume.stem, None]
+    page["dropped-open"].click()
+    page.wait_for_state("volume_name === 'dropped' && opening === ''")
+    # There is nothing to lose now.
+    drop(page, volume)
+    page.wait_for_state(f"volume_name === '{volume.stem.replace(' ', '_')}' && opening === ''")
 
 
 def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volume: Path) -> None:

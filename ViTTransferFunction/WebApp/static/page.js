@@ -80,6 +80,14 @@
     request.send(form);
   }
 
+  // Dropped while there is something to lose: kept until the user has answered.
+  let dropped = [];
+  document.addEventListener("click", (event) => {
+    if (!event.target.matches("[data-open-dropped]")) return;
+    set("asking_dropped", false);
+    send(dropped);
+  });
+
   document.addEventListener("change", (event) => {
     if (!event.target.matches || !event.target.matches("[data-upload]")) return;
     send([...event.target.files]);
@@ -113,6 +121,8 @@
     const entries = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry()).filter(Boolean);
     const files = [];
     for (const entry of entries) files.push(...(await filesIn(entry)));
-    send(files);
+    if (!state("unsaved")) return send(files);
+    dropped = files;
+    set("asking_dropped", files.length > 0);
   });
 })();
