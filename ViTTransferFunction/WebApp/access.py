@@ -22,7 +22,6 @@ import socket
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from aiohttp import web
 
@@ -107,7 +106,7 @@ class Access:
     async def _let_through(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if not self._is_named(request.host):
             return _refusal(403, "Not this computer", f"There is no {request.host} here. Use the address that was printed.")
-        if not secrets.compare_digest(request.path.split("/")[1].encode(), self.token.encode()):
+        if not secrets.compare_digest(request.path.partition("/")[2].partition("/")[0].encode(), self.token.encode()):
             return _refusal(403, "No entry", "Open the whole address that vittf app printed where it was started.")
         is_websocket = request.headers.get("Upgrade", "").lower() == "websocket"
         if (is_websocket or request.method not in _SAFE_METHODS) and not _is_same_origin(request):
@@ -134,7 +133,8 @@ async def _no_launcher(request: web.Request) -> web.StreamResponse:
 
 
 def _is_same_origin(request: web.Request) -> bool:
-    return urlsplit(request.headers.get("Origin", "")).netloc.lower() == request.host.lower()
+    host = request.host.lower()
+    return request.headers.get("Origin", "").lower() in (f"http://{host}", f"https://{host}")
 
 
 def _name_of(host: str) -> str | None:
@@ -167,4 +167,6 @@ def _refusal(status: int, title: str, sentence: str) -> web.Response:
         '<body style="font: 1.1rem/1.5 system-ui, sans-serif; max-width: 34rem; margin: 18vh auto; padding: 0 1.5rem">'
         f'<h1 style="font-size: 1.5rem">{html.escape(title)}</h1><p>{html.escape(sentence)}</p></body></html>'
     )
-    return web.Response(status=status, text=text, content_type="text/html", headers={"Cache-Control": "no-store"})
+    # What somebody put into a header may be no text.
+    body, headers = text.encode(errors="replace"), {"Cache-Control": "no-store"}
+    return web.Response(status=status, body=body, content_type="text/html", charset="utf-8", headers=headers)

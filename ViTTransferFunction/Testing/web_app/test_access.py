@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -133,6 +134,24 @@ def test_without_the_token_there_is_nothing(at: Callable[..., None], path: str) 
                     assert not response.cookies
 
     at(visit)
+
+
+@pytest.mark.parametrize(
+    "lines", [("OPTIONS * HTTP/1.1", "Host: 127.0.0.1"), ("GET / HTTP/1.1", "Host: \xff"), ("GET / HTTP/1.0",),
+              ("POST {path} HTTP/1.1", "Host: 127.0.0.1", "Origin: http://[", "Content-Length: 0")],
+)  # fmt: skip
+def test_what_no_browser_sends_is_refused_and_nothing_to_report(
+    at: Callable[..., None], caplog: pytest.LogCaptureFixture, lines: tuple[str, ...]
+) -> None:
+    async def visit(place: Place) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", place.port)
+        request = "\r\n".join((*lines, "", "")).format(path=urlsplit(place.url()).path)
+        writer.write(request.encode("latin-1"))
+        assert (await reader.readline()).split()[1] == b"403"
+        writer.close()
+
+    at(visit)
+    assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_the_token_is_new_for_each_server_and_too_long_to_be_guessed() -> None:
