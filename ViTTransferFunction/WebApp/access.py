@@ -116,7 +116,12 @@ class Access:
             return _refusal(
                 409, "Open elsewhere", "This session is open in another browser. Close it there, then load this page again."
             )
-        return await (self._session.hold(request, handler) if is_websocket else handler(request))
+        serve = self._session.hold if is_websocket else self._session.answer
+        try:
+            return await serve(request, handler)
+        except ConnectionError:
+            # The browser was gone when it was to be answered, which is nothing to report.
+            return web.Response()
 
     def _is_named(self, host: str) -> bool:
         name = _name_of(host)

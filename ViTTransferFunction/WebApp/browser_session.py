@@ -24,7 +24,8 @@ class BrowserSession:
     Its page is there as long as its websocket is open. Another browser may have the session once that is closed.
 
     Args:
-        on_left: called in the running loop once the tab was closed and did not come back, or long after its connection broke.
+        on_left: called in the running loop once the tab was closed and did not come back, or long after its connection broke;
+            not while the browser still fetches something.
     """
 
     def __init__(self, on_left: Callable[[], object]) -> None:
@@ -32,6 +33,8 @@ class BrowserSession:
         self._key: str | None = None
         self._socket: web.Request | None = None
         self._farewell: asyncio.TimerHandle | None = None
+        self._patience_s = SECONDS_TO_RETURN
+        self._answering = 0
 
     def is_owner(self, request: web.Request) -> bool:
         """Whether a request is from the browser that has the session."""
@@ -61,9 +64,6 @@ class BrowserSession:
         response = None
         try:
             response = await handler(request)
-        except ConnectionError:
-            # The browser was gone when it was to be answered, which is nothing to report.
-            return web.Response()
         finally:
             if self._socket is request:
                 self._socket = None
@@ -73,22 +73,39 @@ class BrowserSession:
                     self._wait(SECONDS_TO_RECONNECT)
         return response
 
+    async def answer(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Serve any other request of the owner's: whoever asks is there, as is a browser that still fetches what was saved."""
+        if self._farewell is not None:
+            self._wait(self._patience_s)
+        self._answering += 1
+        try:
+            return await handler(request)
+        finally:
+            self._answering -= 1
+
     def part(self) -> None:
         """The owner's page is being closed, or loaded again.
 
         It says so itself as well: the code with which its websocket ends is lost where the browser is faster than this server,
         which then cannot answer it.
         """
-        self._stay()
         self._wait(SECONDS_TO_RETURN)
 
     def _wait(self, seconds: float) -> None:
+        self._stay()
+        self._patience_s = seconds
         self._farewell = asyncio.get_running_loop().call_later(seconds, self._leave)
 
     def _leave(self) -> None:
         self._farewell = None
         # There may be another page meanwhile, in the same browser: then only one of its tabs was closed.
-        if self._socket is None:
+        if self._socket is not None:
+            return
+        if self._answering:
+            self._wait(self._patience_s)
+        else:
             self._on_left()
 
     def _stay(self) -> None:

@@ -34,6 +34,7 @@ class Place:
         self.access.guard(app, folder / "index.html")
         app.router.add_get(self.access.path("ws"), _echo)
         app.router.add_post(self.access.path("upload"), self._upload)
+        app.router.add_get(self.access.path("endless"), _stream)
         app.router.add_static(self.access.path(), folder)
         self._runner = web.AppRunner(app)
         self.port = 0
@@ -83,6 +84,13 @@ async def _echo(request: web.Request) -> web.WebSocketResponse:
             raise ConnectionResetError
         await socket.send_str(message.data)
     return socket
+
+
+async def _stream(request: web.Request) -> web.StreamResponse:
+    response = web.StreamResponse()
+    await response.prepare(request)
+    while True:
+        await response.write(bytes(1 << 20))
 
 
 def a_browser() -> aiohttp.ClientSession:
@@ -350,6 +358,45 @@ def test_of_two_tabs_closing_the_first_leaves_the_session_to_the_other(
                 assert await _leave(place, browser) == 204
                 farewells[-1].callback()
                 assert not place.left
+
+    at(visit)
+
+
+def test_the_session_does_not_end_while_the_browser_still_fetches_what_was_saved(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    farewells = _farewells(monkeypatch)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.get(place.url("endless")) as download:
+                await download.content.readexactly(1)
+                assert await _leave(place, browser) == 204
+                farewells[-1].callback()
+                assert not place.left
+            while place.access._session._answering:
+                await asyncio.sleep(0)
+            farewells[-1].callback()
+        assert place.left == [True]
+
+    at(visit)
+    assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_a_page_that_loads_slowly_keeps_the_session_as_long_as_it_asks_for_more(
+    at: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farewells = _farewells(monkeypatch)
+
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            assert await _leave(place, browser) == 204
+            for name in ("", "script.js"):
+                assert await place.status(browser, name) == 200
+        assert [farewell.cancelled for farewell in farewells] == [True, True, False]
+        assert farewells[-1].delay == browser_session.SECONDS_TO_RETURN
 
     at(visit)
 
