@@ -98,6 +98,9 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
     loop = asyncio.get_running_loop()
     asked: list[int] = []
     handled = [signal.SIGINT, signal.SIGTERM] if sys.platform != "win32" else []
+    if handled and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+        # The terminal was closed; `nohup` has programs go on.
+        handled.append(signal.SIGHUP)
     for number in handled:
         # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while that is loaded, and
         # while the scene is made.
@@ -108,7 +111,7 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
 
         await asyncio.sleep(LOOP_TURNS_S)
         if asked:
-            raise Terminated if asked[0] == signal.SIGTERM else KeyboardInterrupt
+            raise KeyboardInterrupt if asked[0] == signal.SIGINT else Terminated
         volume = sample_path() if args.sample else args.volume
         app = WebApp(settings)
         for number in handled:

@@ -47,6 +47,7 @@ class Access:
         self.host = host
         self.token = secrets.token_urlsafe(TOKEN_BYTES)
         self._session = BrowserSession(on_left)
+        self._web_server: Any = None
         # The computer's names are looked up in the network, which takes long where there is none.
         of_this_computer = () if _is_loopback(host) else (socket.gethostname(), socket.getfqdn())
         self._names = {name.lower() for name in ("localhost", host, *of_this_computer)}
@@ -79,7 +80,18 @@ class Access:
         # Trame's own page asks for all else, and for its websocket, relative to where it lies itself.
         server.serve = {f"{self.token}/{route}": folder for route, folder in server.serve.items()} | {self.token: vue3.www}
         server.cli.set_defaults(ws=f"{self.token}/ws")
-        server.controller.on_server_bind.add(lambda web_server: self.guard(web_server.app, Path(vue3.www) / "index.html"))
+
+        def bind(web_server: Any) -> None:
+            self._web_server = web_server
+            self.guard(web_server.app, Path(vue3.www) / "index.html")
+
+        server.controller.on_server_bind.add(bind)
+
+    def cut_off(self) -> None:
+        """Break all connections off, whatever is being sent over them."""
+        for connection in self._web_server.runner.server.connections:
+            if connection.transport is not None:
+                connection.transport.abort()
 
     def guard(self, app: web.Application, page: Path) -> None:
         """Let requests to `app` through only as this file's first lines say; `page` is what the address shows."""

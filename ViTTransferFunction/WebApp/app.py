@@ -49,6 +49,9 @@ IDLE_POLL_S = 0.5
 HEART_BEAT_S = 180
 """How often the browser is asked whether it is there. It is given up after half of that without an answer: a browser that gets
 no time from the processors is not gone."""
+SECONDS_TO_END = 2.0
+"""For files that are still being sent or fetched when the app ends. Then they are cut off: a browser that takes nothing any
+more, since its computer sleeps say, does not hold up the end, and what is tidied up with it."""
 BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
@@ -163,11 +166,14 @@ class WebApp:
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
+            self._opening = []
             self.films.give_up()
             self.session.close()
             if not serving_task.done():
+                cut_off = asyncio.get_running_loop().call_later(SECONDS_TO_END, access.cut_off)
                 with suppress(Exception):
                     await self.server.stop()
+                cut_off.cancel()
                 serving_task.cancel()
 
     def stop(self) -> None:

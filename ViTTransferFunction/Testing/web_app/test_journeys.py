@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import http.client
 import re
 import shutil
+import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -30,6 +34,10 @@ pytestmark = pytest.mark.slow
 MODEL = "dinov2_vits14_focus"
 REST_S = 2.0
 """For how long an app is watched that nobody uses."""
+ENDING = ["SIGINT", "SIGTERM"]
+"""Signals that end an app, by name."""
+if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
+    ENDING.append("SIGHUP")
 NewPage = Callable[[], AppPage]
 
 
@@ -353,6 +361,33 @@ def test_an_extraction_is_cancelled_and_an_interruption_of_another_leaves_no_pro
         assert server.interrupt() == 0
         assert not still_running(processes)
         assert "Traceback" not in server.log()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
+@pytest.mark.parametrize("name", ENDING)
+def test_an_upload_that_stands_still_does_not_hold_up_the_end_and_leaves_nothing(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with serving(cache=folder) as server:
+        address = urlsplit(server.address)
+        browser = http.client.HTTPConnection(address.netloc)
+        browser.request("GET", address.path)
+        response = browser.getresponse()
+        response.read()
+        browser.putrequest("POST", f"{address.path}upload")
+        browser.putheader("Origin", f"http://{address.netloc}")
+        browser.putheader("Cookie", response.headers["Set-Cookie"].partition(";")[0])
+        browser.putheader("Content-Type", "multipart/form-data; boundary=edge")
+        browser.putheader("Content-Length", "1000000")
+        browser.endheaders(b'--edge\r\nContent-Disposition: form-data; name="files"; filename="scan.raw"\r\n\r\nvoxels')
+        while not list(tmp_path.rglob("scan.raw")):
+            time.sleep(0.01)
+        server.process.send_signal(getattr(signal, name))
+        # Web servers wait a minute for their browsers.
+        assert server.process.wait(45.0) == 0
+        assert "Traceback" not in server.log()
+    assert not list(tmp_path.iterdir())
 
 
 def test_closing_the_tab_leaves_no_process(new_page: NewPage, folder: Path, options: list[str]) -> None:
