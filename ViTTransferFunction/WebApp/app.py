@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from functools import partial
@@ -33,6 +32,7 @@ from .extraction import ExtractionButton
 from .films import Films
 from .page import build_page
 from .panel_state import session_state
+from .private_folder import private_folder
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .slicer_views import SlicerViews, slice_tools
@@ -242,19 +242,19 @@ class WebApp:
         self._opening = paths
         with self.server.state as state:
             state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
-        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
-            try:
+        try:
+            with private_folder() as folder:
                 take_up = await asyncio.to_thread(self._read, paths, Path(folder))
                 if self._opening is paths:
                     take_up()
-            except InputError as error:
-                if self._opening is paths:
-                    self.report(str(error))
-            finally:
-                if self._opening is paths:
-                    with self.server.state as state:
-                        state.opening = ""
-                    self.refresh()
+        except InputError as error:
+            if self._opening is paths:
+                self.report(str(error))
+        finally:
+            if self._opening is paths:
+                with self.server.state as state:
+                    state.opening = ""
+                self.refresh()
 
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""

@@ -14,6 +14,7 @@ from ..Logic.core.errors import InputError, shown
 from ..Logic.files.film import ENDINGS, FilmPlan, check_film_writer, film_steps
 from ..Logic.scene.filming import FRAMES_PER_SECOND, Filming
 from ..Logic.scene.wording import progress_text
+from .private_folder import private_folder
 from .view_pictures import asked_size
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class Films:
         plan = FilmPlan(Path(f"film{ending}"), round(FRAMES_PER_SECOND * seconds), seconds)
         check_film_writer(plan.path)
         self.give_up()
-        self._folder = tempfile.TemporaryDirectory(prefix="vittf-", ignore_cleanup_errors=True)
+        self._folder = private_folder()
         plan = replace(plan, path=Path(self._folder.name, plan.path))
         window = self._app.views.view_3d.render_window()
         self._filming = Filming(window, size, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from aiohttp import web
 from ..Logic.core.errors import Cancelled, InputError
 from ..Logic.core.progress import Progress
 from .packing import gzip_nrrd, zip_folder
+from .private_folder import private_folder
 from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
 from .view_camera import save_camera
@@ -54,17 +54,16 @@ class Routes:
         router.add_get(self._path("download/film"), self._download_film)
 
     async def _upload(self, request: web.Request) -> web.StreamResponse:
-        with tempfile.TemporaryDirectory(prefix="vittf-") as private:
-            # What a series in it will be called, and its segments, and what is saved of them.
-            folder = Path(private, SERIES)
-            folder.mkdir()
-            try:
-                paths = await receive_files(request, folder)
-            except InputError as error:
-                self._app.report(str(error))
-                self._app.refresh()
-                return web.json_response({"error": str(error)}, status=400)
-            await self._app.open_files(paths)
+        try:
+            with private_folder() as private:
+                # What a series in it will be called, and its segments, and what is saved of them.
+                folder = Path(private, SERIES)
+                folder.mkdir()
+                await self._app.open_files(await receive_files(request, folder))
+        except InputError as error:
+            self._app.report(str(error))
+            self._app.refresh()
+            return web.json_response({"error": str(error)}, status=400)
         return web.json_response({})
 
     async def _download_segmentation(self, request: web.Request) -> web.StreamResponse:
@@ -112,20 +111,20 @@ class Routes:
 
     async def _send(self, request: web.Request, name: str, stage: Callable[[Path], None], pack: Pack) -> web.StreamResponse:
         """Send what `stage` writes, quickly, and `pack` compresses while everything else goes on."""
-        with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
-            staged, path = Path(folder, "staged", name.removesuffix(".mrb")), Path(folder, name)
-            staged.parent.mkdir()
-            try:
+        try:
+            with private_folder() as folder:
+                staged, path = Path(folder, "staged", name.removesuffix(".mrb")), Path(folder, name)
+                staged.parent.mkdir()
                 stage(staged)
                 await self._pack(staged, path, pack)
-            except InputError as error:
-                self._app.report(str(error))
-                self._app.refresh()
-                return web.Response(status=500, text=str(error))
-            except Cancelled:
-                return web.Response(status=503, text="The app was ended.")
-            # Whole, before the folder goes.
-            return await _sent(request, path, name)
+                # Whole, before the folder goes.
+                return await _sent(request, path, name)
+        except InputError as error:
+            self._app.report(str(error))
+            self._app.refresh()
+            return web.Response(status=500, text=str(error))
+        except Cancelled:
+            return web.Response(status=503, text="The app was ended.")
 
     async def _pack(self, staged: Path, path: Path, pack: Pack) -> None:
         """Have a thread compress, and the page show how far it is."""

@@ -42,19 +42,21 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
 
     Raises:
         InputError: not a multipart request, too large, too many, a file that is no image where there are no slices, or a header
-            that names voxels outside of the folder. None of the request's files is left then.
+            that names voxels outside of the folder; or they cannot be kept. None of the request's files is left then.
     """
-    _check_size(request.content_length or 0, folder)
-    if not request.content_type.startswith("multipart/"):
-        raise InputError(f"Files were sent as {shown(request.content_type)}; expected multipart/form-data.")
     received: list[Path] = []
     try:
+        _check_size(request.content_length or 0, folder)
+        if not request.content_type.startswith("multipart/"):
+            raise InputError(f"Files were sent as {shown(request.content_type)}; expected multipart/form-data.")
         await _receive(request, folder, received)
         for path in received:
             _check_voxels_are_inside(path, folder)
-    except BaseException:
+    except BaseException as error:
         for path in received:
             path.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise InputError(f"The files cannot be kept: {error.strerror or error}. Make room, and send them again.") from error
         raise
     return received
 
@@ -76,7 +78,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
                     total += len(chunk)
                     _check_size(total, folder)
                     start += chunk[: DICOM_START_BYTES - len(start)]
-                    _write(file, chunk)
+                    file.write(chunk)
             if not _is_known(path, start):
                 foreign = foreign or part.filename
                 received.pop().unlink()
@@ -130,13 +132,6 @@ def _candidates(name: str) -> Iterator[str]:
     stem, dot, ending = name.partition(".")
     for number in range(2, MOST_FILES + 2):
         yield f"{stem}-{number}{dot}{ending}"
-
-
-def _write(file: BinaryIO, chunk: bytes | bytearray) -> None:
-    try:
-        file.write(chunk)
-    except OSError as error:
-        raise InputError(f"The files cannot be kept: {error.strerror or error}. Make room, and send them again.") from error
 
 
 def _is_known(path: Path, start: bytes) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.files.camera_files import read_camera, write_camera
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.view_picture import camera_of, place
+from .private_folder import private_folder
 
 
 def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> None:
@@ -29,7 +29,7 @@ def load_camera(session: SceneSession, window: Any, text: str) -> Size:
         InputError: nothing is in 3D that this could be relative to, or it is no camera.
     """
     middle = session.views.middle_ras()
-    with tempfile.TemporaryDirectory(prefix="vittf-") as folder:
+    with private_folder() as folder:
         path = Path(folder, "camera.json")
         path.write_text(text, encoding="utf-8", errors="replace")
         try:

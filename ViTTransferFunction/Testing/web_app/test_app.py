@@ -7,6 +7,7 @@ import os
 import random
 import signal
 import sys
+import tempfile
 import threading
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
@@ -128,6 +129,20 @@ def test_a_path_that_leads_nowhere_is_answered(opened: Callable[[Journey], None]
         app.refresh()
         assert why in app.server.state.message
         assert (app.server.state.volume_name, app.server.state.opening) == ("spheres", "")
+
+    opened(journey)
+
+
+def test_where_temporary_files_cannot_be_kept_the_page_says_so_and_stays_usable(
+    opened: Callable[[Journey], None], file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        with monkeypatch.context() as there:
+            there.setattr(tempfile, "tempdir", str(tmp_path / "removed"))
+            await app.open_files([file.rename(file.with_name("again.nrrd"))])
+        state = app.server.state
+        assert "No temporary files can be kept: No such file" in state.message
+        assert (state.volume_name, state.opening) == ("spheres", "")
 
     opened(journey)
 

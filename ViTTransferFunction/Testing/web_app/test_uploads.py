@@ -162,6 +162,11 @@ def test_a_disk_that_is_nearly_full_stays_as_it_is(send: Send, folder: Path, mon
     assert "is full" in refused(send(("scan.raw", b"voxels")), folder)
 
 
+def test_where_files_cannot_be_kept_that_is_said(send: Send, folder: Path) -> None:
+    folder.rmdir()
+    assert "cannot be kept: No such file" in str(send(("scan.raw", b"voxels")))
+
+
 @pytest.mark.parametrize("voxels", ["/etc/hostname", "../secret.raw"])
 def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: Path, voxels: str) -> None:
     (folder.parent / "secret.raw").write_bytes(b"secrets!")
