@@ -13,6 +13,7 @@ import mmap
 import os
 import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,9 @@ class ArrayFiles:
         try:
             path = self._folder / Path(description["file"]).name
             content = _content(path)
-            path.unlink()
+            # On Windows, while a virus scanner looks at it: then it goes with the folder.
+            with suppress(PermissionError):
+                path.unlink()
             return tuple(
                 _array(content, np.dtype(each["dtype"]), each["shape"], each["start"]) for each in description["arrays"]
             )

@@ -38,8 +38,9 @@ IN_MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2 * 2**30
 """A large volume and its label map take half of that."""
 _LAST_WORDS_BYTES = 64_000
-_FATAL = "Fatal Python error: "
-"""How Python begins to say where it was when a library stopped the process."""
+_FATAL = ("Fatal Python error: ", "Windows fatal exception: ")
+"""How Python begins to say where it was when a library stopped the process; on Windows also of exceptions that a library lives
+through."""
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
 """Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
 _PATIENCE_S = 0.3
@@ -114,7 +115,7 @@ class ComputeProcess:
         self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
         lines = self._errors.read().decode(errors="replace").splitlines()
         said = [line.strip() for line in lines if line.strip() and not _LAUNCHER_S_LINE.search(line)]
-        fatal = next((index for index, line in enumerate(said) if line.startswith(_FATAL)), None)
+        fatal = next((index for index in reversed(range(len(said))) if said[index].startswith(_FATAL)), None)
         if fatal is not None:
             thrown = [line for line in said[max(0, fatal - 1) : fatal] if line.startswith("what():")]
             return "; ".join([*thrown, said[fatal]])

@@ -8,6 +8,7 @@ import os
 import re
 import secrets
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -31,6 +32,8 @@ _TEMPORARY_NAME = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{8}}(\..*)?")
 
 ABANDONED_S = 24 * 3600.0
 """A file that was not changed for so long is written to by nobody, on this computer or on another that shares the folder."""
+
+_SCANNERS_TAKE_S, _RETRY_S = 2.0, 0.05
 
 _tidied: set[Path] = set()
 """Folders in which this process has looked for leftovers."""
@@ -57,7 +60,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         _flush(temporary)
         temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
+        _put_in_place(temporary, path)
         _tidy(path.parent)
     except OSError as error:
         raise _cannot_write(path, error) from error
@@ -100,6 +103,17 @@ def _remove_leftover(path: Path, changed_before_s: float) -> None:
             path.unlink()
 
 
+def _put_in_place(temporary: Path, path: Path) -> None:
+    """Rename. Windows refuses that while another program has either file open: a virus scanner looks at whatever is new."""
+    give_up = time.monotonic() + _SCANNERS_TAKE_S
+    while sys.platform == "win32" and time.monotonic() < give_up:
+        with suppress(PermissionError):
+            temporary.replace(path)
+            return
+        time.sleep(_RETRY_S)
+    temporary.replace(path)
+
+
 def _tidy(folder: Path) -> None:
     """Remove what was left here long ago; once a folder, as listing one that many results are written to takes time."""
     if folder not in _tidied:
@@ -113,7 +127,10 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
         return InputError(
             f"Cannot write {path}: the disk is full, or your share of it. Free some space or choose another folder."
         )
-    return InputError(f"Cannot write {path}: {error.strerror or error}. Choose a folder that you can write to.")
+    advice = "Choose a folder that you can write to."
+    if sys.platform == "win32" and isinstance(error, PermissionError):
+        advice = "Close other programs that have it open, or choose a folder that you can write to."
+    return InputError(f"Cannot write {path}: {error.strerror or error}. {advice}")
 
 
 def _check_replaceable(path: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.compute import process as process_module
@@ -138,6 +140,19 @@ def test_arrays_that_are_wrongly_described_are_refused(described: Any, tmp_path:
     (tmp_path / "a").write_bytes(bytes(64))
     with pytest.raises((ValueError, OSError)):
         ArrayFiles(tmp_path).take(described)
+
+
+def test_arrays_arrive_where_their_file_cannot_be_deleted_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = ArrayFiles(tmp_path)
+    described = files.put([np.arange(3)])
+
+    def open_elsewhere(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(errno.EACCES, "The process cannot access the file", str(path))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", open_elsewhere)
+        (array,) = files.take(described)
+    np.testing.assert_array_equal(array, np.arange(3))
 
 
 @pytest.mark.slow

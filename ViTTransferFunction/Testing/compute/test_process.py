@@ -142,6 +142,22 @@ def test_what_the_launcher_says_of_a_killed_process_does_not_pass_for_its_reason
     assert client.last_words() == ""
 
 
+SAYS_WHERE_IT_WAS = """
+import sys
+for what in ("code 0x8001010d", "access violation"):
+    print(f"Windows fatal exception: {what}\\n\\nCurrent thread 0x00001a2c (most recent call first):", file=sys.stderr)
+    print('  File "C:\\\\Slicer\\\\vision_transformer.py", line 160 in _add_attention', file=sys.stderr)
+"""
+
+
+def test_what_windows_says_of_a_library_that_stopped_the_process_is_the_reason(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+) -> None:
+    client = start(executable(SAYS_WHERE_IT_WAS))
+    polls_until(lambda: bool(client.replies() or not client.alive))
+    assert client.last_words() == "Windows fatal exception: access violation"
+
+
 @pytest.mark.parametrize("python", ["", "/nowhere/PythonSlicer"])
 def test_where_python_is_missing_one_sentence_says_so(python: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", python)

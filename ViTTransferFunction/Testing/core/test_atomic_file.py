@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
+from ViTTransferFunction.Logic.core import atomic_file
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
 
@@ -72,6 +75,30 @@ def test_a_network_share_that_cannot_be_flushed_is_no_full_disk(tmp_path: Path, 
     with replacing(tmp_path / "result.txt") as temporary:
         temporary.write_text("new")
     assert (tmp_path / "result.txt").read_text() == "new"
+
+
+@pytest.mark.parametrize(("refusals", "written"), [(3, True), (1000, False)])
+def test_windows_refuses_to_rename_what_a_scanner_has_open_for_a_moment(
+    tmp_path: Path, refusals: int, written: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace, left = Path.replace, [refusals]
+
+    def refused_at_first(temporary: Path, target: Path) -> Path:
+        if left[0]:
+            left[0] -= 1
+            raise PermissionError(errno.EACCES, "The process cannot access the file")
+        return replace(temporary, target)
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(atomic_file, "_SCANNERS_TAKE_S", 0.4)
+    monkeypatch.setattr(Path, "replace", refused_at_first)
+    path = tmp_path / "result.txt"
+    path.write_text("old")
+    outcome = nullcontext() if written else pytest.raises(InputError, match=r"cannot access the file\. Close other programs")
+    with outcome, replacing(path) as temporary:
+        temporary.write_text("new")
+    assert path.read_text() == ("new" if written else "old")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["result.txt"]
 
 
 @pytest.mark.parametrize(
