@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from ..core.geometry import Geometry, transform_points
 from .classes import ClassState, CloseUpBox
 from .point_lists import Point
 from .volume import matrix_to_world
+
+Points = Sequence[Point] | np.ndarray
+"""(N, 3) RAS millimetres of the scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +53,19 @@ def class_requests(
         InputError: the volume is under a non-linear transform.
     """
     found = ClassRequests()
-    # Found once: a click waits for it.
     to_local = np.linalg.inv(matrix_to_world(volume_node))
-    for state in states:
-        positive, negative = (_local(to_local, points) for points in (state.positive, state.negative))
-        inside, beside = (points[geometry.contains(points)] for points in (positive, negative))
-        beyond = len(positive) + len(negative) - len(inside) - len(beside)
+    groups = [(state.positive, state.negative, more_negative.get(state.id, ())) for state in states]
+    inside = iter(_inside([points for group in groups for points in group], to_local, geometry))
+    for state, positive, negative, more in zip(states, inside, inside, inside, strict=True):
+        beyond = len(state.positive) + len(state.negative) - len(positive) - len(negative)
         if beyond:
             found.points_beyond[state.id] = beyond
-        more = _local(to_local, more_negative.get(state.id, ()))
-        if len(inside):
+        if len(positive):
             found.requests.append(
                 ClassRequest(
                     state.id,
-                    inside,
-                    np.concatenate([beside, more[geometry.contains(more)]]),
+                    positive,
+                    np.concatenate([negative, more]),
                     iso=state.iso,
                     size=state.size,
                     proximity=state.proximity,
@@ -88,5 +90,10 @@ def _local_close_up(to_local: np.ndarray, close_up: CloseUpBox | None) -> CloseU
     return CloseUp((x, y, z), close_up[3:])
 
 
-def _local(to_local: np.ndarray, points: Sequence[Point] | np.ndarray) -> np.ndarray:
-    return transform_points(to_local, np.array(points, dtype=np.float64).reshape(-1, 3))
+def _inside(lists: Sequence[Points], to_local: np.ndarray, geometry: Geometry) -> list[np.ndarray]:
+    """Of each list the points in the volume, (N, 3) in its frame. Found of all lists at once: a click waits for it."""
+    arrays = [np.array(points, dtype=np.float64).reshape(-1, 3) for points in lists]
+    points = transform_points(to_local, np.concatenate([np.empty((0, 3)), *arrays]))
+    inside = geometry.contains(points)
+    starts = np.cumsum([0, *map(len, arrays)])
+    return [points[start:end][inside[start:end]] for start, end in pairwise(starts)]

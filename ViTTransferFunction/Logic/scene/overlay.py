@@ -111,10 +111,10 @@ def similarity_levels(class_map: ClassMap, threshold: float) -> tuple[np.ndarray
     per_cell = min(int(np.cbrt(FINE_VOXELS / values.size)), MOST_VOXELS_PER_CELL)
     if per_cell <= 1 and values.dtype == np.uint8:
         return values, geometry
-    # Before there are more of them: a click waits for this.
+    # As much as can be before there are more of them: a click waits for this. With half a level more, cutting off rounds.
     levels = np.float32(255.0 / in_units_of(array, 1.0)) * values
+    levels = np.clip(levels, 0.0, 255.0, out=levels) + np.float32(0.5)
     if per_cell > 1:
         levels = interpolated(levels, [cell_positions(count, per_cell * count) for count in levels.shape])
         geometry = geometry.resized(levels.shape)
-    levels += np.float32(0.5)
-    return np.clip(levels, 0.0, 255.0, out=levels).astype(np.uint8), geometry
+    return levels.astype(np.uint8), geometry
