@@ -72,8 +72,3 @@ def test_a_type_that_an_older_pytorch_lacks_becomes_a_wider_one(name: str, monke
     monkeypatch.delattr(torch, name, raising=False)
     array = np.array([0, 1, np.iinfo(name).max >> 1], name)
     np.testing.assert_array_equal(array_of(tensor_of(array)), array.astype(np.float64))
-
-
-def test_bfloat16_has_no_array() -> None:
-    with pytest.raises(TypeError):
-        array_of(torch.zeros(2, dtype=torch.bfloat16))
