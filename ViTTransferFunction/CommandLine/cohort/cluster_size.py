@@ -11,15 +11,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import SimpleITK as sitk  # noqa: N813
-
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.Logic.core.available_memory import available_memory_bytes
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.regular_file import check_regular_file
+from ViTTransferFunction.Logic.core.regular_file import is_folder
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
-from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.files.volume_files import read_geometry, read_volume
 from ViTTransferFunction.Logic.session.memory_need import BYTES_PER_REFINED_VOXEL
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
@@ -102,13 +100,9 @@ def _readable(case: Case) -> Volume | None:
 def _voxels(path: Path) -> int:
     """How many voxels a volume has by its header, or about so many; 0 where it cannot be read."""
     try:
-        if path.is_dir():
+        if is_folder(path):
             # DICOM files are seldom compressed, and have two bytes a voxel.
             return sum(file.stat().st_size for file in path.iterdir()) // 2
-        check_regular_file(path)
-        reader = sitk.ImageFileReader()
-        reader.SetFileName(str(path))
-        reader.ReadImageInformation()
-    except (InputError, OSError, RuntimeError):
+        return math.prod(read_geometry(path).shape)
+    except (InputError, OSError):
         return 0
-    return math.prod(reader.GetSize())

@@ -72,6 +72,7 @@ def read_image(path: Path) -> tuple[np.ndarray, Geometry, dict[str, str]]:
 
 def read_geometry(path: Path) -> Geometry:
     """Where the voxels of an image file lie, from its header alone. Raises InputError as `read_image` does."""
+    locate_voxels(path)  # Refuses headers that ITK crashes on.
     with _header_reader(path) as reader:
         return _geometry(reader, path)
 

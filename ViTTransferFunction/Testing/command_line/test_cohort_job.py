@@ -16,7 +16,7 @@ import torch
 
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
-from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size
+from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
@@ -195,6 +195,15 @@ def test_workers_are_as_many_as_cores_cases_and_memory_allow(
     cases: int, cores: int, case_gb: int, free_gb: int, size: ClusterSize
 ) -> None:
     assert fitted_size(cases, cores, case_gb * 10**9, free_gb * 10**9) == size
+
+
+def test_a_damaged_header_that_itk_crashes_on_does_not_end_the_program_that_orders_the_cases(tmp_path: Path) -> None:
+    header = b"NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nencoding: " + b"z" * 3000 + b"\n\n"
+    (tmp_path / "damaged.nrrd").write_bytes(header + bytes(128))
+    sitk.WriteImage(sitk.Image([4, 4, 4], sitk.sitkInt16), str(tmp_path / "sound.nrrd"))
+    cases = [Case(name, tmp_path / name, tmp_path / "a.json") for name in ("damaged.nrrd", "missing.nrrd", "sound.nrrd")]
+
+    assert [case.name for case in largest_first(cases)] == ["sound.nrrd", "damaged.nrrd", "missing.nrrd"]
 
 
 @pytest.mark.parametrize(
