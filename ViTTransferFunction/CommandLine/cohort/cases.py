@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import logging
 import unicodedata
 from collections.abc import Iterator
@@ -65,14 +66,26 @@ def read_cases(source: Path) -> list[Case]:
 def _cases_in_table(path: Path) -> Iterator[Case]:
     try:
         # Spreadsheets put a mark in front of UTF-8.
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
-    heading = lines[0] if lines else ""
+    heading, _, _ = text.partition("\n")
     # Where a comma is for decimals, spreadsheets separate by semicolons.
-    reader = csv.DictReader(lines, delimiter=";" if heading.count(";") > heading.count(",") else ",", skipinitialspace=True)
+    delimiter = ";" if heading.count(";") > heading.count(",") else ","
+    # Strict: after a quotation mark that is never closed, all further cases would be taken for part of one field.
+    reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
+    try:
+        yield from _cases_of_rows(reader, path)
+    except csv.Error as error:
+        raise InputError(
+            f"{path}, line {reader.line_num + 1}: {error}; is there a quotation mark that is never closed, or in the middle "
+            "of a quoted field?"
+        ) from error
+
+
+def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
     missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
     if missing:
         raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")

@@ -56,6 +56,8 @@ def test_lines_that_were_emptied_in_a_spreadsheet_are_passed_over(tmp_path: Path
         ([HEADING, "a,a.nrrd,"], "line 2"),
         ([HEADING, "a,a.nrrd,a.json", "b"], "line 3"),
         ([HEADING, "a,a\0.nrrd,a.json"], "line 2"),
+        ([HEADING + ",remark", 'a,a.nrrd,a.json,"large', "b,b.nrrd,b.json,small"], "line 2.*quotation mark"),
+        ([HEADING + ",remark", 'a,a.nrrd,a.json,"large', *["b,b.nrrd,b.json," + 99 * "x"] * 2000], "quotation mark"),
     ],
 )
 def test_a_table_that_lacks_something_is_refused(tmp_path: Path, lines: list[str], message: str) -> None:
