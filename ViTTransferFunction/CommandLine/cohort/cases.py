@@ -102,12 +102,14 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
 
 def _cases_in_folder(folder: Path) -> Iterator[Case]:
     volumes: dict[str, list[Path]] = {}
-    for path in sorted(folder.iterdir()):
+    # Hidden files are nobody's cases: beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
+    visible = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
+    for path in visible:
         if path.is_dir() and (path / FOLDER_ANNOTATIONS).is_file():
             yield Case(path.name, path, path / FOLDER_ANNOTATIONS)
         elif path.is_file() and (ending := _volume_ending(path)):
             volumes.setdefault(path.name[: -len(ending)], []).append(path)
-    for points in sorted(folder.glob(f"*{ANNOTATIONS_ENDING}")):
+    for points in (path for path in visible if path.name.endswith(ANNOTATIONS_ENDING)):
         name = points.name[: -len(ANNOTATIONS_ENDING)]
         found = volumes.pop(name, [])
         if len(found) != 1:
@@ -124,7 +126,7 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
 def _volume_ending(path: Path) -> str:
     """The file's ending if it is a volume's, else "". Segmentations are not volumes."""
     name = path.name.lower()
-    if name.startswith(".") or name.endswith(".seg.nrrd"):
+    if name.endswith(".seg.nrrd"):
         return ""
     return next((ending for ending in VOLUME_ENDINGS if name.endswith(ending)), "")
 

@@ -89,7 +89,7 @@ def test_a_folder_has_volumes_with_points_beside_them_and_dicom_folders_with_poi
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     touch(tmp_path, "a.b.nii.gz", "a.b.annotations.json", "a.b.json", "c/1.dcm", "c/annotations.json", "out/cohort.csv")
-    touch(tmp_path, "labels.nrrd", "a.b.seg.nrrd", ".hidden.nrrd")
+    touch(tmp_path, "labels.nrrd", "a.b.seg.nrrd", ".hidden.nrrd", "._a.b.nii.gz", "._a.b.annotations.json")
 
     cases = read_cases(tmp_path)
 
