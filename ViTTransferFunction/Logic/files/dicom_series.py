@@ -10,6 +10,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
 from ..core.regular_file import check_regular_file
+from .dicom_frames import check_frames
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
 
@@ -35,10 +36,14 @@ def read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
         # GDCM would open it, and wait.
         if not entry.is_dir():
             check_regular_file(entry)
-    series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+    try:
+        series = sitk.ImageSeriesReader.GetGDCMSeriesIDs(str(folder))
+        files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
+    except RuntimeError as error:
+        # Of an enhanced image whose frames do not say where they lie, say.
+        raise InputError(f"The DICOM files in {folder} cannot be read: {last_line(error)}") from error
     if not series:
         raise InputError(f"The folder {folder} holds no DICOM series. Name an image file, or a folder with DICOM files.")
-    files = {uid: sitk.ImageSeriesReader.GetGDCMSeriesFileNames(str(folder), uid) for uid in series}
     if len(series) > 1:
         listing = "; ".join(f"{uid} ({len(names)} files)" for uid, names in files.items())
         raise InputError(
@@ -49,9 +54,12 @@ def read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
     reader.SetFileNames(files[series[0]])
     try:
         _check_slices(files[series[0]], folder, on_warning)
-        return reader.Execute()
+        image = reader.Execute()
     except RuntimeError as error:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
+    if len(files[series[0]]) == 1:
+        check_frames(Path(files[series[0]][0]), image, on_warning)
+    return image
 
 
 def series_files(folder: Path) -> list[Path]:
@@ -82,9 +90,17 @@ def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[st
     other.
     """
     positions, directions, sizes = map(np.array, zip(*(_slice_place(name) for name in files), strict=True))
+    if len(files) > 1 and (sizes[:, 2] > 1).any():
+        several = Path(files[int((sizes[:, 2] > 1).argmax())]).name
+        raise InputError(
+            f"The DICOM series in {folder} has {len(files)} files, of which {several}, for one, has several slices of its own. "
+            "Name the file to use alone."
+        )
     unlike = (sizes != sizes[0]).any(axis=1)
     if unlike.any():
-        one, other = (f"{Path(files[index]).name} with {'×'.join(map(str, sizes[index]))}" for index in (0, unlike.argmax()))
+        one, other = (
+            f"{Path(files[index]).name} with {'×'.join(map(str, sizes[index][:2]))}" for index in (0, unlike.argmax())
+        )
         raise InputError(
             f"The DICOM series in {folder} has slices of different sizes, such as {one} and {other} pixels. Name a folder with "
             "slices of one size."
@@ -122,12 +138,15 @@ def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[st
         )
 
 
-def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray, tuple[int, int]]:
-    """Where a slice's first pixel is (3,), LPS millimetres; its axes in columns (3, 3), its normal as the last; its size."""
+def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:
+    """Where a slice's first pixel is (3,), LPS millimetres; its axes in columns (3, 3), its normal as the last; its size.
+
+    The size is (I, J, K); K is 1 but where a file has several frames.
+    """
     reader = sitk.ImageFileReader()
     reader.SetFileName(file_name)
     reader.ReadImageInformation()
-    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3), reader.GetSize()[:2]
+    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3), reader.GetSize()
 
 
 def _entries(folder: Path) -> list[Path]:

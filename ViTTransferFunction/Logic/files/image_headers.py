@@ -27,6 +27,7 @@ _LONGEST_HEADER = 1 << 20
 _GZIP = b"\x1f\x8b"
 
 DICOM_START_BYTES = 132
+DICOM_READER = "GDCMImageIO"
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def image_format(path: Path) -> ImageFormat:
     if ending is not None:
         return _FORMATS[ending]
     if is_dicom_start(read_start(path, DICOM_START_BYTES)):
-        return ImageFormat("GDCMImageIO", lambda _path, _start: None)
+        return ImageFormat(DICOM_READER, lambda _path, _start: None)
     known = ", ".join(_FORMATS)
     raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
 

@@ -19,8 +19,9 @@ from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.given_numbers import FARTHEST
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
+from .dicom_frames import check_frames
 from .dicom_series import read_series, series_files
-from .image_headers import image_ending, image_format, locate_voxels
+from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels
 from .itk_errors import last_line
 
 logger = logging.getLogger(__name__)
@@ -47,6 +48,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) 
             seen in it (`Volume`).
     """
     image = _read_series(path, on_warning) if is_folder(path) else _read_file(path)
+    if not is_folder(path) and image_format(path).reader == DICOM_READER:
+        check_frames(path, image, on_warning)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)

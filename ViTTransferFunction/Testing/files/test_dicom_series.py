@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -113,3 +114,101 @@ def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
     with caplog.at_level(logging.WARNING):
         assert read_volume(tmp_path).shape[0] == len(files) - 1
     assert f"without a slice that can be read: 1, such as {files[-1].name}" in caplog.text
+
+
+ASCENDING = [0.0, 2.0, 4.0, 6.0, 8.0]
+ENHANCED_CT, ULTRASOUND = "1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.3.1"
+AXIAL, CORONAL = "1\\0\\0\\0\\1\\0", "1\\0\\0\\0\\0\\-1"
+
+
+def element(group: int, number: int, kind: str, value: bytes | str | int) -> bytes:
+    """A data element in explicit little endian."""
+    if isinstance(value, int):
+        value = struct.pack("<H", value)
+    content = value.encode() if isinstance(value, str) else value
+    content += (b"\0" if kind == "UI" else b" ") * (len(content) % 2)
+    long = kind in ("OB", "OW", "SQ")
+    return struct.pack(f"<HH2s{'2xL' if long else 'H'}", group, number, kind.encode(), len(content)) + content
+
+
+def sequence(group: int, number: int, *items: bytes) -> bytes:
+    return element(group, number, "SQ", b"".join(b"\xfe\xff\x00\xe0" + struct.pack("<L", len(item)) + item for item in items))
+
+
+def write_frames(
+    path: Path, heights: list[float], orientations: list[str] | None = None, kind: str = ENHANCED_CT, placed: bool = True
+) -> Path:
+    """Write an image with a frame at each height, whose voxels are ten times that."""
+    measures = sequence(0x28, 0x9110, element(0x18, 0x50, "DS", "2") + element(0x28, 0x30, "DS", "1.5\\1.5"))
+    rescaling = sequence(0x28, 0x9145, element(0x28, 0x1052, "DS", "0") + element(0x28, 0x1053, "DS", "1"))
+    frames = [
+        sequence(0x20, 0x9113, element(0x20, 0x32, "DS", f"10\\20\\{height}"))
+        + sequence(0x20, 0x9116, element(0x20, 0x37, "DS", orientation))
+        for height, orientation in zip(heights, orientations or [AXIAL] * len(heights), strict=True)
+    ]
+    voxels = np.repeat(10 * np.array(heights), 42).astype("<i2").tobytes()
+    meta = element(2, 2, "UI", kind) + element(2, 3, "UI", "1.2.3") + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
+    content = [
+        *(element(8, 0x16, "UI", kind), element(8, 0x18, "UI", "1.2.3"), element(8, 0x60, "CS", "CT")),
+        *(element(0x20, 0x0D, "UI", "1.2.4"), element(0x20, 0x0E, "UI", "1.2.5")),
+        *(element(0x28, 2, "US", 1), element(0x28, 4, "CS", "MONOCHROME2"), element(0x28, 8, "IS", str(len(heights)))),
+        *(element(0x28, number, "US", value) for number, value in ((0x10, 6), (0x11, 7), (0x100, 16), (0x101, 16))),
+        *(element(0x28, 0x102, "US", 15), element(0x28, 0x103, "US", 1)),
+        sequence(0x5200, 0x9229, measures + rescaling),
+        *([sequence(0x5200, 0x9230, *frames)] if placed else []),
+        element(0x7FE0, 0x10, "OW", voxels),
+    ]
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes(bytes(128) + b"DICM" + element(2, 0, "UL", struct.pack("<L", len(meta))) + meta + b"".join(content))
+    return path
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+@pytest.mark.parametrize("heights", [ASCENDING, ASCENDING[::-1]])
+def test_frames_of_one_file_lie_where_they_say(tmp_path: Path, heights: list[float], as_folder: bool) -> None:
+    file = write_frames(tmp_path / "scan" / "1.dcm", heights)
+    warnings: list[str] = []
+
+    volume = read_volume(file.parent if as_folder else file, warnings.append)
+
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in heights], atol=1e-6)
+    assert volume.array[:, 3, 3].tolist() == [10 * height for height in heights]
+    assert not warnings
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+@pytest.mark.parametrize(
+    ("heights", "orientations"),
+    [
+        ([0.0, 2.0, 4.0, 8.0, 10.0], None),
+        ([4.0, 0.0, 8.0, 2.0, 6.0], None),
+        ([0.0, 2.0, 4.0, 0.0, 2.0, 4.0], None),
+        ([0.0, 2.0, 4.0, 6.0], [AXIAL, AXIAL, CORONAL, CORONAL]),
+    ],
+    ids=["one is missing", "in any order", "two phases", "two directions"],
+)
+def test_frames_that_are_no_stack_are_refused(
+    tmp_path: Path, heights: list[float], orientations: list[str] | None, as_folder: bool
+) -> None:
+    file = write_frames(tmp_path / "scan" / "1.dcm", heights, orientations)
+    with pytest.raises(InputError, match="no stack of slices"):
+        read_volume(file.parent if as_folder else file)
+
+
+def test_of_frames_that_do_not_say_where_they_lie_there_is_a_warning(tmp_path: Path) -> None:
+    write_frames(tmp_path / "1.dcm", ASCENDING, kind=ULTRASOUND, placed=False)
+    assert ["do not say where they lie" in warning for warning in warnings_of(tmp_path)] == [True]
+
+
+def test_several_files_of_several_frames_are_no_series(tmp_path: Path) -> None:
+    for name in ("1.dcm", "2.dcm"):
+        write_frames(tmp_path / name, ASCENDING)
+    with pytest.raises(InputError, match="has several slices of its own"):
+        read_volume(tmp_path)
+
+
+def test_an_enhanced_image_that_lacks_what_it_must_have_is_refused(tmp_path: Path) -> None:
+    write_frames(tmp_path / "1.dcm", ASCENDING, placed=False)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_volume(tmp_path)
