@@ -45,7 +45,11 @@ def write_features(file: IO[bytes], features: FeatureVolume) -> None:
         "cells": np.array(features.cells.shape, dtype=np.float64),
         "cells_to_ras": features.cells.ijk_to_ras,
     }
-    np.savez(file, **arrays)  # type: ignore[arg-type]
+    # `numpy.savez` of NumPy 2.0 does not close the archive where the disk is full, which then complains on the console.
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.ascontiguousarray(array), allow_pickle=False)
 
 
 def read_features(path: Path, key: str) -> FeatureVolume:

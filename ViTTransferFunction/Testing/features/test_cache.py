@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import gc
 import hashlib
+import io
 import logging
 import os
 import shutil
@@ -22,6 +24,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
+from ViTTransferFunction.Logic.features.feature_file import write_features
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 
 
@@ -187,10 +190,24 @@ def test_a_disk_that_fills_meanwhile_loses_no_work(
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr(np.lib.format, "write_array", full)
     cache.put(features_named("a"))
     assert not list(cache.folder.iterdir())
     assert "the disk is full" in caplog.text
+
+
+@pytest.mark.parametrize("room", [0, 100, 1000])
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+def test_wherever_the_disk_is_full_the_archive_is_closed(room: int) -> None:
+    class Full(io.BytesIO):
+        def write(self, data: Any) -> int:
+            if self.tell() + len(data) > room:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return super().write(data)
+
+    with pytest.raises(OSError, match="No space left"):
+        write_features(Full(), features_named("a"))
+    gc.collect()
 
 
 @pytest.mark.parametrize("step", ["read", "touch", "list"])
@@ -250,11 +267,11 @@ def test_clearing_removes_nothing_but_what_was_written_here(cache: FeatureCache)
 
 
 def test_an_interrupted_write_leaves_nothing_behind(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(file: object, **_: np.ndarray) -> None:
+    def interrupted(file: object, *_: np.ndarray, **__: object) -> None:
         file.write(b"half")  # type: ignore[attr-defined]
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "savez", interrupted)
+    monkeypatch.setattr(np.lib.format, "write_array", interrupted)
     with pytest.raises(KeyboardInterrupt):
         cache.put(features_named("a"))
     assert not list(cache.folder.iterdir())
