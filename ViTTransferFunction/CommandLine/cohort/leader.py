@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ViTTransferFunction.CommandLine.cohort.cases import Case, read_cases
 from ViTTransferFunction.CommandLine.cohort.cluster_size import largest_first, local_size, shared_out
 from ViTTransferFunction.CommandLine.cohort.dispatch import check_workers, run_jobs
+from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
 from ViTTransferFunction.CommandLine.cohort.job import RECORD_ENDING, SEGMENTATION_ENDING, CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.options import session_settings
@@ -43,7 +44,8 @@ def lead_cohort(args: argparse.Namespace) -> int:
         0 where every case has a segmentation, else 1.
 
     Raises:
-        InputError: the cases as a whole, a setting, the weights or the cluster cannot be used.
+        InputError: the cases as a whole, a setting, the weights or the cluster cannot be used, or another cohort is writing to
+            the same folder.
     """
     _check_options(args)
     cases, folder = read_cases(args.cases), args.output.absolute()
@@ -52,10 +54,11 @@ def lead_cohort(args: argparse.Namespace) -> int:
     settings = _settings(args)
     jobs = {case.name: CaseJob(case, settings, folder) for case in cases}
     table = CohortTable(folder / TABLE, jobs)
-    waiting = _take_finished(table, jobs)
-    if waiting:
-        _compute(table, [jobs[case.name] for case in largest_first(waiting)], args)
-    table.save()
+    with only_cohort_in(folder):
+        waiting = _take_finished(table, jobs)
+        if waiting:
+            _compute(table, [jobs[case.name] for case in largest_first(waiting)], args)
+        table.save()
     return _summarise(table)
 
 

@@ -170,6 +170,11 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
         assert {address.ip for address in listening} == {"127.0.0.1"}
         assert all(asks_for_a_key(address.port) for address in listening)
 
+        half_written = out / ".writing-0123abcd.seg.nrrd"
+        half_written.touch()
+        assert main(["cohort", str(folder), "-o", str(out), *options]) == 2
+        assert half_written.exists(), "another cohort removed what this one writes"
+
         os.killpg(started.pid, signal.SIGINT)  # As a terminal does: all processes get it.
         said, _ = started.communicate(timeout=60.0)
     finally:

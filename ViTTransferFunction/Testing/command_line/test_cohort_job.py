@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import random
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ import torch
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first
+from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
@@ -220,6 +223,30 @@ def test_results_never_replace_what_they_are_made_from(
     args = build_parser().parse_args(["cohort", "cohort.csv", "-o", folder])
     with pytest.raises(InputError, match=message):
         run(args)
+
+
+def test_one_cohort_at_a_time_writes_to_a_folder(tmp_path: Path) -> None:
+    with only_cohort_in(tmp_path / "out"):
+        with pytest.raises(InputError, match="Another cohort is writing"), only_cohort_in(tmp_path / "out"):
+            pytest.fail("it was let in")
+        with only_cohort_in(tmp_path / "other"):
+            pass
+    with only_cohort_in(tmp_path / "out"):
+        pass
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_a_cohort_that_was_killed_keeps_nobody_out(tmp_path: Path) -> None:
+    program = """
+import os, sys
+from pathlib import Path
+from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
+with only_cohort_in(Path(sys.argv[1])):
+    os._exit(9)
+"""
+    assert subprocess.run([sys.executable, "-c", program, str(tmp_path)], check=False).returncode == 9
+    with only_cohort_in(tmp_path):
+        pass
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,71 @@
+"""One cohort at a time in a folder of results."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from ViTTransferFunction.Logic.core.errors import InputError
+
+LOCK = ".cohort.lock"
+
+
+@contextmanager
+def only_cohort_in(folder: Path) -> Iterator[None]:
+    """Keep other cohorts out of a folder: each would write its own cases only into the table, and remove what others write.
+
+    The operating system opens the lock however this program ends. Where the disk knows no locks, nobody is kept out.
+
+    Raises:
+        InputError: another cohort is at work there, on this computer or on another that shares the disk and its locks.
+    """
+    descriptor = _opened(folder)
+    if descriptor is None:
+        yield
+        return
+    if _is_taken(descriptor):
+        os.close(descriptor)
+        raise InputError(f"Another cohort is writing to {folder}. Wait until it has ended, or name another folder by --output.")
+    try:
+        yield
+    finally:
+        # Before it is closed, so that nobody else has it by then; but Windows removes no open file.
+        _remove(folder / LOCK)
+        os.close(descriptor)
+        if sys.platform == "win32":
+            _remove(folder / LOCK)
+
+
+def _opened(folder: Path) -> int | None:
+    """The lock's file; None where it cannot be had: another user's, say. Whether results can be written, others tell."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        return os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError:
+        return None
+
+
+def _is_taken(descriptor: int) -> bool:
+    """Take a lock, which closing the file gives back; whether another process has it."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()
