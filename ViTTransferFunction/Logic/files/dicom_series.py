@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
@@ -53,7 +54,11 @@ def read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames(files[series[0]])
     try:
-        _check_slices(files[series[0]], folder, on_warning)
+        headers = [_slice_header(name) for name in files[series[0]]]
+        _check_slices(files[series[0]], headers, folder, on_warning)
+        if len({header.kind for header in headers}) > 1:
+            # ITK makes all slices numbers of the first one's kind: fractions would be cut, and large numbers become others.
+            reader.SetOutputPixelType(sitk.sitkFloat32)
         image = reader.Execute()
     except RuntimeError as error:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
@@ -83,13 +88,31 @@ def _is_dicom(path: Path) -> bool:
     return path.is_file() and path.name != "DICOMDIR" and is_dicom_start(read_start(path, DICOM_START_BYTES))
 
 
-def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[str], None]) -> None:
+class _SliceHeader(NamedTuple):
+    """What is known of a slice without its voxels.
+
+    Attributes:
+        position: of the first pixel, (3,), LPS millimetres.
+        directions: of its axes, in columns (3, 3), its normal as the last.
+        size: (I, J, K); K is 1 but where a file has several frames.
+        kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
+    """
+
+    position: np.ndarray
+    directions: np.ndarray
+    size: tuple[int, ...]
+    kind: int
+
+
+def _check_slices(
+    files: tuple[str, ...], headers: Sequence[_SliceHeader], folder: Path, on_warning: Callable[[str], None]
+) -> None:
     """Raise InputError where slices cannot be a stack; warn where they are one, but not on the grid that ITK makes of it.
 
     GDCM leaves slices unsorted where two have one position, and ITK takes any two slices for neighbours, straight above each
     other.
     """
-    positions, directions, sizes = map(np.array, zip(*(_slice_place(name) for name in files), strict=True))
+    positions, directions, sizes, _ = map(np.array, zip(*headers, strict=True))
     if len(files) > 1 and (sizes[:, 2] > 1).any():
         several = Path(files[int((sizes[:, 2] > 1).argmax())]).name
         raise InputError(
@@ -138,15 +161,12 @@ def _check_slices(files: tuple[str, ...], folder: Path, on_warning: Callable[[st
         )
 
 
-def _slice_place(file_name: str) -> tuple[np.ndarray, np.ndarray, tuple[int, ...]]:
-    """Where a slice's first pixel is (3,), LPS millimetres; its axes in columns (3, 3), its normal as the last; its size.
-
-    The size is (I, J, K); K is 1 but where a file has several frames.
-    """
+def _slice_header(file_name: str) -> _SliceHeader:
     reader = sitk.ImageFileReader()
     reader.SetFileName(file_name)
     reader.ReadImageInformation()
-    return np.array(reader.GetOrigin()), np.array(reader.GetDirection()).reshape(3, 3), reader.GetSize()
+    directions = np.array(reader.GetDirection()).reshape(3, 3)
+    return _SliceHeader(np.array(reader.GetOrigin()), directions, reader.GetSize(), reader.GetPixelID())
 
 
 def _entries(folder: Path) -> list[Path]:

@@ -147,20 +147,44 @@ def write_frames(
         for height, orientation in zip(heights, orientations or [AXIAL] * len(heights), strict=True)
     ]
     voxels = np.repeat(10 * np.array(heights), 42).astype("<i2").tobytes()
-    meta = element(2, 2, "UI", kind) + element(2, 3, "UI", "1.2.3") + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
-    content = [
-        *(element(8, 0x16, "UI", kind), element(8, 0x18, "UI", "1.2.3"), element(8, 0x60, "CS", "CT")),
-        *(element(0x20, 0x0D, "UI", "1.2.4"), element(0x20, 0x0E, "UI", "1.2.5")),
-        *(element(0x28, 2, "US", 1), element(0x28, 4, "CS", "MONOCHROME2"), element(0x28, 8, "IS", str(len(heights)))),
-        *(element(0x28, number, "US", value) for number, value in ((0x10, 6), (0x11, 7), (0x100, 16), (0x101, 16))),
-        *(element(0x28, 0x102, "US", 15), element(0x28, 0x103, "US", 1)),
-        sequence(0x5200, 0x9229, measures + rescaling),
-        *([sequence(0x5200, 0x9230, *frames)] if placed else []),
-        element(0x7FE0, 0x10, "OW", voxels),
-    ]
+    functional_groups = [sequence(0x5200, 0x9229, measures + rescaling), sequence(0x5200, 0x9230, *frames)]
+    pixels = pixel_format(len(heights)) + element(0x28, 0x103, "US", 1)
+    return write_elements(
+        path, kind, "1.2.3", pixels, *functional_groups[: 2 if placed else 1], element(0x7FE0, 0x10, "OW", voxels)
+    )
+
+
+def write_scaled_slice(path: Path, k: int, slope: float) -> Path:
+    """Write a slice of PET, whose pixels are stored as 1001."""
+    place = element(0x20, 0x32, "DS", f"0\\0\\{2 * k}") + element(0x20, 0x37, "DS", AXIAL)
+    scale = element(0x28, 0x103, "US", 1) + element(0x28, 0x1052, "DS", "0") + element(0x28, 0x1053, "DS", str(slope))
+    voxels = element(0x7FE0, 0x10, "OW", np.full(42, 1001, "<i2").tobytes())
+    return write_elements(path, "1.2.840.10008.5.1.4.1.1.128", f"1.2.3.{k}", place, pixel_format(1), scale, voxels)
+
+
+def pixel_format(frames: int) -> bytes:
+    """Of 7×6 pixels of 16 bits, up to whether they have a sign."""
+    numbers = {0x10: 6, 0x11: 7, 0x100: 16, 0x101: 16, 0x102: 15}
+    kind = element(0x28, 2, "US", 1) + element(0x28, 4, "CS", "MONOCHROME2") + element(0x28, 8, "IS", str(frames))
+    return kind + b"".join(element(0x28, number, "US", value) for number, value in numbers.items())
+
+
+def write_elements(path: Path, kind: str, name: str, *elements: bytes) -> Path:
+    """Write a DICOM file of the elements behind those that say what it is, of what series."""
+    meta = element(2, 2, "UI", kind) + element(2, 3, "UI", name) + element(2, 0x10, "UI", "1.2.840.10008.1.2.1")
+    head = element(8, 0x16, "UI", kind) + element(8, 0x18, "UI", name) + element(8, 0x60, "CS", "CT")
+    series = element(0x20, 0x0D, "UI", "1.2.4") + element(0x20, 0x0E, "UI", "1.2.5")
+    content = b"".join((element(2, 0, "UL", struct.pack("<L", len(meta))), meta, head, series, *elements))
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes(bytes(128) + b"DICM" + element(2, 0, "UL", struct.pack("<L", len(meta))) + meta + b"".join(content))
+    path.write_bytes(bytes(128) + b"DICM" + content)
     return path
+
+
+@pytest.mark.parametrize("slopes", [[1, 0.25, 0.5], [1, 60, 100], [0.5, 1, 2]])
+def test_slices_that_are_scaled_each_in_its_own_way_keep_their_values(tmp_path: Path, slopes: list[float]) -> None:
+    for k, slope in enumerate(slopes):
+        write_scaled_slice(tmp_path / f"{k}.dcm", k, slope)
+    assert read_volume(tmp_path).array[:, 3, 3].tolist() == [1001 * slope for slope in slopes]
 
 
 @pytest.mark.parametrize("as_folder", [False, True])
