@@ -65,6 +65,8 @@ def lead_cohort(args: argparse.Namespace) -> int:
 def _check_options(args: argparse.Namespace) -> None:
     if args.scheduler and args.workers is not None:
         raise InputError("--workers is for this computer; a scheduler has its own. Give one of --workers and --scheduler.")
+    if args.scheduler == "":
+        raise InputError("--scheduler has no address; of a variable that is not set, perhaps. Give one, or leave it out.")
     if args.workers is not None and args.workers < 1:
         raise InputError(f"--workers {args.workers}: expected 1 or more.")
 
@@ -163,6 +165,9 @@ def _client_of(address: str) -> Client:
 
     try:
         return Client(address, set_as_default=False)
+    # Of Dask where no certificates are configured for tls://, or what the address needs is not installed.
+    except (TypeError, ImportError) as error:
+        raise InputError(f"There is no way to the scheduler {address}: {error}. Check Dask's configuration.") from error
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(
             f"There is no scheduler of Dask at {address}: {error}. Check the address, and that it runs."

@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
-from ViTTransferFunction.CommandLine.cohort import dispatch
+from ViTTransferFunction.CommandLine.cohort import dispatch, leader
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome, Status
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 distributed = pytest.importorskip("distributed")
@@ -74,3 +75,8 @@ def test_workers_of_another_version_are_refused(client: Any, monkeypatch: pytest
     # The first answer is that of this computer.
     with pytest.raises(dispatch.InputError, match=r"version 0.9 of this program, and this computer 1.0"):
         dispatch.check_workers(client, "tls://there", patience_s=10.0)
+
+
+def test_an_encrypted_address_without_certificates_is_refused() -> None:
+    with pytest.raises(InputError, match="TLS expects"), leader._client_of("tls://127.0.0.1:8786"):
+        pytest.fail("it was connected")
