@@ -11,22 +11,11 @@ import torch
 from ViTTransferFunction.Logic.core import torch_arrays
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
-
-
-@pytest.fixture
-def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSettings:
-    """Of a tiny model, and a cache that keeps nothing from one session to the next."""
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    path = tmp_path / "tiny.pth"
-    torch.save(random_state_dict(TINY_MODEL), path)
-    return SessionSettings(grid=16, model="tiny", weights_path=str(path), device="cpu")
 
 
 def segmented(spheres: Spheres, settings: SessionSettings, cache: Path, monkeypatch: pytest.MonkeyPatch) -> list[np.ndarray]:
-    """Features, low-resolution maps, a refined map and labels."""
+    """Features that are computed anew, low-resolution maps, and labels."""
     monkeypatch.setenv("VITTF_CACHE", str(cache))
     session = open_session(spheres[0], settings)
     session.load_features()
@@ -37,9 +26,9 @@ def segmented(spheres: Spheres, settings: SessionSettings, cache: Path, monkeypa
 
 
 def test_nothing_is_asked_of_pytorch_that_it_does_not_know(
-    spheres: Spheres, settings: SessionSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    spheres: Spheres, tiny_weights: SessionSettings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    expected = segmented(spheres, settings, tmp_path / "first", monkeypatch)
+    expected = segmented(spheres, tiny_weights, tmp_path / "first", monkeypatch)
 
     def unknown(*arguments: object, **others: object) -> None:
         raise RuntimeError("Numpy is not available")
@@ -49,7 +38,7 @@ def test_nothing_is_asked_of_pytorch_that_it_does_not_know(
     monkeypatch.setattr(torch.Tensor, "__array__", unknown)
     torch_arrays.pytorch_knows_numpy.cache_clear()
     try:
-        found = segmented(spheres, settings, tmp_path / "second", monkeypatch)
+        found = segmented(spheres, tiny_weights, tmp_path / "second", monkeypatch)
     finally:
         torch_arrays.pytorch_knows_numpy.cache_clear()
     assert expected[-1].any()

@@ -6,7 +6,6 @@ PyTorch's device `meta`, which holds no values, stands in for the card.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,22 +17,17 @@ from ViTTransferFunction.Logic.features.vision_transformer import VisionTransfor
 from ViTTransferFunction.Logic.session import feature_source
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
-from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.spheres import Spheres
-from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 FULL = torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2.00 GiB")
 CARD = torch.device("meta")
 
 
 @pytest.fixture
-def with_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SessionSettings:
+def with_card(tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch) -> SessionSettings:
     """Settings that choose the card, and a tiny model."""
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
     monkeypatch.setattr(feature_source, "choose_device", lambda name: torch.device("cpu") if name == "cpu" else CARD)
-    path = tmp_path / "tiny.pth"
-    torch.save(random_state_dict(TINY_MODEL), path)
-    return SessionSettings(grid=8, model="tiny", weights_path=str(path), device="cuda")
+    return replace(tiny_weights, device="cuda")
 
 
 @pytest.fixture(params=["where the network is loaded", "where a slice is run", "nowhere"])
