@@ -6,7 +6,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 from xml.etree import ElementTree
 
@@ -56,7 +56,7 @@ def unpacked_session(path: Path, folder: Path) -> Path:
         scenes = sorted(folder.rglob("*.mrml"), key=lambda file: len(file.parts))
         if not scenes:
             raise InputError(f"{problem}: there is no scene in it.")
-        _check_local(scenes[0])
+        _check_self_contained(scenes[0])
     except InputError:
         raise
     except OSError as error:
@@ -142,8 +142,19 @@ def _say_compressed(scene_file: Path, ids: set[str]) -> None:
     tree.write(scene_file, encoding="UTF-8", xml_declaration=True)
 
 
-def _check_local(scene_file: Path) -> None:
-    """Raise InputError where a scene would load something from the network."""
+def _check_self_contained(scene_file: Path) -> None:
+    """Raise InputError where a scene would load something from the network, or a file that did not come with it."""
     for element in ElementTree.parse(scene_file).iter():
-        if any(name.startswith("uri") and value for name, value in element.attrib.items()):
-            raise InputError(f"{scene_file.stem} refers to data in the network, which is not loaded. Save it with its data.")
+        for name, value in element.attrib.items():
+            if name.startswith("uri") and value:
+                where = "in the network"
+            elif name.startswith(("fileName", "fileListMember")) and _leads_out(value):
+                where = f"outside of it ({shown(value)})"
+            else:
+                continue
+            raise InputError(f"{scene_file.stem} refers to data {where}, which is not loaded. Save it with its data.")
+
+
+def _leads_out(file_name: str) -> bool:
+    """Whether a file's name in a scene, of any system, is not that of one beside the scene or below."""
+    return PureWindowsPath(file_name).anchor != "" or ".." in PureWindowsPath(file_name).parts

@@ -100,6 +100,10 @@ def test_the_parameter_node_is_made_once(slicer_app: Any) -> None:
         ({"readme.txt": "no scene"}, "no scene"),
         ({"scene.mrml": "<MRML><not closed></MRML>"}, "damaged"),
         ({"scene.mrml": '<MRML><VolumeArchetypeStorage uri="http://elsewhere/ct.nrrd"/></MRML>'}, "network"),
+        ({"scene.mrml": '<MRML><VolumeArchetypeStorage fileName="/home/other/ct.nrrd"/></MRML>'}, "outside"),
+        ({"scene.mrml": '<MRML><VolumeArchetypeStorage fileName="Data/../../ct.nrrd"/></MRML>'}, "outside"),
+        ({"scene.mrml": '<MRML><VolumeArchetypeStorage fileName="C:/ct.nrrd"/></MRML>'}, "outside"),
+        ({"scene.mrml": r'<MRML><VolumeArchetypeStorage fileListMember0="\\server\ct.nrrd"/></MRML>'}, "outside"),
     ],
 )
 def test_what_is_no_session_or_reaches_out_is_refused(files: dict[str, str], why: str, tmp_path: Path) -> None:
