@@ -60,8 +60,10 @@ class FeatureCache:
         except (OSError, ValueError) as error:
             reason = " ".join(str(error).split())
             logger.warning("Cached features cannot be used and are computed again (%s: %s)", path, reason)
-            with suppress(OSError):
-                path.unlink()
+            # Not where it could not be opened: another program may have it for a moment.
+            if isinstance(error, ValueError):
+                with suppress(OSError):
+                    path.unlink()
             return None
         # The time of last use, which removal goes by.
         with suppress(OSError):

@@ -74,6 +74,16 @@ def test_damaged_features_are_removed_and_count_as_absent(cache: FeatureCache, c
     assert not list(cache.folder.iterdir())
 
 
+def test_features_that_another_program_has_open_count_as_absent_and_stay(
+    cache: FeatureCache, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.put(features_named("a"))
+    with monkeypatch.context() as held:
+        held.setattr(Path, "open", lambda *_, **__: (_ for _ in ()).throw(PermissionError(errno.EACCES, "Permission denied")))
+        assert cache.get(key("a")) is None
+    assert cache.get(key("a")) is not None
+
+
 def with_a_flipped_bit(path: Path) -> Iterator[None]:
     """Flips one bit of a file after the other: in all of the archive's own bytes, and in some of the features'."""
     sound = path.read_bytes()
