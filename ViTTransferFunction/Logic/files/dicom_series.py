@@ -19,8 +19,9 @@ LARGEST_SPACING_DEVIATION = 0.01
 """Relative deviation of slice distances above which a DICOM series is not a regular grid; and of slices from lying straight
 above each other, and from being parallel."""
 
-RESULTS = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4")
-"""Endings of files that are no slices: results may be written, and written again, beside a DICOM series."""
+NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4", ".ds_store", "thumbs.db", "desktop.ini")
+"""Endings, in small letters, of files that are no slices and may be written again and again beside a DICOM series: results, and
+what systems write where a folder is looked at."""
 
 
 def read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
@@ -73,7 +74,7 @@ def series_files(folder: Path) -> list[Path]:
     Raises:
         InputError: the folder cannot be read.
     """
-    return [entry for entry in _entries(folder) if entry.is_file() and not entry.name.lower().endswith(RESULTS)]
+    return [entry for entry in _entries(folder) if entry.is_file() and not entry.name.lower().endswith(NO_SLICES)]
 
 
 def _warn_of_unread_files(folder: Path, files: tuple[str, ...], on_warning: Callable[[str], None]) -> None:

@@ -44,8 +44,10 @@ def test_of_a_regular_stack_there_is_nothing_to_say(tmp_path: Path, direction: n
     assert warnings_of(tmp_path) == []
 
 
-@pytest.mark.parametrize("name", ["liver.seg.nrrd", "Liver.NII.GZ", "view.png", "turn.gif", "turn.mp4", "camera.json"])
-def test_a_result_beside_the_slices_is_none_of_them_and_may_be_written_again(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    "name", ["liver.seg.nrrd", "Liver.NII.GZ", "view.png", "turn.gif", "turn.mp4", "camera.json", ".DS_Store"]
+)
+def test_a_file_beside_the_slices_is_none_of_them_and_may_be_written_again(tmp_path: Path, name: str) -> None:
     paths = write_dicom(tmp_path, stack())
     (tmp_path / name).touch()
     assert files_of(tmp_path) == sorted(paths)
