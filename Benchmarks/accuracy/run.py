@@ -38,6 +38,7 @@ from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.sessions import load_features, session_on
+from Benchmarks.shared.unseen_cases import without_missing
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -60,14 +61,16 @@ def main() -> None:
     samples = TRUE_SAMPLES if options.true_samples else {}
     runs: list[Run] = []
     failures: list[Failure] = []
-    for case in ALL_CASES:
-        if case.name in options.cases:
-            bench = CaseBench(
-                case.name, case.read(options.volumes), weights, options.preset, options.rounds, KeptResults(options.keep)
-            )
-            of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
-            runs += of_case
-            failures += bench.failures(of_case)
+    cases, missing = without_missing([case for case in ALL_CASES if case.name in options.cases], options.volumes)
+    if missing:
+        print(f"Not in {options.volumes}, and left out: {', '.join(missing)}. docs/RESULTS.md says where to get them.")
+    for case in cases:
+        bench = CaseBench(
+            case.name, case.read(options.volumes), weights, options.preset, options.rounds, KeptResults(options.keep)
+        )
+        of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
+        runs += of_case
+        failures += bench.failures(of_case)
     report = {"model": weights.model.name, "machine": machine(), "preset": options.preset, "paths": options.paths, "runs": runs}
     write_report(report, failures, options.results, read_earlier(options.earlier) if options.earlier else {})
 

@@ -12,6 +12,7 @@ from Benchmarks.accuracy.cases import ALL_CASES, GROUPS, group_of
 from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
+from Benchmarks.shared.unseen_cases import UNSEEN, MaskCase, without_missing
 
 SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
 
@@ -47,6 +48,26 @@ def test_a_derived_case_is_its_scan_changed(tmp_path: Path) -> None:
     crop = OrganFillingCrop("crop", SCAN, ("box",)).read(tmp_path)
     assert crop.truth.sum() == (labels == 7).sum()
     assert crop.truth.size < labels.size
+
+
+def test_structures_in_files_of_their_own_lie_where_they_do_in_the_scan(tmp_path: Path) -> None:
+    labels = write_scan(tmp_path)
+    everything = sitk.ReadImage(str(tmp_path / "labels.nrrd"))
+    sitk.WriteImage(everything == 7, str(tmp_path / "large.nrrd"))
+    sitk.WriteImage((everything == 8)[11:17, :, 1:], str(tmp_path / "small.nrrd"))
+    labelled = MaskCase("scan", "scan.nrrd", {"large box": "large.nrrd", "small box": "small.nrrd"}).read(tmp_path)
+    assert labelled.names == ("large box", "small box")
+    np.testing.assert_array_equal(labelled.truth == 1, labels == 7)
+    np.testing.assert_array_equal(labelled.truth == 2, labels == 8)
+
+
+def test_only_scans_that_nothing_was_chosen_on_may_be_missing(tmp_path: Path) -> None:
+    there = tmp_path / UNSEEN[0].volume
+    there.parent.mkdir(parents=True)
+    there.touch()
+    cases, left_out = without_missing(ALL_CASES, tmp_path)
+    assert left_out == [case.name for case in UNSEEN[1:]]
+    assert [case.name for case in cases] == [case.name for case in ALL_CASES if case.name not in left_out]
 
 
 def test_a_chest_with_lungs_comes_with_a_package() -> None:
