@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ..Logic.core.errors import InputError
+from ..Logic.core.errors import InputError, shown
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.choices import check_possible, choices
@@ -77,6 +77,7 @@ class Actions:
             "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
             "write": lambda corrections="ask": app.write_segments(corrections),
+            "notReadable": self._tell_of_unreadable_drop,
             "closeMessages": app.close_messages,
         }
         for tool in TOOLS:
@@ -109,6 +110,12 @@ class Actions:
     def _cancel(self) -> None:
         self._app.extraction.give_up()
         self._app.session.cancel()
+
+    def _tell_of_unreadable_drop(self, reason: str) -> None:
+        raise InputError(
+            f"What was dropped cannot be read by the browser ({shown(str(reason))}), and nothing was opened. Check that its "
+            "files are still there and that you may read them."
+        )
 
     def _class(self, id_: str) -> ClassState:
         """The class of an id that the page sent; it may be gone since."""

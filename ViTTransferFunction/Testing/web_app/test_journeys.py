@@ -238,6 +238,21 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     page.wait_for_state(f"volume_name === '{volume.stem.replace(' ', '_')}' && opening === ''")
 
 
+def test_a_folder_that_cannot_be_read_is_told_of(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    page.page.evaluate(
+        """() => {
+          const locked = { createReader: () => ({ readEntries: (_, reject) => reject(new DOMException("not permitted")) }) };
+          const drop = new DragEvent("drop", { cancelable: true });
+          const dataTransfer = { types: ["Files"], items: [{ webkitGetAsEntry: () => locked }] };
+          Object.defineProperty(drop, "dataTransfer", { value: dataTransfer });
+          window.dispatchEvent(drop);
+        }"""
+    )
+    page.page.get_by_text("What was dropped cannot be read by the browser").wait_for()
+
+
 def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)

@@ -120,7 +120,12 @@
     set("dragging", false);
     const entries = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry()).filter(Boolean);
     const files = [];
-    for (const entry of entries) files.push(...(await filesIn(entry)));
+    try {
+      for (const entry of entries) files.push(...(await filesIn(entry)));
+    } catch (error) {
+      // A part of a series would look like another one.
+      return act("notReadable", String(error.message));
+    }
     if (!state("unsaved")) return send(files);
     dropped = files;
     set("asking_dropped", files.length > 0);
