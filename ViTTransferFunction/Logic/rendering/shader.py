@@ -478,8 +478,8 @@ _FINISH = """
   {
     g_fragColor = vittf_veil;
   }
-  //VTK::Shading::Exit
 """
+"""In place of what VTK has here for views that project maxima or minima: it would draw those of numbers that are none."""
 
 
 def capacity(structures: int) -> int:

@@ -385,6 +385,17 @@ def test_a_plane_cuts_away_what_lies_before_it_and_moves_with_its_node(stage: St
     assert seen() == [True, True]
 
 
+@pytest.mark.parametrize("technique", ["MaximumIntensityProjection", "MinimumIntensityProjection"])
+def test_a_view_that_projects_intensities_of_other_volumes_shows_structures_as_any_view(stage: Stage, technique: str) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    expected = stage.picture()
+    node = stage.view.get_view_node()
+    node.SetRaycastTechnique(getattr(node, technique))
+    assert displayed_volume(stage).GetMapper().GetBlendMode() != displayed_volume(stage).GetMapper().COMPOSITE_BLEND
+    # Rays start at random depths.
+    assert np.abs(stage.picture() - expected).mean() < 1.0
+
+
 def test_a_slicer_that_cuts_by_no_planes_says_so_and_still_cuts_to_a_box(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rendering_module, "_can_be_cut_by_planes", lambda display: False)
     stage.show([one_ball(8.0)], [RED])
