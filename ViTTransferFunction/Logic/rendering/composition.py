@@ -34,6 +34,9 @@ MOST_BLOCKS_AWAY = 255 - MOST_STRUCTURES
 VOXEL_BUDGET = 17_000_000
 """Voxels that the volume has at most: those of 256³, which any graphics card takes."""
 
+MOST_ALONG_AXIS = 2047
+"""Graphics cards and OpenGL in software take 2048 along an axis, and Slicer on a Mac divides a volume that has as many."""
+
 COMPOSING = "Preparing the 3D view"
 """The name of this work, for those who watch."""
 
@@ -134,8 +137,8 @@ class Composition:
 
 
 def shape_within_budget(shape: Shape) -> Shape:
-    """`shape` where it has at most VOXEL_BUDGET voxels; else with its longest axes shortened until it does."""
-    limit = max(shape)
+    """`shape` with its longest axes shortened to MOST_ALONG_AXIS voxels, and until it has at most VOXEL_BUDGET voxels."""
+    limit = min(max(shape), MOST_ALONG_AXIS)
     while np.prod(np.minimum(shape, limit)) > VOXEL_BUDGET:
         limit -= 1
     k, j, i = np.minimum(shape, limit).tolist()

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.progress import Progress, no_progress
 from .class_membership import Shape, finest_shape, memberships
-from .composition import COMPOSING, Composition, shape_within_budget
+from .composition import COMPOSING, MOST_ALONG_AXIS, Composition, shape_within_budget
 from .smoothing import smoothed
 
 VOXELS_FROM_CELLS = 6_000_000
@@ -52,7 +52,8 @@ def similarity_volume(
 def similarity_shape(maps: Sequence[np.ndarray]) -> Shape:
     """Whole voxels for each cell of the finest map, more than one if it is coarse."""
     shape = shape_within_budget(finest_shape(maps))
-    per_cell = max(1, min(int(np.cbrt(VOXELS_FROM_CELLS / np.prod(shape))), MOST_VOXELS_PER_CELL))
+    per_cell = min(int(np.cbrt(VOXELS_FROM_CELLS / np.prod(shape))), MOST_VOXELS_PER_CELL, MOST_ALONG_AXIS // max(shape))
+    per_cell = max(1, per_cell)
     k, j, i = (per_cell * cells for cells in shape)
     return k, j, i
 

@@ -9,6 +9,7 @@ import numpy as np
 from ..core.bounding_box import bounding_box, common_box
 from ..core.geometry import Box, Geometry
 from .class_membership import Shape, nearest_voxels
+from .composition import MOST_ALONG_AXIS
 from .intensity_levels import gray_levels
 from .iso_surfaces import smooth_map_volume
 from .mask_maps import ISO, mask_map
@@ -79,7 +80,9 @@ def _part_with(geometry: Geometry, masks: Sequence[np.ndarray]) -> tuple[Geometr
 
 def _fine_shape(part: Geometry) -> Shape:
     """The shape of a grid of cubes, about, that fills the part's box."""
-    spacing_mm = max(float(np.cbrt(np.prod(part.extent_mm) / VOXEL_BUDGET)), FINEST_CELLS * float(part.spacing_mm.min()))
+    within_budget_mm = float(np.cbrt(np.prod(part.extent_mm) / VOXEL_BUDGET))
+    along_axis_mm = float(part.extent_mm.max()) / MOST_ALONG_AXIS
+    spacing_mm = max(within_budget_mm, along_axis_mm, FINEST_CELLS * float(part.spacing_mm.min()))
     k, j, i = np.maximum(np.rint(part.extent_mm[::-1] / spacing_mm), 1).astype(int).tolist()
     return k, j, i
 

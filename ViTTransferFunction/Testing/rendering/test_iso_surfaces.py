@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.rendering.composition import (
     VOXEL_BUDGET,
     shape_within_budget,
 )
-from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
+from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_shape, similarity_volume
 from ViTTransferFunction.Logic.rendering.shader import CONTEXT_COLORS, capacity
 from ViTTransferFunction.Testing.support.views import ball
 
@@ -127,6 +127,13 @@ def test_large_volumes_are_shortened_along_their_longest_axes_alone() -> None:
     assert shape_within_budget((100, 512, 512)) == (100, 412, 412)
     assert np.prod(shape_within_budget((900, 700, 500))) <= VOXEL_BUDGET
     assert shape_within_budget((256, 256, 256)) == (256, 256, 256)
+
+
+@pytest.mark.parametrize("shape", [(1, 2600, 2100), (8, 12, 1500), (3, 3, 9000)])
+def test_no_axis_has_more_voxels_than_every_graphics_card_takes(shape: tuple[int, int, int]) -> None:
+    similarity = np.zeros(shape, dtype=np.float32)
+    assert max(similarity_shape([similarity])) <= 2047
+    assert max(shape_within_budget(shape)) <= 2047
 
 
 def test_a_volume_over_budget_still_places_its_classes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,6 +96,13 @@ def test_the_volume_just_encloses_the_masks() -> None:
     assert fine.extent_mm == pytest.approx([8.0, 8.0, 8.0])
 
 
+def test_no_axis_has_more_voxels_than_every_graphics_card_takes() -> None:
+    mask = np.ones((1, 1, 3000), dtype=bool)
+    voxels, fine = mask_volume(Geometry(mask.shape, np.eye(4)), [mask], [1.0])
+    assert max(voxels.shape) <= 2047
+    assert fine.extent_mm == pytest.approx([3004.0, 5.0, 5.0])
+
+
 @pytest.mark.parametrize("budget", [40, 400, 4000])
 def test_a_single_voxel_is_drawn_also_where_voxels_are_too_many_to_draw_all(
     monkeypatch: pytest.MonkeyPatch, budget: int
