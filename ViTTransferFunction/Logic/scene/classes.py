@@ -22,7 +22,7 @@ from ..core.errors import InputError
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .folder import put_into_folder
-from .nodes import node_of_class, nodes_of_class
+from .nodes import displays_of, node_of_class, nodes_of_class
 from .point_lists import Point, PropertiesByPoint, defined_points, points_and_properties, set_points
 
 CLASS_ROLE = "class"
@@ -211,9 +211,9 @@ def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer
 
 
 def _remove_lists(scene: slicer.vtkMRMLScene, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-    displays = [node.GetNthDisplayNode(index) for node in lists for index in range(node.GetNumberOfDisplayNodes())]
+    displays = [display for node in lists for display in displays_of(node)]
     for node in (*lists, *displays):
-        if node is not None and scene.IsNodePresent(node):
+        if scene.IsNodePresent(node):
             scene.RemoveNode(node)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
+from .nodes import displays_of
+
 if TYPE_CHECKING:
     import slicer
 
@@ -53,12 +55,7 @@ class DerivedNodes:
         nodes = [node for name in reversed(self._nodes) if (node := self.find(name)) is not None]
         # Before any goes: who is told by the scene that it does may ask for this again.
         self._nodes.clear()
-        displays = [
-            node.GetNthDisplayNode(index)
-            for node in nodes
-            if node.IsA("vtkMRMLDisplayableNode")
-            for index in range(node.GetNumberOfDisplayNodes())
-        ]
+        displays = [display for node in nodes if node.IsA("vtkMRMLDisplayableNode") for display in displays_of(node)]
         for node in (*displays, *nodes):
-            if node is not None and self._scene.IsNodePresent(node):
+            if self._scene.IsNodePresent(node):
                 self._scene.RemoveNode(node)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .nodes import nodes_of_class
+from .nodes import displays_of, nodes_of_class
 from .rendering import DISPLAY_CLASS
 
 
@@ -18,15 +18,10 @@ def remove_exported(scene: Any, volume: Any) -> None:
     """Take one of them out of the scene, and what displays it."""
     casting = _ray_casting(volume)
     materials = [node for display in casting for node in (display.GetVolumePropertyNode(), display.GetShaderPropertyNode())]
-    for node in (*_displays(volume), volume, *materials):
+    for node in (*displays_of(volume), volume, *materials):
         if node is not None and scene.IsNodePresent(node):
             scene.RemoveNode(node)
 
 
 def _ray_casting(volume: Any) -> list[Any]:
-    return [display for display in _displays(volume) if display.IsA(DISPLAY_CLASS) and display.GetShaderPropertyNode()]
-
-
-def _displays(volume: Any) -> list[Any]:
-    displays = (volume.GetNthDisplayNode(index) for index in range(volume.GetNumberOfDisplayNodes()))
-    return [display for display in displays if display is not None]
+    return [display for display in displays_of(volume) if display.IsA(DISPLAY_CLASS) and display.GetShaderPropertyNode()]

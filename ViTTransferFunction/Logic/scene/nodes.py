@@ -19,3 +19,9 @@ def node_of_class(node: Any, class_name: str) -> Any:
 def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
     """All nodes of a class and its subclasses, in the order of the scene."""
     return [scene.GetNthNodeByClass(index, class_name) for index in range(scene.GetNumberOfNodesByClass(class_name))]
+
+
+def displays_of(node: slicer.vtkMRMLDisplayableNode) -> list[Any]:
+    """All nodes that say how a node is displayed."""
+    displays = (node.GetNthDisplayNode(index) for index in range(node.GetNumberOfDisplayNodes()))
+    return [display for display in displays if display is not None]

@@ -10,6 +10,7 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..core.errors import InputError
 from .derived_nodes import DerivedNodes
+from .nodes import displays_of
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
@@ -153,7 +154,8 @@ class ClassRendering:
         if volume is None or display is None or not display.GetVisibility():
             return None
         self._quick.end()
-        volume.GetVolumeDisplayNode().SetSaveWithScene(True)
+        for shown_by in displays_of(volume):
+            shown_by.SetSaveWithScene(True)
         for node in self._nodes.release():
             node.SetName(node.GetName().replace(VOLUME_NAME, name))
         self._smoothing.restore()

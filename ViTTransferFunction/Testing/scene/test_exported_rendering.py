@@ -129,6 +129,15 @@ def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_
     assert structural_similarity(live, elsewhere, channel_axis=2) >= 0.95
 
 
+def test_a_rendering_is_exported_also_where_the_user_deleted_what_displays_its_volume_in_slices(
+    views: Views, rendering: ClassRendering
+) -> None:
+    for display in nodes_of_class(views.scene, "vtkMRMLVectorVolumeDisplayNode"):
+        views.scene.RemoveNode(display)
+    exported = rendering.export("CT structures")
+    assert exported_renderings(views.scene) == [exported]
+
+
 def test_what_is_not_shown_is_not_exported(views: Views, rendering: ClassRendering) -> None:
     rendering.hide()
     before = views.scene.GetNumberOfNodes()
