@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import slicer
+import vtk
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..core.errors import InputError
 from .derived_nodes import DerivedNodes
 from .nodes import displays_of
+from .observers import SceneObservers
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
 from .volume import take_image
-
-if TYPE_CHECKING:
-    import slicer
 
 VOLUME_NAME = "Structure rendering"
 DISPLAY_NAME = "Structure rendering display"
@@ -50,6 +50,8 @@ class ClassRendering:
         self._nodes = DerivedNodes(scene)
         self._smoothing = SurfaceSmoothing(scene)
         self._quick = QuickPictures(windows)
+        self._observers = SceneObservers()
+        self._cut_by: Any = None
 
     def show(
         self,
@@ -82,12 +84,27 @@ class ClassRendering:
         set_shader(shader.GetShaderProperty(), structures)
         set_uniforms(shader.GetShaderProperty(), uniforms)
         volume.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
+        self._display_by(display, volume, material, shader)
+        self._observers.observe(self._scene, [(slicer.vtkMRMLScene.EndBatchProcessEvent, self._on_batch_end)])
+        self._smoothing.switch_on()
+
+    def _display_by(self, display: Any, volume: Any, material: Any, shader: Any) -> None:
+        """Have one node alone render the structures."""
+        for other in _renderings_of(volume):
+            if other is not display:
+                self._scene.RemoveNode(other)
         display.SetAndObserveVolumePropertyNodeID(material.GetID())
         display.SetAndObserveShaderPropertyNodeID(shader.GetID())
         if not volume.HasNodeReferenceID(volume.GetDisplayNodeReferenceRole(), display.GetID()):
             volume.AddAndObserveDisplayNodeID(display.GetID())
         display.SetVisibility(True)
-        self._smoothing.switch_on()
+
+    def _on_batch_end(self, caller: vtk.vtkObject, event: str) -> None:
+        """Where the user chooses another method, Slicer puts a node of that in place of ours, and no other has our shader."""
+        volume, display, material, shader = map(self._nodes.find, (VOLUME_NAME, DISPLAY_NAME, PROPERTY_NAME, SHADER_NAME))
+        if volume is not None and display is None and material is not None and shader is not None and _renderings_of(volume):
+            self._display_by(self._add_display(), volume, material, shader)
+            self.cut(self._cut_by if self._scene.IsNodePresent(self._cut_by) else None)
 
     def change(self, uniforms: Mapping[str, np.ndarray]) -> None:
         """Let what is shown look otherwise, at once: where that takes its time, with fewer rays, until it is drawn in full."""
@@ -115,6 +132,7 @@ class ClassRendering:
         Raises:
             InputError: this Slicer cuts renderings by no planes.
         """
+        self._cut_by = by
         display = self._nodes.find(DISPLAY_NAME)
         if display is None:
             return
@@ -158,6 +176,7 @@ class ClassRendering:
             shown_by.SetSaveWithScene(True)
         for node in self._nodes.release():
             node.SetName(node.GetName().replace(VOLUME_NAME, name))
+        self._observers.remove_all()
         self._smoothing.restore()
         return volume
 
@@ -167,6 +186,8 @@ class ClassRendering:
         display = self._nodes.find(DISPLAY_NAME)
         if display is not None:
             display.SetVisibility(False)
+        self._cut_by = None
+        self._observers.remove_all()
         self._smoothing.restore()
 
     def remove(self) -> None:
@@ -192,6 +213,10 @@ class ClassRendering:
         node = self._nodes.add("vtkMRMLVolumePropertyNode", PROPERTY_NAME)
         set_material(node.GetVolumeProperty())
         return node
+
+
+def _renderings_of(volume: Any) -> list[Any]:
+    return [display for display in displays_of(volume) if display.IsA("vtkMRMLVolumeRenderingDisplayNode")]
 
 
 def _can_be_cut_by_planes(display: Any) -> bool:

@@ -560,6 +560,40 @@ def test_what_the_user_deletes_comes_back_with_the_next_update(stage: Stage, cla
     assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
 
 
+@pytest.mark.parametrize("method", ["CPURayCast", "Multi"])
+def test_structures_stay_as_they_are_where_the_user_chooses_another_method_of_volume_rendering(
+    slicer_app: Any, stage: Stage, method: str
+) -> None:
+    nothing = stage.picture()
+    stage.show([one_ball(8.0)], [RED])
+    box = stage.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode")
+    stage.rendering.cut(box)
+    logic = slicer_app.app_logic.GetModuleLogic("VolumeRendering")
+    logic.ChangeVolumeRenderingMethod(f"vtkMRML{method}VolumeRenderingDisplayNode")
+    (display,) = nodes_of_class(stage.scene, "vtkMRMLVolumeRenderingDisplayNode")
+    assert display.IsA("vtkMRMLGPURayCastVolumeRenderingDisplayNode")
+    assert not display.GetSaveWithScene()
+    assert display.GetROINode() is box
+    assert display.GetCroppingEnabled()
+    stage.rendering.cut(None)
+    (middle,) = stage.at(MIDDLE)
+    assert hue(stage.picture()[middle]) == pytest.approx([1, 0, 0], abs=0.05)
+    stage.rendering.hide()
+    assert np.array_equal(stage.picture(), nothing)
+
+
+def test_another_method_of_volume_rendering_chosen_while_structures_are_hidden_shows_them_once(
+    slicer_app: Any, stage: Stage
+) -> None:
+    stage.show(two_balls(), [RED, GREEN])
+    stage.rendering.hide()
+    logic = slicer_app.app_logic.GetModuleLogic("VolumeRendering")
+    logic.ChangeVolumeRenderingMethod("vtkMRMLCPURayCastVolumeRenderingDisplayNode")
+    stage.show(two_balls(), [RED, GREEN])
+    (display,) = nodes_of_class(stage.scene, "vtkMRMLVolumeRenderingDisplayNode")
+    assert display.IsA("vtkMRMLGPURayCastVolumeRenderingDisplayNode")
+
+
 def test_after_the_scene_was_closed_the_next_volume_is_shown_and_removed(stage: Stage) -> None:
     stage.show(two_balls(), [RED, GREEN])
     stage.scene.Clear(False)
