@@ -10,13 +10,17 @@ from .parameters import SceneParameters
 
 BOX_NAME, PLANE_NAME = "Rendering box", "Rendering plane"
 
+IN_USE = "ViTTransferFunction.cutsRendering"
+"""Attribute of the one that was put into the views, and stays there or not as the user likes."""
+
 
 def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: slicer.vtkMRMLScalarVolumeNode) -> Any:
     """The vtkMRMLMarkupsROINode or vtkMRMLMarkupsPlaneNode that renderings are cut by; None where they are not.
 
-    It is made when it is first wanted, and again where the user has deleted it. What is not wanted is not in the views either.
+    It is made when it is first wanted, and again where the user has deleted it. What is not wanted is not in the views either,
+    and none is without a rendering. What is wanted comes into the views once: the user may hide it there, for a picture say.
     """
-    cut = parameters.get("renderingCut")
+    cut = parameters.get("renderingCut") if parameters.rendering_mode() is not None else "off"
     nodes = {"box": parameters.rendering_box, "plane": parameters.rendering_plane}
     if cut == "box" and nodes["box"] is None:
         nodes["box"] = _added_box(scene, volume)
@@ -32,7 +36,8 @@ def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: s
 
 def _show(node: slicer.vtkMRMLMarkupsNode, visible: bool) -> None:
     node.CreateDefaultDisplayNodes()
-    if bool(node.GetDisplayNode().GetVisibility()) != visible:
+    if (node.GetAttribute(IN_USE) is not None) != visible:
+        node.SetAttribute(IN_USE, "1" if visible else None)
         node.GetDisplayNode().SetVisibility(visible)
 
 

@@ -56,3 +56,37 @@ def test_the_plane_goes_through_the_middle_and_gives_way_to_the_box_and_back(sli
     parameters.set("renderingCut", "plane")
     assert shown_cut(scene, parameters, volume) is plane
     assert [bool(node.GetDisplayNode().GetVisibility()) for node in (plane, box)] == [True, False]
+
+
+@pytest.mark.parametrize("name", ["box", "plane"])
+def test_what_the_user_hides_stays_hidden_and_cuts_until_it_is_chosen_again(slicer_app: Any, name: str) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    parameters.set("renderingCut", name)
+    cut = shown_cut(scene, parameters, volume)
+    assert cut.GetDisplayNode().GetVisibility()
+    cut.GetDisplayNode().SetVisibility(False)
+    assert shown_cut(scene, parameters, volume) is cut
+    assert not cut.GetDisplayNode().GetVisibility()
+    parameters.set("renderingCut", "off")
+    assert shown_cut(scene, parameters, volume) is None
+    parameters.set("renderingCut", name)
+    assert shown_cut(scene, parameters, volume) is cut
+    assert cut.GetDisplayNode().GetVisibility()
+
+
+def test_without_a_rendering_there_is_nothing_that_would_cut_it(slicer_app: Any) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    parameters.set("renderingCut", "box")
+    box: Any = shown_cut(scene, parameters, volume)
+    parameters.set("rendering", "off")
+    assert shown_cut(scene, parameters, volume) is None
+    assert not box.GetDisplayNode().GetVisibility()
+    parameters.set("rendering", "similarity")
+    assert shown_cut(scene, parameters, volume) is box
+    assert box.GetDisplayNode().GetVisibility()
