@@ -138,6 +138,8 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
 
     def _create_view(self, view: Any, scene: Any, app_logic: Any) -> Any:
         created = super()._create_view(view, scene, app_logic)
+        # As in Slicer. What is translucent would divide a volume's rays, of which structures and surroundings need the whole.
+        created.slicer_view.renderer().SetUseDepthPeelingForVolumes(False)
         self.strategies.append(AfterClicks(created.view_adapter, self._is_urgent))
         created.slicer_view.set_scheduled_render(self.strategies[-1])
         _spare_the_processor(created)
@@ -151,6 +153,5 @@ def _spare_the_processor(created: Any) -> None:
     if any(name in view.render_window().ReportCapabilities().lower() for name in SOFTWARE_NAMES):
         created.view_adapter.max_pixel_count = SOFTWARE_PIXELS
         view.render_window().SetMultiSamples(0)
-        view.renderer().SetUseDepthPeelingForVolumes(False)
         # With a third of the steps; of our surfaces, the pictures are the same.
         view.get_view_node().SetVolumeRenderingQuality(slicer.vtkMRMLViewNode.Adaptive)

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import vtk
 
 pytest.importorskip("trame_slicer")
 
+from trame_slicer.rca_view import RemoteThreeDViewFactory
+
 from ViTTransferFunction.WebApp import rendering_pace
-from ViTTransferFunction.WebApp.rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, AfterClicks, EnteredFirst
+from ViTTransferFunction.WebApp.rendering_pace import (
+    PICTURES_PER_S,
+    PICTURES_PER_S_ELSEWHERE,
+    AfterClicks,
+    EnteredFirst,
+    PatientThreeDViewFactory,
+)
 
 LONGEST_WAIT_S = 60.0
 
@@ -101,3 +111,16 @@ def test_a_3d_view_elsewhere_is_drawn_only_when_what_it_shows_has_settled() -> N
         await pictures.next()
 
     run(journey)
+
+
+def test_what_is_translucent_divides_no_rays_also_where_there_is_a_graphics_card(monkeypatch: pytest.MonkeyPatch) -> None:
+    renderer = vtk.vtkRenderer()
+    renderer.SetUseDepthPeelingForVolumes(True)
+    window = SimpleNamespace(Render=lambda: None, ReportCapabilities=lambda: "OpenGL renderer string:  a graphics card")
+    view = SimpleNamespace(renderer=lambda: renderer, render_window=lambda: window, set_scheduled_render=lambda strategy: None)
+    created = SimpleNamespace(slicer_view=view, view_adapter=Pictures(entered=False))
+    monkeypatch.setattr(RemoteThreeDViewFactory, "__init__", lambda *args, **options: None)
+    monkeypatch.setattr(RemoteThreeDViewFactory, "_create_view", lambda *args: created)
+    monkeypatch.setattr(rendering_pace, "AfterClicks", lambda *args: None)
+    PatientThreeDViewFactory(None, lambda: False)._create_view(None, None, None)
+    assert not renderer.GetUseDepthPeelingForVolumes()
