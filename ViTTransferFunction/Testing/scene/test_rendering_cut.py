@@ -90,3 +90,25 @@ def test_without_a_rendering_there_is_nothing_that_would_cut_it(slicer_app: Any)
     parameters.set("rendering", "similarity")
     assert shown_cut(scene, parameters, volume) is box
     assert box.GetDisplayNode().GetVisibility()
+
+
+@pytest.mark.parametrize("cut", ["box", "plane"])
+def test_what_cut_another_volume_comes_to_one_that_lies_elsewhere_and_stays_where_it_is_put_there(
+    slicer_app: Any, cut: str
+) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    parameters.set("renderingCut", cut)
+    volumes = [scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", name) for name in ("here", "there")]
+    for volume, shift_mm in zip(volumes, (0.0, 500.0), strict=True):
+        moved = np.eye(4)
+        moved[2, 3] = shift_mm
+        set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), moved)
+    here, there = volumes
+    node = shown_cut(scene, parameters, here)
+    scene.RemoveNode(here)
+    assert shown_cut(scene, parameters, there) is node
+    assert node.GetCenterWorld() == pytest.approx([14.5, 9.5, 504.5])
+    node.SetCenterWorld(0.0, 0.0, 0.0)
+    shown_cut(scene, parameters, there)
+    assert node.GetCenterWorld() == pytest.approx([0.0, 0.0, 0.0])
