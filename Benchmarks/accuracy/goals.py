@@ -140,10 +140,11 @@ def _leads(runs: Sequence[Run]) -> Iterator[Reached]:
 
 
 def _harmless_clicks(runs: Sequence[Run]) -> Iterator[Reached]:
+    on_scans = [run for run in runs if run["case"] in COMPARED]
     changes = {
-        "clicked structures, all clicked in a round": summarised(in_rounds(run for run in runs if run["case"] in COMPARED)),
-        "the structure clicked alone": summarised(of_the_clicked(runs)),
-        "all others, where one is clicked alone": summarised(of_the_others(runs)),
+        "clicked structures, all clicked in a round": summarised(in_rounds(on_scans)),
+        "the structure clicked alone": summarised(of_the_clicked(on_scans)),
+        "all others, where one is clicked alone": summarised(of_the_others(on_scans)),
     }
     for words, summary in changes.items():
         if summary:
