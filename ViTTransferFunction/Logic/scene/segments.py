@@ -61,6 +61,9 @@ def write_prepared(
     """
     segmentation, ids = segmentation_node.GetSegmentation(), dict(prepared.ids)
     others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ids.values()]
+    for image in {prepared.image, *prepared.freed.values()}:
+        # The Segment Editor's undo takes voxels for those that it saved last where they are older than what it saved.
+        image.Modified()
     with _one_modification(segmentation_node), _derived_representations_renewed(segmentation):
         _set_up(segmentation_node, volume_node, others)
         for class_id, segment_id in prepared.kept.items():

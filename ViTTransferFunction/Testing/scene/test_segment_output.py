@@ -150,6 +150,24 @@ def test_what_the_user_paints_meanwhile_is_respected(desk: Desk) -> None:
     assert desk.voxels() == {"bone": BONE, "vessel": vessel, "liver": LIVER_BESIDE_BONE - painted, "spleen": SPLEEN}
 
 
+def test_the_segment_editors_undo_goes_back_to_what_was_written_also_where_it_saved_a_state_meanwhile(desk: Desk) -> None:
+    history = slicer.vtkSegmentationHistory()
+    history.SetSegmentation(desk.segmentation.GetSegmentation())
+    add_segment(desk.segmentation, "vessel", block(slice(450, 500)), OBLIQUE)
+    desk.segmentation.GetSegmentation().CollapseBinaryLabelmaps(False)
+    desk.output.write(Labels(LABELS // 2, (0, 0, 0)), ["a"], "keep")
+    desk.finish()
+    desk.begin()
+    history.SaveState()
+    desk.finish()
+    written = desk.voxels()
+    history.SaveState()
+    for segment_id in desk.segmentation.GetSegmentation().GetSegmentIDs():
+        desk.segmentation.RemoveSegment(segment_id)
+    history.RestorePreviousState()
+    assert desk.voxels() == written
+
+
 def test_a_class_that_is_removed_meanwhile_is_not_written_and_leaves_no_voxels(desk: Desk) -> None:
     desk.begin()
     desk.classes = CLASSES[1:]
