@@ -53,6 +53,7 @@ from ViTTransferFunction.Logic.refinement.settling import settle
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.similarity.similarity_map import SimilarityMap
 
 NOISE = 0.01
 """Differences of Dice that say nothing: so much it changes with small changes of anything."""
@@ -135,7 +136,7 @@ class CandidateSession(SegmentationSession):
         if iso == "coarse":
             iso = low.iso
         elif iso == "refined":
-            iso = self.rule.refined_iso(voxels, low.array, requests, index).chosen
+            iso = self.rule.refined_iso(voxels, SimilarityMap(low.array, low.prior), requests, index).chosen
         if self.candidate.settles:
             against = points_against(requests, index)
             voxels = settle(voxels, self.volume, self.display_window, positive, against, float(iso), between)

@@ -31,12 +31,14 @@ class ClassMap:
         geometry: where the array lies, in the volume's frame.
         iso: threshold that selects the class, in [0, 1].
         proposals: the iso values of smaller and larger structures; None where the user fixed the iso value.
+        prior: of S_L, what the points alone lead to expect of its iso value; None where a rule expects nothing.
     """
 
     array: np.ndarray
     geometry: Geometry
     iso: float
     proposals: IsoProposals | None = None
+    prior: float | None = None
 
     def __post_init__(self) -> None:
         if self.array.shape != self.geometry.shape:

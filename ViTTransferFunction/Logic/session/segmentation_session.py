@@ -28,6 +28,7 @@ from ..refinement.refinement import RefinementMethod, held_voxels, refine
 from ..refinement.settling import settle
 from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
+from ..similarity.similarity_map import SimilarityMap
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
 from .close_ups import CloseUps, Part, PartSession
 from .feature_estimate import FeatureEstimate
@@ -206,14 +207,14 @@ class SegmentationSession:
                 return list(self._answered[2])
             geometry = features.geometry
             maps = rule.maps(requests, between)
-            for similarity, request in zip(maps, requests, strict=True):
+            for coarse, request in zip(maps, requests, strict=True):
                 if request.proximity > 0.0:
-                    similarity *= proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
+                    coarse.array[...] *= proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
             found = [
-                _class_map(similarity, geometry, request, partial(rule.iso, similarity, requests, index))
+                _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
                 if part is None
                 else part.map_on(geometry, requests, index, between)
-                for index, (similarity, request, part) in enumerate(zip(maps, requests, parts, strict=True))
+                for index, (coarse, request, part) in enumerate(zip(maps, requests, parts, strict=True))
             ]
             self._answered = rule, asked, found
             return list(found)
@@ -247,7 +248,7 @@ class SegmentationSession:
                 return RefinedMap(voxels, low.iso)
             iso = usual_iso = low.iso
             if request.iso is None:
-                proposals = self.rule.refined_iso(voxels, low.array, requests, index, between)
+                proposals = self.rule.refined_iso(voxels, SimilarityMap(low.array, low.prior), requests, index, between)
                 iso, usual_iso = proposals.at(request.size), proposals.chosen
             against = points_against(requests, index)
             voxels = settle(voxels, self.volume, self.display_window, request.positive, against, usual_iso, between)
@@ -388,13 +389,13 @@ class _Intensities:
 
 
 def _class_map(
-    similarity: np.ndarray, geometry: Geometry, request: ClassRequest, propose: Callable[[], IsoProposals]
+    coarse: SimilarityMap, geometry: Geometry, request: ClassRequest, propose: Callable[[], IsoProposals]
 ) -> ClassMap:
     """A map with the iso value that the user fixed, or else with the one of the size that the user chose."""
     if request.iso is not None:
-        return ClassMap(similarity, geometry, request.iso)
+        return ClassMap(coarse.array, geometry, request.iso)
     proposals = propose()
-    return ClassMap(similarity, geometry, proposals.chosen, proposals).resized(request)
+    return ClassMap(coarse.array, geometry, proposals.chosen, proposals, coarse.prior).resized(request)
 
 
 def _refinement(low: ClassMap, request: ClassRequest, method: RefinementMethod) -> tuple[RefinementMethod, float]:

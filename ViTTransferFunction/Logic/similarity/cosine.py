@@ -14,6 +14,7 @@ from ..core.resampling import sample_at
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .iso_value import iso_between_points, proposals_around
+from .similarity_map import SimilarityMap
 
 LOWEST_COUNTED_COSINE = 0.25
 CLAMPED_EXPONENT = 2.5
@@ -38,18 +39,18 @@ class CosineSimilarity:
         self._volume_geometry = volume_geometry
         self._average = average
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[SimilarityMap]:
         """See `SimilarityRule`."""
-        return [self._map(request) for request in requests]
+        return [SimilarityMap(self._map(request)) for request in requests]
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+    def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
-        return _iso(lambda points: sample_at(similarity[..., None], self._features.geometry, points), requests, index)
+        return _iso(lambda points: sample_at(coarse.array[..., None], self._features.geometry, points), requests, index)
 
     def refined_iso(
         self,
         similarity: VoxelMap,
-        coarse: np.ndarray,
+        coarse: SimilarityMap,
         requests: Sequence[ClassRequest],
         index: int,
         between: Between = nothing_between,

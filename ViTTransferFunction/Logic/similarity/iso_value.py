@@ -1,10 +1,11 @@
 """The iso value of a map, chosen from the map and the image.
 
 A prior says how far a class should reach that was clicked n times, half of n / (n + κ): few points raise a map only around
-them. From that prior, the iso value is drawn to where the mean edge strength along the iso-surface is largest: the surface
-should run where the intensities have edges; and, the fewer the points, the more to where it encloses what a stable component
-around them does (`stable_components`). A refined map has been sharpened at these edges, so that its iso value is drawn as
-well to where the enclosed volume changes least (maximally stable extremal regions: Matas et al., 2002).
+them. Negative points raise it where they lie well within what is too much. From that prior, the iso value is drawn to where
+the mean edge strength along the iso-surface is largest: the surface should run where the intensities have edges; and, the
+fewer the points, the more to where it encloses what a stable component around them does (`stable_components`). A refined map
+has been sharpened at these edges, so that its iso value is drawn as well to where the enclosed volume changes least (maximally
+stable extremal regions: Matas et al., 2002).
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ POINTS_TO_HALF = 1.5
 """κ."""
 MOST_POINTS = 6
 """More points than these do not raise the prior: they are a brush's, or many parts', and maps do not rise as far."""
+ABOVE_NEGATIVES = 2.0
+"""How far above the map around a negative point the structure is taken to end."""
 PRIOR_WEIGHT = 0.5
 """What a factor of e between iso value and prior costs, in units of the volume's mean edge strength."""
 SOFTNESS = 0.3
@@ -67,6 +70,26 @@ def prior_iso(positive_count: int) -> float:
     return 0.5 * count / (count + POINTS_TO_HALF)
 
 
+def raised_prior(prior: float, around_negatives: np.ndarray, positive_count: int) -> float:
+    """The prior of a class some of whose points are negative.
+
+    Who clicks on what is too much says that the structure ends earlier, of which the number of positive points knows nothing.
+    How much earlier, the map says that would be there without any negative point: at m negative points, of n positive ones, its
+    lowest values s around each of them, which are high where the surplus is wide, and low where it is a rim that the points
+    themselves take away:
+
+        prior · min(exp(Σ max(ln(2 s / prior), 0) / max(m, n)), 1 + m / n).
+
+    Args:
+        prior: from `prior_iso`.
+        around_negatives: (M,) those lowest values, in [0, 1].
+        positive_count: n, at least one.
+    """
+    count = len(around_negatives)
+    above = np.log(np.maximum(ABOVE_NEGATIVES * around_negatives / prior, 1.0)).sum()
+    return prior * min(float(np.exp(above / max(count, positive_count))), 1.0 + count / positive_count)
+
+
 def refined_prior(prior: float, coarse_at_positives: np.ndarray, at_positives: np.ndarray) -> float:
     """The prior of a refined map: half as far below that of S_L, on a logarithmic scale, as the map is at the points.
 
@@ -74,7 +97,7 @@ def refined_prior(prior: float, coarse_at_positives: np.ndarray, at_positives: n
     what the image says of the structure's whole, which the number of points does not.
 
     Args:
-        prior: from `prior_iso`.
+        prior: of S_L.
         coarse_at_positives: (P, …) values of S_L at the class's positive points, P ≥ 1.
         at_positives: (P,) values of S_H there.
     """
@@ -148,7 +171,7 @@ def choose_iso_by_edges(
         similarity: (N,) values of the map in [0, 1] at places spread evenly over the volume.
         edge_strength: (N,) edge strength at the same places; see `edge_strength_at`.
         at_positives: (P,) values of the map at the class's positive points, P ≥ 1.
-        prior: from `prior_iso`.
+        prior: from `prior_iso`, maybe raised.
         components: around the class's points, at the same places; None: they are not looked at.
 
     Returns:

@@ -48,9 +48,11 @@ from .iso_value import (
     choose_refined_iso,
     prior_iso,
     proposals_around,
+    raised_prior,
     refined_prior,
 )
 from .kernel_rows import KernelRows
+from .similarity_map import SimilarityMap
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -70,6 +72,9 @@ BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
 """After each round, random cells where a class exceeds this are taken to lie inside it, and dropped."""
+AROUND_CELLS = 2 / 3
+"""How far around a negative point all has to be too much, in cells, for it to say something of the whole structure: in its own
+cell and those beside it, of which a point at the border of two looks at the one that it is nearer to."""
 CELLS_AT_ONCE = 4096
 """Kernels of background cells with so many cells, a megabyte and a half, are computed at once."""
 
@@ -106,7 +111,7 @@ class KernelRidge:
             within = (background >= some.start) & (background < some.stop)
             self._background_kernel[:, within] = kernel[:, background[within] - start]
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[np.ndarray]:
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[SimilarityMap]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests, self._connected.seen_at)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
@@ -114,25 +119,60 @@ class KernelRidge:
         self._intensities.components.update(requests, between)
         joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
         share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-        point_weights, background_weights = self._weights(annotated.targets, points, keys, joined, share)
+        weights, without_negatives = self._weights(annotated, points, keys, joined, share)
 
         def rows_of(index: int) -> np.ndarray:
             between()
             return self._rows_of(points.subset(np.array([index])), keys[index])
 
         rows = self._rows.indices(keys, rows_of)
-        weights = np.zeros((len(requests), self._rows.count), dtype=np.float32)
-        weights[:, : len(self._background.cdf)] = background_weights.T
-        # Added, not set: the same place may have been annotated twice.
-        for row, part in zip(rows.T, (1.0 - share, share), strict=True):
-            np.add.at(weights.T, row, part[:, None] * point_weights)
-        scores = self._rows.weighted(weights)
+        scores = self._rows.weighted(self._weights_of_rows(weights, rows, share))
         np.clip(scores, 0.0, 1.0, out=scores)
         for index, of_class in enumerate(scores):
             closed = self._intensities.components.closed(requests, index)
             if closed is not None:
                 raise_within(closed, of_class)
-        return [of_class.reshape(self._features.geometry.shape) for of_class in scores]
+        weights = self._weights_of_rows(without_negatives, rows, share)
+        priors = [self._prior(request, of_class) for request, of_class in zip(requests, weights, strict=True)]
+        shape = self._features.geometry.shape
+        return [SimilarityMap(of_class.reshape(shape), prior) for of_class, prior in zip(scores, priors, strict=True)]
+
+    def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
+
+        Args:
+            weights: α.
+            rows: of each point, (P, 2).
+            share: of the second row in a point's kernel, (P,).
+        """
+        of_points, of_background = weights[: len(rows)], weights[len(rows) :]
+        of_rows = np.zeros((weights.shape[1], self._rows.count), dtype=np.float32)
+        of_rows[:, : len(of_background)] = of_background.T
+        # Added, not set: the same place may have been annotated twice.
+        for row, part in zip(rows.T, (1.0 - share, share), strict=True):
+            np.add.at(of_rows.T, row, part[:, None] * of_points)
+        return of_rows
+
+    def _prior(self, request: ClassRequest, weights: np.ndarray) -> float:
+        """What a class's points lead to expect of its iso value.
+
+        Args:
+            request: of the class.
+            weights: of rows, for its map without any negative points, (rows,).
+        """
+        count = _different_positives(request)
+        prior = prior_iso(count)
+        if not len(request.negative):
+            return prior
+        around = self._cells_around(np.unique(request.negative, axis=0))
+        lowest = self._rows.weighted_at(weights, around.ravel()).reshape(around.shape).min(axis=1)
+        return raised_prior(prior, np.clip(lowest, 0.0, 1.0), count)
+
+    def _cells_around(self, points_ras: np.ndarray) -> np.ndarray:
+        """The cells of points (P, 3), and of places `AROUND_CELLS` from each along the axes: their indices, (P, 7)."""
+        axes_ras = AROUND_CELLS * self._features.geometry.ijk_to_ras[:3, :3].T
+        steps_ras = np.concatenate([np.zeros((1, 3)), axes_ras, -axes_ras])
+        return self._cells_at((points_ras[:, None] + steps_ras).reshape(-1, 3)).reshape(-1, len(steps_ras))
 
     def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
         return _Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
@@ -153,29 +193,30 @@ class KernelRidge:
         (row,), (joined,) = self._kernel(point, self._cells), self._connected.at([key])
         return np.stack([row, row * joined])
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+    def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""
-        request = requests[index]
-        at_positives = sample_at(similarity[..., None], self._features.geometry, request.positive)
-        similarity = similarity.ravel()[self._intensities.iso_cells]
+        assert coarse.prior is not None
+        at_positives = sample_at(coarse.array[..., None], self._features.geometry, requests[index].positive)
+        similarity = coarse.array.ravel()[self._intensities.iso_cells]
         components = self._components(requests, index)
-        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, _prior(request), components)
+        iso = choose_iso_by_edges(similarity, self._intensities.edge_strength, at_positives, coarse.prior, components)
         return proposals_around(iso, at_positives)
 
     def refined_iso(
         self,
         similarity: VoxelMap,
-        coarse: np.ndarray,
+        coarse: SimilarityMap,
         requests: Sequence[ClassRequest],
         index: int,
         between: Between = nothing_between,
     ) -> IsoProposals:
         """See `SimilarityRule`."""
-        request = requests[index]
-        at_positives = similarity.at(self._volume_geometry, request.positive)
+        assert coarse.prior is not None
+        positive = requests[index].positive
+        at_positives = similarity.at(self._volume_geometry, positive)
         at_cells = similarity.at_cells(self._intensities.iso_cells, self._iso_cells_in_volume)
-        coarse_at_positives = sample_at(coarse[..., None], self._features.geometry, request.positive)
-        prior = refined_prior(_prior(request), coarse_at_positives, at_positives)
+        coarse_at_positives = sample_at(coarse.array[..., None], self._features.geometry, positive)
+        prior = refined_prior(coarse.prior, coarse_at_positives, at_positives)
         edge_strength = self._intensities.edge_strength
         components = self._components(requests, index)
         spread = similarity.spread(STABILITY_SAMPLES)
@@ -191,9 +232,10 @@ class KernelRidge:
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _weights(
-        self, targets: np.ndarray, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
+        self, annotated: _Annotated, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """α of the points (P, classes) and of the background (B, classes); 0 where a class does not see a point or cell."""
+        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
+        targets = annotated.targets
         joined = self._connected.at(keys, self._background_cells).T
         to_points = self._kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
         of_points = self._kernel(points, points).astype(np.float64) * point_factors(between, share)
@@ -211,7 +253,8 @@ class KernelRidge:
                 break
             seen[len(targets) :] = stays
             weights = _solve(kernel, ridge, wanted, seen)
-        return weights[: len(targets)], weights[len(targets) :]
+        seen[: len(targets)][~annotated.positive] = False
+        return weights, _solve(kernel, ridge, wanted, seen)
 
     def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
         """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
@@ -268,11 +311,6 @@ class _Differences:
     def _halved_norms(self) -> Tensor:
         """−½ |x|², (N, 1)."""
         return tensor_of(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
-
-
-def _prior(request: ClassRequest) -> float:
-    """The iso value of a class by the number of its different positive points."""
-    return prior_iso(_different_positives(request))
 
 
 def _different_positives(request: ClassRequest) -> int:

@@ -64,6 +64,13 @@ class KernelRows:
         of_cells: np.ndarray = array_of(of_blocks.movedim(0, 1).flatten(1)[:, : self._cells].float())
         return of_cells
 
+    def weighted_at(self, weights: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """One of those sums at some cells given by their indices, (cells,) float32, for weights (count,) float32."""
+        block, within = np.divmod(cells, self._block)
+        rows = self._rows[tensor_of(block), : self.count, tensor_of(within)]
+        at_cells: np.ndarray = array_of(rows.float() @ tensor_of(weights))
+        return at_cells
+
     def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
         """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Literal, Protocol
 
-import numpy as np
-
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.iso_proposals import IsoProposals
@@ -17,6 +15,7 @@ from ..features.whitening import NormalisedFeatures
 from .cell_intensities import CellIntensities
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
 from .kernel_ridge import KernelRidge
+from .similarity_map import SimilarityMap
 
 SimilarityMethod = Literal["kernel ridge", "cosine", "clamped cosine"]
 """Learned from all classes' points (`kernel_ridge`); the mean cosine of Eq. 1; the variant of it in the authors' program."""
@@ -28,19 +27,19 @@ NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> Sequence[np.ndarray]:
-        """S_L of all classes, each (K', J', I') float32 in [0, 1] on the feature cells; the caller may change them.
+    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> Sequence[SimilarityMap]:
+        """S_L of all classes; the caller may change the arrays.
 
         `between` is called before what is computed for each new point; it may raise `Cancelled`.
         """
 
-    def iso(self, similarity: np.ndarray, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
-        """The thresholds that the index-th class's S_L (K', J', I') may have."""
+    def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
+        """The thresholds that the index-th class's S_L may have."""
 
     def refined_iso(
         self,
         similarity: VoxelMap,
-        coarse: np.ndarray,
+        coarse: SimilarityMap,
         requests: Sequence[ClassRequest],
         index: int,
         between: Between = nothing_between,

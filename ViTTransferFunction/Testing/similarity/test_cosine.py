@@ -28,7 +28,7 @@ def a_class(positive: np.ndarray, **fields: object) -> ClassRequest:
 
 def map_of(features: NormalisedFeatures, request: ClassRequest, average: Average) -> np.ndarray:
     (similarity,) = CosineSimilarity(features, TURNED_CELLS, average).maps([request])
-    return similarity
+    return similarity.array
 
 
 def cosine(a: np.ndarray, b: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.similarity.iso_value import (
     iso_between_points,
     prior_iso,
     proposals_around,
+    raised_prior,
     refined_prior,
 )
 from ViTTransferFunction.Testing.support.volumes import volume_of
@@ -57,6 +58,21 @@ def test_the_iso_value_stays_below_half_of_the_map_at_the_positive_points() -> N
 
 def test_an_empty_map_has_a_defined_iso_value() -> None:
     assert 0.0 < choose_iso_by_edges(np.zeros(10), np.ones(10), np.array([0.0]), 0.3) < 1.0
+
+
+def test_negative_points_raise_a_prior_where_the_map_around_them_is_high() -> None:
+    assert raised_prior(0.2, np.empty(0), 1) == 0.2
+    assert raised_prior(0.2, np.array([0.05, 0.0]), 1) == 0.2
+    assert raised_prior(0.2, np.array([0.15]), 1) == pytest.approx(0.3)
+    # One of two such points says half as much, on a logarithmic scale, and so does one beside two positive points.
+    assert raised_prior(0.2, np.array([0.0, 0.15]), 1) == pytest.approx(0.2 * np.sqrt(1.5))
+    assert raised_prior(0.2, np.array([0.15]), 2) == pytest.approx(0.2 * np.sqrt(1.5))
+
+
+@pytest.mark.parametrize(("negative", "positive"), [(1, 1), (3, 1), (1, 4)])
+def test_a_prior_is_raised_by_no_more_than_the_negative_points_share(negative: int, positive: int) -> None:
+    raised = raised_prior(0.2, np.full(negative, 1.0), positive)
+    assert 0.2 < raised <= 0.2 * (1.0 + negative / positive) + 1e-12
 
 
 def ball_map(radius: float = 10.0, softness: float = 0.4, inside: float = 0.7, outside: float = 0.15) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensitie
 from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import prior_iso
 from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
+from ViTTransferFunction.Logic.similarity.similarity_map import SimilarityMap
 
 CELLS = (12, 12, 12)
 LEFT, RIGHT = (slice(2, 6), slice(3, 9), slice(2, 5)), (slice(2, 6), slice(3, 9), slice(8, 11))
@@ -46,6 +48,10 @@ def at_cell(k: int, j: int, i: int) -> np.ndarray:
     return np.array([[4.0 * i + 1.0, 4.0 * j + 1.0, 4.0 * k + 1.0]])
 
 
+def maps_of(rule: KernelRidge, classes: Sequence[ClassRequest]) -> list[np.ndarray]:
+    return [of_class.array for of_class in rule.maps(classes)]
+
+
 def a_class(name: str, positive: np.ndarray, **fields: object) -> ClassRequest:
     return ClassRequest(name, positive, **fields)  # type: ignore[arg-type]
 
@@ -55,15 +61,15 @@ IN_LEFT, IN_RIGHT, IN_ABOVE = at_cell(4, 6, 3), at_cell(4, 6, 9), at_cell(9, 6, 
 
 def test_a_duplicate_has_the_map_of_the_original_and_does_not_alter_it(similarity: KernelRidge) -> None:
     original, other = a_class("a", IN_LEFT, negative=IN_RIGHT), a_class("b", IN_ABOVE)
-    alone = similarity.maps([original, other])
-    duplicated = similarity.maps([original, a_class("a copy", IN_LEFT, negative=IN_RIGHT), other])
+    alone = maps_of(similarity, [original, other])
+    duplicated = maps_of(similarity, [original, a_class("a copy", IN_LEFT, negative=IN_RIGHT), other])
     for index, expected in ((0, alone[0]), (1, alone[0]), (2, alone[1])):
         np.testing.assert_allclose(duplicated[index], expected, atol=0.01)
 
 
 def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT)
-    (found,) = similarity.maps([annotated])
+    (found,) = maps_of(similarity, [annotated])
     iso = prior_iso(len(annotated.positive))
     assert (found[LEFT] > iso).mean() > 0.7
     assert (found[ABOVE] > iso).mean() < 0.1
@@ -88,7 +94,7 @@ def one_click_in_a_large_structure(within: float, around: float) -> tuple[np.nda
     rule = KernelRidge(normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
     clicked = [a_class("a", at_cell(8, 8, 8))]
     (found,) = rule.maps(clicked)
-    return found, rule.iso(found, clicked, 0).chosen, inside
+    return found.array, rule.iso(found, clicked, 0).chosen, inside
 
 
 def test_one_click_in_a_large_structure_within_walls_takes_much_of_it_where_the_map_fades_long_before() -> None:
@@ -105,7 +111,7 @@ def test_one_click_in_a_large_structure_that_is_closed_takes_most_of_it() -> Non
 
 
 def test_a_structure_is_more_similar_near_the_click_than_its_twin_far_away(similarity: KernelRidge) -> None:
-    (found,) = similarity.maps([a_class("a", IN_LEFT)])
+    (found,) = maps_of(similarity, [a_class("a", IN_LEFT)])
     assert found[LEFT].mean() > 1.2 * found[RIGHT].mean()
 
 
@@ -117,34 +123,48 @@ def test_what_intensities_join_to_the_click_is_more_similar_than_its_twin_as_nea
     # Right: a bridge of the blocks' own intensity, which the network, knowing two kinds alone, does not see.
     bridged[4:12, 6:18, 10:16] = 100.0
     apart, joined = (KernelRidge(features, Volume(array, volume.geometry)) for array in (volume.array, bridged))
-    to_twin = [rule.maps([a_class("a", IN_LEFT)])[0][RIGHT].mean() for rule in (apart, joined)]
+    to_twin = [maps_of(rule, [a_class("a", IN_LEFT)])[0][RIGHT].mean() for rule in (apart, joined)]
     assert to_twin[1] > 1.2 * to_twin[0]
 
 
 def test_a_negative_click_takes_the_twin_away(similarity: KernelRidge) -> None:
     annotated = a_class("a", IN_LEFT, negative=IN_RIGHT)
-    (found,) = similarity.maps([annotated])
+    (found,) = maps_of(similarity, [annotated])
     assert (found[RIGHT] > prior_iso(len(annotated.positive))).mean() < 0.15
     assert (found[LEFT] > prior_iso(len(annotated.positive))).mean() > 0.65
 
 
+def test_a_negative_click_well_within_a_surplus_makes_all_of_the_structure_end_earlier(similarity: KernelRidge) -> None:
+    priors = {}
+    for name, negative in (("none", np.empty((0, 3))), ("rim", at_cell(4, 6, 5)), ("twin", IN_RIGHT)):
+        annotated = [a_class("a", IN_LEFT, negative=negative)]
+        (found,) = similarity.maps(annotated)
+        assert found.prior is not None
+        priors[name] = found.prior
+        # The same map, had no negative point been counted.
+        uncounted = similarity.iso(SimilarityMap(found.array, prior_iso(1)), annotated, 0).chosen
+        assert similarity.iso(found, annotated, 0).chosen >= uncounted * (1.05 if name == "twin" else 1.0)
+    assert priors["none"] == priors["rim"] == prior_iso(1)
+    assert 1.2 * prior_iso(1) < priors["twin"] <= 2.0 * prior_iso(1)
+
+
 def test_the_clicks_of_one_class_are_negatives_of_the_others(similarity: KernelRidge) -> None:
-    alone = similarity.maps([a_class("a", IN_LEFT)])[0]
-    first, second = similarity.maps([a_class("a", IN_LEFT), a_class("b", IN_RIGHT)])
+    alone = maps_of(similarity, [a_class("a", IN_LEFT)])[0]
+    first, second = maps_of(similarity, [a_class("a", IN_LEFT), a_class("b", IN_RIGHT)])
     assert first[RIGHT].mean() < 0.5 * alone[RIGHT].mean()
     assert second[RIGHT].mean() > second[LEFT].mean()
 
 
 def test_maps_do_not_depend_on_what_was_clicked_and_removed_before(similarity: KernelRidge) -> None:
-    before = similarity.maps([a_class("a", IN_LEFT)])
-    similarity.maps([a_class("a", np.concatenate([IN_RIGHT, IN_LEFT, IN_ABOVE]))])
-    np.testing.assert_array_equal(similarity.maps([a_class("a", IN_LEFT)]), before)
+    before = maps_of(similarity, [a_class("a", IN_LEFT)])
+    maps_of(similarity, [a_class("a", np.concatenate([IN_RIGHT, IN_LEFT, IN_ABOVE]))])
+    np.testing.assert_array_equal(maps_of(similarity, [a_class("a", IN_LEFT)]), before)
 
 
 def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelRidge) -> None:
     a, b = a_class("a", np.concatenate([IN_LEFT, IN_RIGHT])), a_class("b", IN_ABOVE)
     a_reversed = a_class("a", np.concatenate([IN_RIGHT, IN_LEFT]))
-    np.testing.assert_allclose(similarity.maps([a, b]), similarity.maps([b, a_reversed])[::-1], atol=1e-5)
+    np.testing.assert_allclose(maps_of(similarity, [a, b]), maps_of(similarity, [b, a_reversed])[::-1], atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +178,7 @@ def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelRidge
     ids=lambda classes: classes[-1].name,
 )
 def test_degenerate_clicks_give_finite_maps_between_zero_and_one(similarity: KernelRidge, classes: list[ClassRequest]) -> None:
-    maps = np.stack(similarity.maps(classes))
+    maps = np.stack(maps_of(similarity, classes))
     assert maps.shape == (len(classes), *CELLS)
     assert np.isfinite(maps).all()
     assert maps.min() >= 0.0
@@ -169,8 +189,8 @@ def test_voxels_that_are_not_finite_do_not_spread(similarity: KernelRidge, block
     features, volume = blocks
     damaged = volume.array.copy()
     damaged[0, 0, 0], damaged[12, 12, 12], damaged[20:, 20:, 20:] = np.nan, np.inf, np.nan
-    clean = similarity.maps([a_class("a", IN_LEFT)])
-    maps = KernelRidge(features, Volume(damaged, volume.geometry)).maps([a_class("a", IN_LEFT)])
+    clean = maps_of(similarity, [a_class("a", IN_LEFT)])
+    maps = maps_of(KernelRidge(features, Volume(damaged, volume.geometry)), [a_class("a", IN_LEFT)])
     assert np.isfinite(maps).all()
     assert np.abs(maps[0][LEFT] - clean[0][LEFT]).max() < 0.05
 
@@ -192,13 +212,13 @@ def test_finer_features_take_over_how_points_are_connected(
 ) -> None:
     features, volume = blocks
     intensities = CellIntensities(volume, features.geometry)
-    before = KernelRidge(features, volume, intensities).maps([a_class("a", IN_LEFT)])
+    before = maps_of(KernelRidge(features, volume, intensities), [a_class("a", IN_LEFT)])
 
     def found_out_again(*_: object) -> np.ndarray:
         raise AssertionError
 
     monkeypatch.setattr(Connectedness, "from_point", found_out_again)
-    np.testing.assert_array_equal(KernelRidge(features, volume, intensities).maps([a_class("a", IN_LEFT)]), before)
+    np.testing.assert_array_equal(maps_of(KernelRidge(features, volume, intensities), [a_class("a", IN_LEFT)]), before)
 
 
 def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
@@ -206,12 +226,12 @@ def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
 ) -> None:
     inside = np.concatenate([at_cell(4, j, i) for j in range(3, 9) for i in (2, 3, 4)])
     outside = np.concatenate([at_cell(7, j, i) for j in range(12) for i in range(5)])
-    wanted = KernelRidge(*blocks).maps([a_class("a", inside, negative=outside)])
+    wanted = maps_of(KernelRidge(*blocks), [a_class("a", inside, negative=outside)])
     monkeypatch.setattr(kernel_rows, "RESERVED_ROWS", 1)
     crowded = KernelRidge(*blocks)
     for count in range(1, len(outside) + 1, 7):
-        crowded.maps([a_class("a", inside[:count], negative=outside[:count])])
-    np.testing.assert_allclose(crowded.maps([a_class("a", inside, negative=outside)]), wanted, atol=0.01)
+        maps_of(crowded, [a_class("a", inside[:count], negative=outside[:count])])
+    np.testing.assert_allclose(maps_of(crowded, [a_class("a", inside, negative=outside)]), wanted, atol=0.01)
 
 
 def test_a_negative_click_on_what_is_like_the_structure_in_a_cell_that_is_not_takes_little_of_the_structure(
@@ -225,5 +245,5 @@ def test_a_negative_click_on_what_is_like_the_structure_in_a_cell_that_is_not_ta
     finer = Volume(np.kron(bumpy, np.ones((3, 3, 3))), volume.geometry.resized((72, 72, 72)))
     rule = KernelRidge(normalised_features(replace(features.source, array=wide), "whitened"), finer)
     on_bump = volume.geometry.ijk_to_ras_points(np.array([[10.0, 12.0, 8.0]]))
-    (before,), (after,) = rule.maps([a_class("a", IN_LEFT)]), rule.maps([a_class("a", IN_LEFT, negative=on_bump)])
+    (before,), (after,) = maps_of(rule, [a_class("a", IN_LEFT)]), maps_of(rule, [a_class("a", IN_LEFT, negative=on_bump)])
     assert after[LEFT].mean() > 0.9 * before[LEFT].mean()

@@ -30,3 +30,5 @@ def test_sums_are_those_of_the_rows_that_were_given(monkeypatch: pytest.MonkeyPa
     sums = rows.weighted(weights)
     assert sums.shape == (2, cells)
     np.testing.assert_allclose(sums, expected, atol=1e-5 if dtype == torch.float32 else 0.1)
+    some = np.array([0, cells - 1, cells // 2])
+    np.testing.assert_allclose(rows.weighted_at(weights[1], some), sums[1][some], atol=1e-5 if dtype == torch.float32 else 0.1)
