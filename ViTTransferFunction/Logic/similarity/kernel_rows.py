@@ -8,17 +8,18 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..core.torch_arrays import array_of, tensor_of
-from ..features.precision import device_precision
 
-ROWS_AT_ONCE = 32
-"""In bfloat16, rows are multiplied in groups of this many: for every new number of rows the processor's matrix kernels would be
-compiled anew. In float32, they are not, and each row less is time less."""
 RESERVED_ROWS = 256
 """Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used,
 and to move rows to a larger place keeps a click waiting."""
-CELLS_OF_BLOCK = 256
-"""In float32, the rows of so many cells lie together, and their product stays near the processor: of whole rows it takes four
-times as long. In bfloat16, whole rows are as fast or faster."""
+CELLS_AT_ONCE = 256
+"""Rows of so many cells are multiplied at a time, whose product stays near the processor: of whole rows it takes four times as
+long."""
+FEW_SUMS = 2
+"""So many sums are computed one by one: each is bound by reading the rows once, which takes a third of a product's time."""
+_ALIGNMENT, _PADDING = 1024, 272
+"""Rows begin at places in memory that differ by more than whole pages, or they would all compete for the same places of the
+processor's caches: with 64³ cells, a product would take twice as long."""
 ROWS_OF_POINT = 2
 """A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
 
@@ -26,8 +27,8 @@ ROWS_OF_POINT = 2
 class KernelRows:
     """Kernels with all cells: first one row for each background cell, then two for each point, which come and go.
 
-    Rows are kept from click to click, so that a click costs two new rows and one product with all of them. They are kept in
-    bfloat16 where the processor has it in hardware: maps are then off by some thousandths.
+    Rows are kept from click to click, so that a click costs two new rows and one product with all of them. Also where the
+    processor has bfloat16 in hardware, they are in float32: without matrix units that is as fast, and a single sum much faster.
 
     Args:
         background: how many background cells there are; `put_background` has to give all of their rows.
@@ -39,37 +40,37 @@ class KernelRows:
 
         self._background = background
         self._cells = cells
-        dtype = device_precision(torch.device("cpu"))
-        single = dtype is torch.float32
-        self._block = CELLS_OF_BLOCK if single else cells
-        self._group = 1 if single else ROWS_AT_ONCE
-        # (blocks, rows, cells of a block)
-        self._room = torch.empty((-(-cells // self._block), 0, self._block), dtype=dtype)
-        self._rows = self._room
+        self._room = torch.empty((0, -(-cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))
+        self._rows = self._room[:, :cells]
         self._make_room(background)
         self._row_of_key: dict[bytes, int] = {}
-        self.count = self._rows.shape[1]
+        self.count = background
 
     def put_background(self, first_cell: int, kernel: np.ndarray) -> None:
-        """The kernels of the background cells with the cells from one on, (background, some) float32.
-
-        `first_cell` is a multiple of `CELLS_OF_BLOCK`.
-        """
-        self._put(slice(0, self._background), kernel, first_cell)
+        """The kernels of the background cells with the cells from one on, (background, some) float32."""
+        self._rows[: self._background, first_cell : first_cell + kernel.shape[1]] = tensor_of(kernel)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
-        rows = self._rows[:, : self.count]
-        of_blocks = tensor_of(weights).to(rows.dtype).expand(len(rows), -1, -1) @ rows
-        of_cells: np.ndarray = array_of(of_blocks.movedim(0, 1).flatten(1)[:, : self._cells].float())
-        return of_cells
+        import torch
+
+        rows, factors = self._rows[: self.count], tensor_of(weights)
+        sums = torch.empty((len(weights), self._cells))
+        if len(weights) <= FEW_SUMS:
+            for of_one, factor in zip(sums, factors, strict=True):
+                torch.mv(rows.T, factor, out=of_one)
+            return array_of(sums)
+        whole = self._cells - self._cells % CELLS_AT_ONCE
+        if whole:
+            some_cells = rows[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).movedim(1, 0)
+            by_cells = factors.expand(len(some_cells), -1, -1) @ some_cells
+            sums[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).copy_(by_cells.movedim(0, 1))
+        sums[:, whole:] = factors @ rows[:, whole:]
+        return array_of(sums)
 
     def weighted_at(self, weights: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """One of those sums at some cells given by their indices, (cells,) float32, for weights (count,) float32."""
-        block, within = np.divmod(cells, self._block)
-        rows = self._rows[tensor_of(block), : self.count, tensor_of(within)]
-        at_cells: np.ndarray = array_of(rows.float() @ tensor_of(weights))
-        return at_cells
+        return array_of(tensor_of(weights) @ self._rows[: self.count, tensor_of(cells)])
 
     def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
         """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
@@ -85,36 +86,19 @@ class KernelRows:
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
                 self._make_room(row + ROWS_OF_POINT)
-                self._put(slice(row, row + ROWS_OF_POINT), made)
+                self._rows[row : row + ROWS_OF_POINT] = tensor_of(made)
                 self._row_of_key[key] = row
-        self.count = self._whole_groups(max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT)
+        self.count = max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
 
-    def _put(self, rows: slice, kernel: np.ndarray, first_cell: int = 0) -> None:
-        """Some rows of some cells, (rows, cells) float32; where blocks are short, from the beginning of one on."""
-        of_cells = tensor_of(kernel)
-        block, within = divmod(first_cell, self._block)
-        whole = 0 if within else kernel.shape[1] // self._block
-        end = whole * self._block
-        if whole:
-            of_blocks = of_cells[:, :end].unflatten(1, (whole, self._block))
-            self._rows[block : block + whole, rows] = of_blocks.movedim(0, 1)
-        if end < kernel.shape[1]:
-            self._rows[block + whole, rows, within : within + kernel.shape[1] - end] = of_cells[:, end:]
-
     def _make_room(self, rows: int) -> None:
-        """Have `rows` rows, in whole groups; new ones are zero, since weights of 0 do not cancel what is no number."""
-        blocks, before, cells = self._room.shape
-        rows = self._whole_groups(rows)
+        """Have `rows` rows; new ones are zero, since weights of 0 do not cancel what is no number."""
+        before, length = self._room.shape
         if rows > before:
-            room = self._room.new_empty((blocks, max(RESERVED_ROWS, rows, 2 * before), cells))
-            room[:, : self._rows.shape[1]] = self._rows
+            room = self._room.new_empty((max(RESERVED_ROWS, rows, 2 * before), length))
+            room[: len(self._rows), : self._cells] = self._rows
             self._room = room
-        if rows > self._rows.shape[1]:
-            self._room[:, self._rows.shape[1] : rows] = 0.0
-            self._rows = self._room[:, :rows]
-
-    def _whole_groups(self, rows: int) -> int:
-        """`rows` rounded up to whole groups."""
-        return -(-rows // self._group) * self._group
+        if rows > len(self._rows):
+            self._room[len(self._rows) : rows, : self._cells] = 0.0
+            self._rows = self._room[:rows, : self._cells]
