@@ -98,7 +98,7 @@ def _first_map(volume: Volume, network: VisionTransformer) -> None:
     features = next(progressive_features(volume, network, DEFAULT_SETTINGS))
     similarity = KernelRidge(normalised_features(features, PRESETS[DEFAULT_PRESET].statistics), volume)
     k, j, i = (size // 2 for size in volume.shape)
-    similarity.maps(classes_of(["first"], [[Click((k, j, i), positive=True)]], volume.geometry))
+    list(similarity.maps(classes_of(["first"], [[Click((k, j, i), positive=True)]], volume.geometry)))
 
 
 def _least(work: Callable[[], object]) -> float:

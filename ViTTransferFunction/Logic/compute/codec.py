@@ -34,6 +34,7 @@ _TYPES: dict[str, type] = {
         requests.Cancel,
         requests.Started,
         requests.Done,
+        requests.FirstMap,
         requests.Maps,
         requests.Volumes,
         requests.RefinedMaps,

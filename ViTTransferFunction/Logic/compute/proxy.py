@@ -27,6 +27,7 @@ from .requests import (
     Done,
     Extract,
     Failed,
+    FirstMap,
     GivenUp,
     Labels,
     LookCloser,
@@ -46,9 +47,9 @@ from .requests import (
 )
 
 Phase = Literal["no volume", "no features", "extracting", "ready"]
-Event = Literal["state", "maps", "volumes", "refined", "rendering", "labels"]
-"""What a poll can bring: phase, progress, estimate or an error; S_L; how large segments are by them; S_H; a volume of
-structures; a label map."""
+Event = Literal["state", "first map", "maps", "volumes", "refined", "rendering", "labels"]
+"""What a poll can bring: phase, progress, estimate or an error; S_L of the class that is waited for; of all; how large segments
+are by them; S_H; a volume of structures; a label map."""
 
 Casting = Mapping[str, bool]
 """By class id, whether it casts shadows in 3D; classes that are missing do not."""
@@ -79,7 +80,8 @@ class SegmentationProxy:
         usable: whether maps can be had: once features are ready, or while they still become finer.
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
-        maps: by class id; S_H where `refined`, else S_L.
+        maps: by class id; S_H where `refined`, else S_L. From when the map of the class that is waited for has come until all
+            others have, those are as before.
         low_maps: by class id, S_L, also where `maps` are refined.
         awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
         volumes_ml: by class id, of the segment that the class gets by these maps, millilitres; a moment later than the maps.
@@ -93,6 +95,7 @@ class SegmentationProxy:
         self._volume: TakeVolume | None = None
         self._settings = SessionSettings()
         self._classes: tuple[ClassRequest, ...] = ()
+        self._first = ""
         self._refinement: Refinement | None = None
         self._look: tuple[RenderingMode, Casting, bool] | None = None
         self._maps_due = self._close_ups_due = self._volumes_due = False
@@ -126,6 +129,7 @@ class SegmentationProxy:
         self._answered: tuple[ClassRequest, ...] = ()
         self.maps: dict[str, ClassMap] = {}
         self.low_maps: dict[str, ClassMap] = {}
+        self._first_map: tuple[ComputeMaps, ClassMap] | None = None
         self.volumes_ml: dict[str, float] = {}
         self.refined = False
         self.rendering: StructureVolume | None = None
@@ -178,15 +182,16 @@ class SegmentationProxy:
         else:
             self._pending.cancel(Extract)
 
-    def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None) -> None:
+    def update(self, classes: Sequence[ClassRequest], refinement: Refinement | None, first: str = "") -> None:
         """The annotations have changed: ask for maps of these classes; and for refined ones, where `refinement` says how.
 
-        Where they differ in iso values and sizes alone, `maps` follow at once.
+        Where they differ in iso values and sizes alone, `maps` follow at once. The class with the id `first`, if there is one,
+        is answered before the others.
         """
         if not set(_close_ups(self._classes)) <= set(_close_ups(classes)) and self._pending.has(LookCloser):
             self._pending.give_up(LookCloser)
             self.progress = None
-        self._classes, self._refinement = tuple(classes), refinement
+        self._classes, self._refinement, self._first = tuple(classes), refinement, first
         self._maps_due, self._refine_due_s = True, None
         self._resize()
         self._send_due()
@@ -227,6 +232,12 @@ class SegmentationProxy:
     def up_to_date(self) -> bool:
         """Whether `maps` are those of the last `update`."""
         return not self._maps_due and not self._pending.has(ComputeMaps)
+
+    @property
+    def first_up_to_date(self) -> bool:
+        """Whether that of the class that is waited for is."""
+        first_came = self._first_map is not None and self._pending.has_asked(self._first_map[0])
+        return self.up_to_date or (not self._maps_due and first_came)
 
     @property
     def awaits_maps(self) -> bool:
@@ -303,7 +314,8 @@ class SegmentationProxy:
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
             self._low = self._answered = ()
             return
-        self._pending.ask(ComputeMaps(self._classes))
+        several = len(self._classes) > 1 and self._first in [annotated.id for annotated in self._classes]
+        self._pending.ask(ComputeMaps(self._classes, self._first if several else ""))
         self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
         if self._refinement is not None:
             self._refine_due_s = time.monotonic() + REFINE_AFTER_S
@@ -326,6 +338,8 @@ class SegmentationProxy:
             return {"state"}
         if isinstance(reply, Progressed):
             return self._on_progress(request, reply)
+        if isinstance(reply, FirstMap):
+            return self._on_first_map(request, reply)
         if isinstance(request, _WAITED_FOR):
             self.progress = None
         if isinstance(reply, (GivenUp, Failed)):
@@ -380,8 +394,19 @@ class SegmentationProxy:
         self._maps_due = True
         return {"state"}
 
+    def _on_first_map(self, request: ComputeMaps, reply: FirstMap) -> set[Event]:
+        self._first_map = request, reply.map
+        self.maps = {**self.maps, request.first: reply.map}
+        # They are of no one request until the others come.
+        self._answered = ()
+        return {"first map"}
+
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        self._take_maps(request.classes, reply.maps)
+        maps, first = list(reply.maps), self._first_map
+        if first is not None and first[0] is request:
+            maps.insert([annotated.id for annotated in request.classes].index(request.first), first[1])
+        self._first_map = None
+        self._take_maps(request.classes, maps)
         self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True
         self.awaiting_close_ups = reply.awaiting_close_ups

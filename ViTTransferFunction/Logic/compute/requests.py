@@ -71,9 +71,15 @@ class LookCloser:
 
 @dataclass(frozen=True)
 class ComputeMaps:
-    """S_L of all classes. Replied to by `Maps`, while other requests are still being served."""
+    """S_L of all classes. Replied to by `Maps`, after a `FirstMap` maybe, while other requests are still being served.
+
+    Attributes:
+        classes: of which classes.
+        first: id of the class whose map somebody waits for; "" if nobody does more than for the others.
+    """
 
     classes: tuple[ClassRequest, ...]
+    first: str = ""
 
 
 @dataclass(frozen=True)
@@ -142,11 +148,18 @@ class Done:
 
 
 @dataclass(frozen=True)
+class FirstMap:
+    """S_L of the class that is waited for, as soon as it is there; `Maps` with all others follow."""
+
+    map: ClassMap
+
+
+@dataclass(frozen=True)
 class Maps:
     """S_L of each class, in the order of the request.
 
     Attributes:
-        maps: S_L.
+        maps: S_L; without that of the first class, where it was replied before.
         awaiting_close_ups: ids of the classes that are looked at in the whole volume only until `LookCloser`.
     """
 
@@ -214,5 +227,5 @@ class Failed:
     message: str
 
 
-UNFINISHED = (Progressed, CoarseFeatures)
+UNFINISHED = (Progressed, CoarseFeatures, FirstMap)
 """Replies that are followed by others to the same request."""

@@ -23,7 +23,7 @@ from ..core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 from .array_files import ArrayFiles
 from .codec import from_message, holds, to_message
 from .messages import ArraysNotWritten, Message, read_message, write_message
-from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, GivenUp, Progressed, Started
+from .requests import Cancel, CoarseFeatures, ComputeMaps, Failed, FirstMap, GivenUp, Progressed, Started
 from .service import SegmentationService
 
 LOCK_TURN_S = 0.0005
@@ -74,6 +74,7 @@ class Server:
             on_coarse=lambda: self._reply(self._serving, CoarseFeatures()),
             between_points=self._end_if_overtaken,
             on_preparable=lambda: self._clicks.put(None),
+            on_first_map=lambda first: self._reply(self._answering, FirstMap(first)),
         )
 
     def serve(self) -> None:

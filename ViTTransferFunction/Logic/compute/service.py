@@ -66,6 +66,7 @@ class SegmentationService:
         on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
         between_points: called before what `ComputeMaps` needs of each new point; may raise `Cancelled` as well.
         on_preparable: called whenever `prepare_clicks` has something new to do.
+        on_first_map: is given the map of the class that is waited for, before those of the others; they are replied without it.
     """
 
     def __init__(
@@ -74,11 +75,13 @@ class SegmentationService:
         on_coarse: Callable[[], None] | None = None,
         between_points: Between = nothing_between,
         on_preparable: Callable[[], None] = lambda: None,
+        on_first_map: Callable[[ClassMap], None] | None = None,
     ) -> None:
         self._progress = progress
         self._between_points = between_points
         self._on_coarse = on_coarse
         self._on_preparable = on_preparable
+        self._on_first_map = on_first_map
         self._networks = Networks()
         self._volume: Volume | None = None
         self._session: SegmentationSession | None = None
@@ -159,8 +162,15 @@ class SegmentationService:
         session = self._the_session
         # Asked before: what is loaded meanwhile is not in these maps.
         awaiting = session.awaiting_close_ups(request.classes)
-        self._maps = session.low_resolution_maps(request.classes, self._between_points)
-        return Maps(tuple(self._maps), awaiting)
+        told: list[ClassMap] = []
+
+        def tell(first: ClassMap) -> None:
+            if self._on_first_map is not None:
+                self._on_first_map(first)
+                told.append(first)
+
+        self._maps = session.low_resolution_maps(request.classes, self._between_points, request.first, tell)
+        return Maps(tuple(low for low in self._maps if low not in told), awaiting)
 
     def _measure_maps(self, request: MeasureMaps) -> Volumes:
         maps = self._maps

@@ -157,6 +157,11 @@ class SceneSession:
         return self._proxy.up_to_date
 
     @property
+    def selected_up_to_date(self) -> bool:
+        """Whether what is shown of the selected class does: a little before all else."""
+        return self._proxy.first_up_to_date
+
+    @property
     def compute_pid(self) -> int | None:
         """The number of the compute process; None where none runs."""
         return self._proxy.pid
@@ -333,7 +338,7 @@ class SceneSession:
             if self._proxy.up_to_date:
                 self._close_ups.remember_shown()
         self._take_problem()
-        if events & {"maps", "refined", "rendering", "state"}:
+        if events & {"first map", "maps", "refined", "rendering", "state"}:
             self._show()
         elif self.views.pending and not self.awaits_maps:
             # What is left to show of maps that give way to others would keep these waiting.
@@ -353,7 +358,8 @@ class SceneSession:
         if look_due:
             self._close_ups.go_along()
         came_to_rest = was_busy and not self.busy
-        if events or writing or segments_changed or looked or came_to_rest:
+        # What there is to tell of the first map is told with all.
+        if events - {"first map"} or writing or segments_changed or looked or came_to_rest:
             self._notify()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -463,7 +469,8 @@ class SceneSession:
         asked = (self._requests.requests, self.parameters.refinement())
         if asked != self._asked:
             self._asked = asked
-            self._proxy.update(*asked)
+            selected = self.selected_class
+            self._proxy.update(*asked, first=selected.id if selected else "")
 
     def _use_segment_points(self) -> None:
         """Use what is known of points in segments; what is not known yet is being searched for."""

@@ -187,11 +187,23 @@ class SegmentationSession:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
         return display_window(self.volume)
 
-    def low_resolution_maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[ClassMap]:
+    def low_resolution_maps(
+        self,
+        requests: Sequence[ClassRequest],
+        between: Between = nothing_between,
+        first: str = "",
+        on_first: Callable[[ClassMap], None] = lambda first: None,
+    ) -> list[ClassMap]:
         """S_L of every class and its threshold: the answer to a click, in milliseconds.
 
-        Any thread may ask, also while another loads finer features or segments. `between` is called before what is computed
-        for each new point; it may raise `Cancelled`, and what there is by then need not be computed again.
+        Any thread may ask, also while another loads finer features or segments.
+
+        Args:
+            requests: the classes.
+            between: called before what is computed for each new point; may raise `Cancelled`, and what there is by then need
+                not be computed again.
+            first: id of a class whose map is wanted sooner than the others, if that can be.
+            on_first: is given this map then.
 
         Returns:
             The maps, which must not be changed: who asks the same again, as a refinement does, gets the same ones.
@@ -206,18 +218,21 @@ class SegmentationSession:
             if self._answered is not None and self._answered[0] is rule and self._answered[1] == asked:
                 return list(self._answered[2])
             geometry = features.geometry
-            maps = rule.maps(requests, between)
-            for coarse, request in zip(maps, requests, strict=True):
-                if request.proximity > 0.0:
-                    coarse.array[...] *= proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
-            found = [
-                _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
-                if part is None
-                else part.map_on(geometry, requests, index, between)
-                for index, (coarse, request, part) in enumerate(zip(maps, requests, parts, strict=True))
-            ]
-            self._answered = rule, asked, found
-            return list(found)
+            found: dict[int, ClassMap] = {}
+            sooner = next((index for index, request in enumerate(requests) if request.id == first), None)
+            for index, coarse in rule.maps(requests, between, sooner):
+                request, part = requests[index], parts[index]
+                if part is not None:
+                    found[index] = part.map_on(geometry, requests, index, between)
+                else:
+                    if request.proximity > 0.0:
+                        faded = proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
+                        np.multiply(coarse.array, faded, out=coarse.array)
+                    found[index] = _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
+                if index == sooner:
+                    on_first(found[index])
+            self._answered = rule, asked, [found[index] for index in range(len(requests))]
+            return list(self._answered[2])
 
     def refined_map(
         self,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -39,9 +39,12 @@ class CosineSimilarity:
         self._volume_geometry = volume_geometry
         self._average = average
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[SimilarityMap]:
+    def maps(
+        self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
+    ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
-        return [SimilarityMap(self._map(request)) for request in requests]
+        for index in sorted(range(len(requests)), key=lambda index: index != first):
+            yield index, SimilarityMap(self._map(requests[index]))
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""

@@ -23,7 +23,7 @@ is raised (`closed_structures`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -111,7 +111,9 @@ class KernelRidge:
             within = (background >= some.start) & (background < some.stop)
             self._background_kernel[:, within] = kernel[:, background[within] - start]
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> list[SimilarityMap]:
+    def maps(
+        self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
+    ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests, self._connected.seen_at)
         points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
@@ -126,16 +128,16 @@ class KernelRidge:
             return self._rows_of(points.subset(np.array([index])), keys[index])
 
         rows = self._rows.indices(keys, rows_of)
-        scores = self._rows.weighted(self._weights_of_rows(weights, rows, share))
-        np.clip(scores, 0.0, 1.0, out=scores)
-        for index, of_class in enumerate(scores):
-            closed = self._intensities.components.closed(requests, index)
-            if closed is not None:
-                raise_within(closed, of_class)
-        weights = self._weights_of_rows(without_negatives, rows, share)
-        priors = [self._prior(request, of_class) for request, of_class in zip(requests, weights, strict=True)]
-        shape = self._features.geometry.shape
-        return [SimilarityMap(of_class.reshape(shape), prior) for of_class, prior in zip(scores, priors, strict=True)]
+        of_rows, without = (self._weights_of_rows(each, rows, share) for each in (weights, without_negatives))
+        for together in _in_turns(len(requests), first):
+            scores = self._rows.weighted(of_rows[together])
+            np.clip(scores, 0.0, 1.0, out=scores)
+            for index, of_class in zip(together, scores, strict=True):
+                closed = self._intensities.components.closed(requests, index)
+                if closed is not None:
+                    raise_within(closed, of_class)
+                prior = self._prior(requests[index], without[index])
+                yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
 
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
         """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
@@ -311,6 +313,11 @@ class _Differences:
     def _halved_norms(self) -> Tensor:
         """−½ |x|², (N, 1)."""
         return tensor_of(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
+
+
+def _in_turns(classes: int, first: int | None) -> list[list[int]]:
+    """The indices of all classes, those together whose maps are computed at once: a single one takes the least time."""
+    return [[first], [index for index in range(classes) if index != first]] if first is not None else [list(range(classes))]
 
 
 def _different_positives(request: ClassRequest) -> int:

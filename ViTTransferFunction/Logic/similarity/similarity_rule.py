@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, Protocol
 
 from ..core.class_request import ClassRequest
@@ -27,10 +27,18 @@ NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
-    def maps(self, requests: Sequence[ClassRequest], between: Between = nothing_between) -> Sequence[SimilarityMap]:
+    def maps(
+        self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
+    ) -> Iterator[tuple[int, SimilarityMap]]:
         """S_L of all classes; the caller may change the arrays.
 
-        `between` is called before what is computed for each new point; it may raise `Cancelled`.
+        Args:
+            requests: the classes.
+            between: called before what is computed for each new point; may raise `Cancelled`.
+            first: index of a class whose map is wanted sooner than the others.
+
+        Yields:
+            Index and map of each class, the first one first where that is sooner.
         """
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:

@@ -42,6 +42,7 @@ BODIES = [
     requests.Cancel((3, 4)),
     requests.Started(4711),
     requests.Done(),
+    requests.FirstMap(ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5, prior=0.2)),
     requests.Maps((ClassMap(ARRAY.astype(np.float32), GEOMETRY, 0.5),)),
     requests.Volumes((2.5, 0.0)),
     requests.RefinedMaps((ClassMap(ARRAY.astype(np.uint8), GEOMETRY, 0.1),), (2.5,)),

@@ -17,6 +17,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Done,
     Extract,
     Failed,
+    FirstMap,
     GivenUp,
     Labels,
     LookCloser,
@@ -187,6 +188,64 @@ def test_a_click_is_sent_without_waiting_for_the_next_poll(ready: SegmentationPr
     client.answer(ComputeMaps, Maps((MAP,)))
     ready.poll()
     assert client.asked[sent:] == [ComputeMaps((SPLEEN,))]
+
+
+def with_both(ready: SegmentationProxy, client: Client) -> tuple[ClassMap, ClassMap]:
+    """Have maps of two classes, none of them waited for; they are returned."""
+    before = replace(MAP), replace(MAP)
+    ready.update([LIVER, SPLEEN], None)
+    client.answer(ComputeMaps, Maps(before))
+    ready.poll()
+    return before
+
+
+MOVED = replace(LIVER, positive=np.ones((1, 3)))
+
+
+def test_the_class_that_is_waited_for_is_shown_before_the_others(ready: SegmentationProxy, client: Client) -> None:
+    _, spleen = with_both(ready, client)
+    ready.update([MOVED, SPLEEN], None, first="liver")
+    assert client.asked[-1] == ComputeMaps((MOVED, SPLEEN), "liver")
+    assert not ready.first_up_to_date
+    first, other = replace(MAP), replace(MAP)
+    client.answer(ComputeMaps, FirstMap(first))
+    assert ready.poll() == {"first map"}
+    assert (ready.first_up_to_date, ready.up_to_date) == (True, False)
+    assert ready.maps["liver"] is first
+    assert ready.maps["spleen"] is spleen
+    client.answer(ComputeMaps, Maps((other,)))
+    assert ready.poll() == {"maps"}
+    assert ready.maps["liver"] is first
+    assert ready.maps["spleen"] is other
+    assert ready.low_maps == ready.maps
+    assert (ready.first_up_to_date, ready.up_to_date) == (True, True)
+
+
+def test_a_click_that_is_taken_back_when_its_first_map_has_come_leaves_nothing_of_it(
+    ready: SegmentationProxy, client: Client
+) -> None:
+    before = with_both(ready, client)
+    ready.update([MOVED, SPLEEN], None, first="liver")
+    client.answer(ComputeMaps, FirstMap(replace(MAP)))
+    ready.poll()
+    ready.update([LIVER, SPLEEN], None, first="liver")
+    assert [ready.maps[name] for name in ("liver", "spleen")] == list(before)
+    assert not ready.first_up_to_date
+    client.answer(ComputeMaps, Maps((replace(MAP),)))
+    ready.poll()
+    assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN), "liver")
+    client.answer(ComputeMaps, Maps(before))
+    ready.poll()
+    assert [ready.maps[name] for name in ("liver", "spleen")] == list(before)
+
+
+@pytest.mark.parametrize("first", ["", "liver", "gone"])
+def test_a_single_class_and_one_that_is_not_asked_for_are_not_replied_first(
+    ready: SegmentationProxy, client: Client, first: str
+) -> None:
+    classes = [LIVER] if first == "liver" else [LIVER, SPLEEN]
+    ready.update(classes, None, first)
+    assert client.asked[-1] == ComputeMaps(tuple(classes))
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Done,
     Extract,
     Failed,
+    FirstMap,
     GivenUp,
     Labels,
     LookCloser,
@@ -97,6 +98,27 @@ def test_a_volume_is_segmented_from_clicks(client: ComputeClient, spheres: Spher
         crop = refined.maps[label - 1]
         # The crop's iso-surface encloses what the label map holds.
         assert (crop.array / 255.0 >= crop.iso).sum() == pytest.approx((labels.array == label).sum(), rel=0.02)
+
+
+def test_the_map_that_is_waited_for_comes_first_and_is_the_same(client: ComputeClient, spheres: Spheres) -> None:
+    open_spheres(client, spheres)
+    requests = requests_of(spheres)
+    client.request(ComputeMaps(requests, first=requests[1].id))
+    replies: list[Any] = []
+    until = time.monotonic() + 60.0
+    while len(replies) < 2 and time.monotonic() < until:
+        replies += [reply for _, reply in client.replies()]
+        time.sleep(0.005)
+    first, others = replies
+    assert isinstance(first, FirstMap)
+    assert len(others.maps) == 2
+    reply_to(client, client.request(ComputeMaps(requests[:1])))
+    together = reply_to(client, client.request(ComputeMaps(requests)))
+    for one, other in zip((others.maps[0], first.map, others.maps[1]), together.maps, strict=True):
+        np.testing.assert_allclose(one.array, other.array, atol=1e-5)
+        assert one.iso == pytest.approx(other.iso, rel=1e-3)
+    # What has been answered is not computed again, and there is nothing to wait for.
+    assert len(reply_to(client, client.request(ComputeMaps(requests, first=requests[1].id))).maps) == 3
 
 
 def test_what_was_refined_of_coarse_features_is_not_taken_for_what_finer_ones_give(spheres: Spheres) -> None:

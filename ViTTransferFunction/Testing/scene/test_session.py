@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 import vtk
 
+from ViTTransferFunction.Logic.compute.proxy import Event, SegmentationProxy
+from ViTTransferFunction.Logic.compute.requests import ComputeMaps, FirstMap
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -52,6 +54,29 @@ def test_points_placed_in_a_view_count_as_those_placed_by_the_session(
     session.wait()
     assert len(session.classes[0].positive) == 1
     assert session.chosen_iso(state.id) is not None
+
+
+def test_the_class_that_is_clicked_is_answered_before_the_others(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ids = [session.annotations.add_class(f"sphere {number}").id for number in (1, 2, 3)]
+    for label, id_ in enumerate(ids, start=1):
+        session.annotations.add_points(id_, centre_ras(spheres, label), positive=True)
+    session.select_class(ids[1])
+    session.wait()
+    came: list[str] = []
+    on_first_map = SegmentationProxy._on_first_map
+
+    def noted(proxy: SegmentationProxy, request: ComputeMaps, reply: FirstMap) -> set[Event]:
+        came.append(request.first)
+        return on_first_map(proxy, request, reply)
+
+    monkeypatch.setattr(SegmentationProxy, "_on_first_map", noted)
+    session.annotations.add_points(ids[1], centre_ras(spheres, 2) + 1.0, positive=True)
+    assert not session.selected_up_to_date
+    session.wait()
+    assert came == [ids[1]]
+    assert session.up_to_date
 
 
 @pytest.mark.slow

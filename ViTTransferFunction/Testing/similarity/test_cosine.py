@@ -27,7 +27,7 @@ def a_class(positive: np.ndarray, **fields: object) -> ClassRequest:
 
 
 def map_of(features: NormalisedFeatures, request: ClassRequest, average: Average) -> np.ndarray:
-    (similarity,) = CosineSimilarity(features, TURNED_CELLS, average).maps([request])
+    ((_, similarity),) = CosineSimilarity(features, TURNED_CELLS, average).maps([request])
     return similarity.array
 
 
@@ -76,7 +76,7 @@ def test_a_negative_point_lowers_the_map_where_it_lies(features: NormalisedFeatu
 def test_a_duplicate_has_the_threshold_of_the_original_and_does_not_alter_it(features: NormalisedFeatures) -> None:
     rule = CosineSimilarity(features, TURNED_CELLS, mean_cosine)
     original, other = a_class(at_turned_cells((1, 2, 3))), ClassRequest("b", at_turned_cells((4, 4, 2)))
-    (similarity, *_) = rule.maps([original])
+    ((_, similarity),) = rule.maps([original])
     duplicated = [original, ClassRequest("a copy", original.positive), other]
     alone = rule.iso(similarity, [original, other], 0)
     assert [rule.iso(similarity, duplicated, index) for index in (0, 1)] == [alone, alone]

@@ -49,7 +49,7 @@ def at_cell(k: int, j: int, i: int) -> np.ndarray:
 
 
 def maps_of(rule: KernelRidge, classes: Sequence[ClassRequest]) -> list[np.ndarray]:
-    return [of_class.array for of_class in rule.maps(classes)]
+    return [of_class.array for _, of_class in rule.maps(classes)]
 
 
 def a_class(name: str, positive: np.ndarray, **fields: object) -> ClassRequest:
@@ -93,7 +93,7 @@ def one_click_in_a_large_structure(within: float, around: float) -> tuple[np.nda
     geometry = volume.geometry.resized(cells)
     rule = KernelRidge(normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume)
     clicked = [a_class("a", at_cell(8, 8, 8))]
-    (found,) = rule.maps(clicked)
+    ((_, found),) = rule.maps(clicked)
     return found.array, rule.iso(found, clicked, 0).chosen, inside
 
 
@@ -138,7 +138,7 @@ def test_a_negative_click_well_within_a_surplus_makes_all_of_the_structure_end_e
     priors = {}
     for name, negative in (("none", np.empty((0, 3))), ("rim", at_cell(4, 6, 5)), ("twin", IN_RIGHT)):
         annotated = [a_class("a", IN_LEFT, negative=negative)]
-        (found,) = similarity.maps(annotated)
+        ((_, found),) = similarity.maps(annotated)
         assert found.prior is not None
         priors[name] = found.prior
         # The same map, had no negative point been counted.
