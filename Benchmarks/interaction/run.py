@@ -165,12 +165,18 @@ def text(measured: dict[str, Any]) -> str:
         "{} points in the beginning and {} in the end.".format(*measured["clicks"]["points"]),
         table(["what", "time"], window_rows(measured)),
         "## The maps alone",
-        f"Maps and iso values of {updates['classes']} classes after one more point, at {updates['cells']}³ cells of {CHANNELS} "
-        f"channels. The floor, to read the compared features and write the maps once: {updates['floor_ms']:.1f} ms.",
+        f"Maps and iso values of {updates['classes']} classes after one more point, and of the class that got it, at "
+        f"{updates['cells']}³ cells of {CHANNELS} channels. The floor, to read the compared features and write the maps once: "
+        f"{updates['floor_ms']:.1f} ms.",
         table(
-            ["points there already", "update", "times the floor"],
+            ["points there already", "the class that got the point", "all classes", "times the floor"],
             [
-                [row["points"], f"{row['update_ms']:.0f} ms", f"{row['update_ms'] / updates['floor_ms']:.1f}"]
+                [
+                    row["points"],
+                    f"{row['first_ms']:.0f} ms",
+                    f"{row['update_ms']:.0f} ms",
+                    f"{row['update_ms'] / updates['floor_ms']:.1f}",
+                ]
                 for row in updates["rows"]
             ],
         ),

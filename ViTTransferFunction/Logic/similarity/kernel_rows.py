@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.torch_arrays import array_of, tensor_of
 
-RESERVED_ROWS = 256
-"""Room for as many is there from the beginning, and twice as much whenever it is full: it takes no memory before it is used,
-and to move rows to a larger place keeps a click waiting."""
+if TYPE_CHECKING:
+    from torch import Tensor
+
 CELLS_AT_ONCE = 256
 """Rows of so many cells are multiplied at a time, whose product stays near the processor: of whole rows it takes four times as
 long."""
@@ -22,6 +23,9 @@ _ALIGNMENT, _PADDING = 1024, 272
 processor's caches: with 64³ cells, a product would take twice as long."""
 ROWS_OF_POINT = 2
 """A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
+ROWS_OF_ROOM = 128
+"""Points' rows come to further rooms of so many, a multiple of `ROWS_OF_POINT`: to move all to a larger one keeps a click
+waiting for half a second. A room takes memory where it is used."""
 
 
 class KernelRows:
@@ -36,41 +40,43 @@ class KernelRows:
     """
 
     def __init__(self, background: int, cells: int) -> None:
-        import torch
-
         self._background = background
         self._cells = cells
-        self._room = torch.empty((0, -(-cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))
-        self._rows = self._room[:, :cells]
-        self._make_room(background)
+        # Of the background cells, and of points.
+        self._rooms = [self._room(background)]
         self._row_of_key: dict[bytes, int] = {}
         self.count = background
 
     def put_background(self, first_cell: int, kernel: np.ndarray) -> None:
         """The kernels of the background cells with the cells from one on, (background, some) float32."""
-        self._rows[: self._background, first_cell : first_cell + kernel.shape[1]] = tensor_of(kernel)
+        self._rooms[0][:, first_cell : first_cell + kernel.shape[1]] = tensor_of(kernel)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
         import torch
 
-        rows, factors = self._rows[: self.count], tensor_of(weights)
-        sums = torch.empty((len(weights), self._cells))
-        if len(weights) <= FEW_SUMS:
-            for of_one, factor in zip(sums, factors, strict=True):
-                torch.mv(rows.T, factor, out=of_one)
-            return array_of(sums)
-        whole = self._cells - self._cells % CELLS_AT_ONCE
-        if whole:
-            some_cells = rows[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).movedim(1, 0)
-            by_cells = factors.expand(len(some_cells), -1, -1) @ some_cells
-            sums[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).copy_(by_cells.movedim(0, 1))
-        sums[:, whole:] = factors @ rows[:, whole:]
+        sums = torch.zeros((len(weights), self._cells))
+        for rows, factors in self._in_rooms(tensor_of(weights)):
+            _add_products(sums, factors, rows)
         return array_of(sums)
 
     def weighted_at(self, weights: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """One of those sums at some cells given by their indices, (cells,) float32, for weights (count,) float32."""
-        return array_of(tensor_of(weights) @ self._rows[: self.count, tensor_of(cells)])
+        import torch
+
+        sums, places = torch.zeros((1, len(cells))), tensor_of(cells)
+        for rows, factors in self._in_rooms(tensor_of(weights[None])):
+            _add_products(sums, factors, rows[:, places])
+        return array_of(sums[0])
+
+    def _in_rooms(self, weights: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+        """The rows (rows, cells) of each room, as far as it is used, and what they are multiplied by, (sums, rows)."""
+        first = 0
+        for room in self._rooms:
+            used = min(len(room), self.count - first)
+            if used > 0:
+                yield room[:used], weights[:, first : first + used]
+            first += len(room)
 
     def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
         """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
@@ -85,20 +91,31 @@ class KernelRows:
                 made = compute(index)
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
-                self._make_room(row + ROWS_OF_POINT)
-                self._rows[row : row + ROWS_OF_POINT] = tensor_of(made)
+                room, within = divmod(row - self._background, ROWS_OF_ROOM)
+                while len(self._rooms) < room + 2:
+                    self._rooms.append(self._room(ROWS_OF_ROOM))
+                self._rooms[room + 1][within : within + ROWS_OF_POINT] = tensor_of(made)
                 self._row_of_key[key] = row
         self.count = max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
 
-    def _make_room(self, rows: int) -> None:
-        """Have `rows` rows; new ones are zero, since weights of 0 do not cancel what is no number."""
-        before, length = self._room.shape
-        if rows > before:
-            room = self._room.new_empty((max(RESERVED_ROWS, rows, 2 * before), length))
-            room[: len(self._rows), : self._cells] = self._rows
-            self._room = room
-        if rows > len(self._rows):
-            self._room[len(self._rows) : rows, : self._cells] = 0.0
-            self._rows = self._room[:rows, : self._cells]
+    def _room(self, rows: int) -> Tensor:
+        """Rows of zeros, (rows, cells): weights of 0 do not cancel what is no number."""
+        import torch
+
+        return torch.zeros((rows, -(-self._cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))[:, : self._cells]
+
+
+def _add_products(sums: Tensor, factors: Tensor, rows: Tensor) -> None:
+    """Add to sums (S, cells) the factors (S, R) times the rows (R, cells)."""
+    if len(sums) <= FEW_SUMS:
+        for of_one, factor in zip(sums, factors, strict=True):
+            of_one.addmv_(rows.T, factor)
+        return
+    whole = rows.shape[1] - rows.shape[1] % CELLS_AT_ONCE
+    if whole:
+        some_cells = rows[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).movedim(1, 0)
+        by_cells = factors.expand(len(some_cells), -1, -1) @ some_cells
+        sums[:, :whole].unflatten(1, (-1, CELLS_AT_ONCE)).add_(by_cells.movedim(0, 1))
+    sums[:, whole:] += factors @ rows[:, whole:]

@@ -227,7 +227,7 @@ def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
     inside = np.concatenate([at_cell(4, j, i) for j in range(3, 9) for i in (2, 3, 4)])
     outside = np.concatenate([at_cell(7, j, i) for j in range(12) for i in range(5)])
     wanted = maps_of(KernelRidge(*blocks), [a_class("a", inside, negative=outside)])
-    monkeypatch.setattr(kernel_rows, "RESERVED_ROWS", 1)
+    monkeypatch.setattr(kernel_rows, "ROWS_OF_ROOM", 4)
     crowded = KernelRidge(*blocks)
     for count in range(1, len(outside) + 1, 7):
         maps_of(crowded, [a_class("a", inside[:count], negative=outside[:count])])
