@@ -177,7 +177,7 @@ def test_outside_points_are_asked_for_but_not_kept(
 ) -> None:
     """Only where the user wants them, and anew when a segment changes."""
     asked: list[Any] = []
-    monkeypatch.setattr(SegmentationProxy, "update", lambda self, classes, refinement: asked.append(tuple(classes)))
+    monkeypatch.setattr(SegmentationProxy, "update", lambda self, classes, refinement, first: asked.append(tuple(classes)))
     monkeypatch.setattr(SegmentationProxy, "open", lambda self, volume, settings: None)
     add_segment(a_segmentation, "bone", block(4, 6), OBLIQUE)
     session.set_volume(a_volume)

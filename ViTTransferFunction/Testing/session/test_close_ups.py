@@ -200,8 +200,11 @@ def test_similarity_fades_as_fast_in_a_part_as_in_the_whole(
         return np.ones(cells.shape, dtype=np.float32)
 
     monkeypatch.setattr(segmentation_session, "proximity", everywhere)
-    session.look_closer(looked_at)
-    session.low_resolution_maps([replace(looked_at[0], proximity=0.5), *looked_at[1:]])
+    near = [replace(looked_at[0], proximity=0.5), *looked_at[1:]]
+    # In the whole, until its close-up is there.
+    session.low_resolution_maps(near)
+    session.look_closer(near)
+    session.low_resolution_maps(near)
     assert edges == [session.volume.geometry.extent_mm.max()] * 2
 
 
