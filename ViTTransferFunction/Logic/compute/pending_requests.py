@@ -53,10 +53,6 @@ class PendingRequests:
         """Whether an answer to a request of one of these kinds is awaited."""
         return any(isinstance(request, kinds) for request in self._by_number.values())
 
-    def has_asked(self, request: Any) -> bool:
-        """Whether an answer to this request is awaited."""
-        return any(asked is request for asked in self._by_number.values())
-
     def cancel(self, *kinds: type) -> None:
         """Have the process stop what it was asked for of these kinds; its answers are still awaited."""
         if self._client is not None and self.has(*kinds):

@@ -129,7 +129,8 @@ class SegmentationProxy:
         self._answered: tuple[ClassRequest, ...] = ()
         self.maps: dict[str, ClassMap] = {}
         self.low_maps: dict[str, ClassMap] = {}
-        self._first_map: tuple[ComputeMaps, ClassMap] | None = None
+        # What has come of the maps that are under way.
+        self._first_map: ClassMap | None = None
         self.volumes_ml: dict[str, float] = {}
         self.refined = False
         self.rendering: StructureVolume | None = None
@@ -236,8 +237,7 @@ class SegmentationProxy:
     @property
     def first_up_to_date(self) -> bool:
         """Whether that of the class that is waited for is."""
-        first_came = self._first_map is not None and self._pending.has_asked(self._first_map[0])
-        return self.up_to_date or (not self._maps_due and first_came)
+        return self.up_to_date or (not self._maps_due and self._first_map is not None)
 
     @property
     def awaits_maps(self) -> bool:
@@ -314,6 +314,7 @@ class SegmentationProxy:
             self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
             self._low = self._answered = ()
             return
+        self._first_map = None
         several = len(self._classes) > 1 and self._first in [annotated.id for annotated in self._classes]
         self._pending.ask(ComputeMaps(self._classes, self._first if several else ""))
         self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
@@ -395,17 +396,16 @@ class SegmentationProxy:
         return {"state"}
 
     def _on_first_map(self, request: ComputeMaps, reply: FirstMap) -> set[Event]:
-        self._first_map = request, reply.map
+        self._first_map = reply.map
         self.maps = {**self.maps, request.first: reply.map}
         # They are of no one request until the others come.
         self._answered = ()
         return {"first map"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        maps, first = list(reply.maps), self._first_map
-        if first is not None and first[0] is request:
-            maps.insert([annotated.id for annotated in request.classes].index(request.first), first[1])
-        self._first_map = None
+        maps = list(reply.maps)
+        if self._first_map is not None:
+            maps.insert([annotated.id for annotated in request.classes].index(request.first), self._first_map)
         self._take_maps(request.classes, maps)
         self._low, self.low_maps = request.classes, self.maps
         self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True

@@ -97,7 +97,7 @@ class Part:
         if self._last is None or self._last[:2] != (requests[index], cells):
             asked, place = self.requests(requests, index)
             low = self.session.low_resolution_maps(asked, between)[place]
-            on_cells = ClassMap(largest_within(low, cells), cells, low.iso, low.proposals, low.prior)
+            on_cells = ClassMap(largest_within(low, cells), cells, low.iso, low.proposals)
             self._last = requests[index], cells, on_cells
         return self._last[2]
 
