@@ -30,3 +30,15 @@ def test_the_few_voxels_that_are_finite_are_found(monkeypatch: pytest.MonkeyPatc
     array = np.full((10, 12, 14), np.nan)
     array[0, 0, 0], array[9, 11, 13] = 1.0, 2.0
     assert sorted(finite_sample(volume_of(array))) == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("kind", ["int8", "uint8", "int16", "uint16", "int32", "float32"])
+def test_percentiles_are_the_same_whatever_kind_of_numbers_voxels_are(kind):
+    """Of numbers as far apart as the kind has them: their differences are beyond it."""
+    limits = np.iinfo(kind) if kind != "float32" else np.iinfo("int16")
+    array = np.where(np.arange(1000).reshape(10, 10, 10) < 500, limits.min, limits.max).astype(kind)
+    percents = [0.5, 30.0, 50.0, 99.5]
+
+    np.testing.assert_array_equal(
+        np.percentile(finite_sample(volume_of(array)), percents), np.percentile(array.astype(np.float64), percents)
+    )
