@@ -10,23 +10,17 @@ over the annotated points and a few random cells p, with target Y_pc 1 where p i
 classes' points and negative points count against c, and so do the random cells. Those stand for the background; each is
 believed little (Λ), since any of them may lie in a structure of interest, and those that turn out to are dropped.
 
-Two places are alike when their features, their intensities and their positions are, so the kernel is a product:
-
-    k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
-
-Where p is an annotated point it is multiplied by (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and
-between two points by √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). A negative point at the rim of its
-structure is looked at where its cell is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point
-is raised (`closed_structures`).
+where k says how alike two places are (`place_kernel`). Where p is an annotated point it is multiplied by (1 − b) + b C_p(x),
+with C_p how nearly x is joined to p by intensities, and between two points by √((1 − b)(1 − b′)) + √(b b′) C
+(`connected_points`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
+(`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,7 +28,6 @@ from ..core.class_request import ClassRequest
 from ..core.iso_proposals import IsoProposals
 from ..core.progress import Between, nothing_between
 from ..core.resampling import FixedPlaces, sample_at
-from ..core.torch_arrays import array_of, tensor_of
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -52,19 +45,9 @@ from .iso_value import (
     refined_prior,
 )
 from .kernel_rows import KernelRows
+from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
 from .similarity_map import SimilarityMap
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-FEATURE_SHARPNESS = 2.5
-"""γ: how fast similarity falls with the angle between whitened features."""
-INTENSITY_SIGMA = 0.12
-"""σ_u, in units of the CDF: intensities are compared by what share of the volume's voxels lies between them, about."""
-POSITION_SIGMA = 0.15
-"""σ_x, as a share of the longest edge of the volume, or of that of which it is a part."""
-POSITION_WEIGHT = 0.5
-"""a: similarity of far places is this much smaller, so that the second kidney is found, but after the first."""
 POINT_RIDGE = 0.05
 BACKGROUND_RIDGE = 2.0
 """Diagonal of Λ: what annotated points, and what random cells, may be missed by."""
@@ -75,8 +58,6 @@ BACKGROUND_LIMIT = 0.12
 AROUND_CELLS = 2 / 3
 """How far around a negative point all has to be too much, in cells, for it to say something of the whole structure: in its own
 cell and those beside it, of which a point at the border of two looks at the one that it is nearer to."""
-CELLS_AT_ONCE = 4096
-"""Kernels of background cells with so many cells, a megabyte and a half, are computed at once."""
 
 
 class KernelRidge:
@@ -98,18 +79,14 @@ class KernelRidge:
         self._centre_ras = centres.mean(axis=0)
         self._sigma_mm = POSITION_SIGMA * volume.longest_edge_mm
         vectors = features.array.reshape(-1, features.array.shape[-1])
-        self._cells = _Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
+        cells = Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
+        self._with_cells = CellKernel(cells, features.geometry, self._sigma_mm)
         background = self._intensities.drawn[:BACKGROUND_CELLS]
-        self._background, self._background_cells = self._cells.subset(background), background
-        self._background_kernel = np.empty((len(background), len(background)))
+        self._background, self._background_cells = cells.subset(background), background
+        self._background_kernel = place_kernel(self._background, self._background).astype(np.float64)
         self._rows = KernelRows(len(background), len(centres))
-        # Some cells at a time, which stay near the processor.
-        for start in range(0, len(centres), CELLS_AT_ONCE):
-            some = slice(start, start + CELLS_AT_ONCE)
-            kernel = self._kernel(self._background, self._cells.subset(some))
-            self._rows.put_background(start, kernel)
-            within = (background >= some.start) & (background < some.stop)
-            self._background_kernel[:, within] = kernel[:, background[within] - start]
+        for first_cell, kernel in self._with_cells.by_parts(self._background):
+            self._rows.put_background(first_cell, kernel)
 
     def maps(
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
@@ -176,8 +153,8 @@ class KernelRidge:
         steps_ras = np.concatenate([np.zeros((1, 3)), axes_ras, -axes_ras])
         return self._cells_at((points_ras[:, None] + steps_ras).reshape(-1, 3)).reshape(-1, len(steps_ras))
 
-    def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> _Places:
-        return _Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
+    def _places(self, features: np.ndarray, positions_ras: np.ndarray) -> Places:
+        return Places(features, self._centred(positions_ras), self._cdf.around(positions_ras))
 
     def _centred(self, positions_ras: np.ndarray) -> np.ndarray:
         """In units of σ_x around the volume's centre, so that float32 holds differences of positions far from the origin."""
@@ -190,9 +167,9 @@ class KernelRidge:
         cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
         return cells
 
-    def _rows_of(self, point: _Places, key: bytes) -> np.ndarray:
+    def _rows_of(self, point: Places, key: bytes) -> np.ndarray:
         """Kernel of one point with all cells, and the same times their connectedness, (2, cells) float32."""
-        (row,), (joined,) = self._kernel(point, self._cells), self._connected.at([key])
+        (row,), (joined,) = self._with_cells.of(point), self._connected.at([key])
         return np.stack([row, row * joined])
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
@@ -234,13 +211,13 @@ class KernelRidge:
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _weights(
-        self, annotated: _Annotated, points: _Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
+        self, annotated: _Annotated, points: Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
         targets = annotated.targets
         joined = self._connected.at(keys, self._background_cells).T
-        to_points = self._kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
-        of_points = self._kernel(points, points).astype(np.float64) * point_factors(between, share)
+        to_points = place_kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
+        of_points = place_kernel(points, points).astype(np.float64) * point_factors(between, share)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
         background = np.zeros((len(to_points), targets.shape[1]))
         wanted = np.concatenate([targets, background])
@@ -259,62 +236,6 @@ class KernelRidge:
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
         return weights, _solve(kernel, ridge, wanted, seen)
-
-    def _kernel(self, a: _Places, b: _Places) -> np.ndarray:
-        """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
-        import torch
-
-        # In as few passes as there are: differences come of products, and what is added to one is where the next begins.
-        features = tensor_of(a.features) @ tensor_of(b.features).T
-        alike = a.intensities.with_constant(-FEATURE_SHARPNESS), b.intensities.transposed
-        exponent = torch.addmm(features, *alike, beta=FEATURE_SHARPNESS, out=features)
-        near = a.positions.with_constant(math.log(POSITION_WEIGHT)) @ b.positions.transposed
-        kernel: np.ndarray = array_of(near.exp_().add_(1.0 - POSITION_WEIGHT).mul_(exponent.exp_()))
-        return kernel
-
-
-class _Places:
-    """Where and what.
-
-    Args:
-        features: (N, C) float32, unit vectors.
-        positions: (N, 3) float32, in units of σ_x.
-        cdf: (N,) float32, the intensities' CDF.
-    """
-
-    def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
-        self.features, self.cdf = features, cdf
-        self.positions = _Differences(positions)
-        self.intensities = _Differences((cdf / np.float32(INTENSITY_SIGMA))[:, None])
-
-    def subset(self, index: np.ndarray | slice) -> _Places:
-        return _Places(self.features[index], self.positions.vectors[index], self.cdf[index])
-
-
-class _Differences:
-    """Vectors (N, D) float32 that are compared by −½ |x − y|², as a product of two matrices."""
-
-    def __init__(self, vectors: np.ndarray) -> None:
-        self.vectors = vectors
-
-    def with_constant(self, constant: float) -> Tensor:
-        """(N, D + 2), whose product with others' `transposed` is −½ |x − y|² + `constant` of all pairs."""
-        import torch
-
-        norms = self._halved_norms()
-        return torch.cat([tensor_of(self.vectors), norms + constant, torch.ones_like(norms)], dim=1)
-
-    @cached_property
-    def transposed(self) -> Tensor:
-        """(D + 2, M). Kept: a volume's cells are compared with every new point."""
-        import torch
-
-        norms = self._halved_norms()
-        return torch.cat([tensor_of(self.vectors), torch.ones_like(norms), norms], dim=1).T.contiguous()
-
-    def _halved_norms(self) -> Tensor:
-        """−½ |x|², (N, 1)."""
-        return tensor_of(self.vectors).square().sum(dim=1, keepdim=True).mul_(-0.5)
 
 
 def _in_turns(classes: int, first: int | None) -> list[list[int]]:

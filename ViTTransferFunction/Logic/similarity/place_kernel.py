@@ -1,0 +1,134 @@
+"""How alike two places are: the kernel of kernel ridge regression.
+
+Two places are alike when their features, their intensities and their positions are, so it is a product:
+
+    k(x, y) = exp(γ (cos(F_x, F_y) − 1)) · exp(−(u_x − u_y)² / 2σ_u²) · ((1 − a) + a exp(−|x − y|² / 2σ_x²)).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.geometry import Geometry
+from ..core.torch_arrays import array_of, tensor_of
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+FEATURE_SHARPNESS = 2.5
+"""γ: how fast similarity falls with the angle between whitened features."""
+INTENSITY_SIGMA = 0.12
+"""σ_u, in units of the CDF: intensities are compared by what share of the volume's voxels lies between them, about."""
+POSITION_SIGMA = 0.15
+"""σ_x, as a share of the longest edge of the volume, or of that of which it is a part."""
+POSITION_WEIGHT = 0.5
+"""a: similarity of far places is this much smaller, so that the second kidney is found, but after the first."""
+CELLS_AT_ONCE = 4096
+"""Kernels of a hundred places with so many cells, a megabyte and a half, stay near the processor while they are computed."""
+RIGHT_ANGLE = 1e-6
+"""The largest cosine between axes that count as being at right angles to each other."""
+
+
+class Places:
+    """Where and what.
+
+    Args:
+        features: (N, C) float32, unit vectors.
+        positions: (N, 3) float32, in units of σ_x, around the middle of the cells: so that differences of positions far from
+            the origin are as exact.
+        cdf: (N,) float32, the intensities' CDF.
+    """
+
+    def __init__(self, features: np.ndarray, positions: np.ndarray, cdf: np.ndarray) -> None:
+        self.features, self.positions, self.cdf = features, positions, cdf
+
+    def subset(self, index: np.ndarray | slice) -> Places:
+        """Some of them."""
+        return Places(self.features[index], self.positions[index], self.cdf[index])
+
+
+def place_kernel(a: Places, b: Places) -> np.ndarray:
+    """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
+    import torch
+
+    squared = torch.zeros((len(a.cdf), len(b.cdf)))
+    for of_a, of_b in zip(a.positions.T, b.positions.T, strict=True):
+        _add_squared_differences(squared, of_a, of_b, 1.0)
+    return _kernel(a, b, squared.mul_(-0.5).exp_())
+
+
+class CellKernel:
+    """Kernel of places with the cells of a grid.
+
+    Args:
+        cells: all of them, in the order of a flattened array.
+        geometry: of the grid.
+        sigma_mm: σ_x.
+
+    Attributes:
+        at_right_angles: whether the grid's axes are. Then |x − y|² is a sum over the axes, and what is computed of it a product
+            of little tables. Only a transform that shears the volume makes them otherwise.
+    """
+
+    def __init__(self, cells: Places, geometry: Geometry, sigma_mm: float) -> None:
+        self._cells = cells
+        self._shape = geometry.shape
+        steps = geometry.ijk_to_ras[:3, 2::-1].T / sigma_mm
+        lengths = np.linalg.norm(steps, axis=1)
+        self._directions = steps / lengths[:, None]
+        cosines = self._directions @ self._directions.T
+        self.at_right_angles = bool((np.abs(cosines - np.eye(3)) <= RIGHT_ANGLE).all())
+        self._coordinates = [
+            (np.arange(count) - 0.5 * (count - 1)) * length for count, length in zip(geometry.shape, lengths, strict=True)
+        ]
+
+    def of(self, places: Places) -> np.ndarray:
+        """Kernel of places (P) with all cells, (P, cells) float32."""
+        return self._of_lines(places, slice(0, self._shape[0] * self._shape[1]))
+
+    def by_parts(self, places: Places) -> Iterator[tuple[int, np.ndarray]]:
+        """Kernel of many places (P) with some cells after the others: the first one's index, and (P, some) float32."""
+        lines, columns = self._shape[0] * self._shape[1], self._shape[2]
+        at_once = max(1, CELLS_AT_ONCE // columns)
+        for first in range(0, lines, at_once):
+            yield first * columns, self._of_lines(places, slice(first, min(first + at_once, lines)))
+
+    def _of_lines(self, places: Places, lines: slice) -> np.ndarray:
+        """Kernel with the cells of some of the lines of cells along I."""
+        columns = self._shape[2]
+        cells = self._cells.subset(slice(lines.start * columns, lines.stop * columns))
+        if not self.at_right_angles:
+            return place_kernel(places, cells)
+        return _kernel(places, cells, self._near(places, lines))
+
+    def _near(self, places: Places, lines: slice) -> Tensor:
+        """exp(−|x − y|² / 2σ_x²): a product of one such factor for each of the axes, where these are at right angles."""
+        along = places.positions @ self._directions.T
+        of_k, of_j, of_i = (
+            np.exp(-0.5 * (coordinates - of_places[:, None]) ** 2).astype(np.float32)
+            for coordinates, of_places in zip(self._coordinates, along.T, strict=True)
+        )
+        of_lines = (of_k[:, :, None] * of_j[:, None, :]).reshape(len(along), -1)[:, lines]
+        return (tensor_of(of_lines)[:, :, None] * tensor_of(of_i)[:, None, :]).flatten(1)
+
+
+def _kernel(a: Places, b: Places, near: Tensor) -> np.ndarray:
+    """Kernel (len a, len b), from exp(−|x − y|² / 2σ_x²)."""
+    import torch
+
+    # In as few passes as there are: far places' part of the weight goes into the exponent, and near ones' is added to it.
+    constant = torch.full((1, 1), math.log(1.0 - POSITION_WEIGHT) - FEATURE_SHARPNESS)
+    exponent = torch.addmm(constant, tensor_of(np.float32(FEATURE_SHARPNESS) * a.features), tensor_of(b.features).T)
+    _add_squared_differences(exponent, a.cdf, b.cdf, -0.5 / INTENSITY_SIGMA**2)
+    far = exponent.exp_()
+    return array_of(far.addcmul_(far, near, value=POSITION_WEIGHT / (1.0 - POSITION_WEIGHT)))
+
+
+def _add_squared_differences(sums: Tensor, a: np.ndarray, b: np.ndarray, weight: float) -> None:
+    """Add to sums (A, B) the squared differences of numbers (A,) and (B,), times a weight."""
+    differences = tensor_of(a)[:, None] - tensor_of(b)
+    sums.addcmul_(differences, differences, value=weight)
