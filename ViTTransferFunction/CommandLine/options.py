@@ -25,7 +25,15 @@ Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 def add_feature_options(parser: argparse.ArgumentParser) -> None:
     """Add the volume and everything that decides its features."""
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="a NIfTI, NRRD or MetaImage file, or a DICOM folder")
+    add_series_option(parser)
     add_settings_options(parser)
+
+
+def add_series_option(parser: argparse.ArgumentParser) -> None:
+    """Add which DICOM series the volume is; see `choose_series`."""
+    parser.add_argument(
+        "--series", metavar="TEXT", help="of a DICOM folder with several: the series' number, or a part of its description"
+    )
 
 
 def add_settings_options(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +87,7 @@ def opened_session(args: argparse.Namespace) -> SegmentationSession:
     from ViTTransferFunction.Logic.session.opening import open_session
 
     settings = session_settings(args)  # First: a volume takes seconds to read.
-    return open_session(read_volume(args.volume), settings)
+    return open_session(read_volume(args.volume, series=args.series), settings)
 
 
 def load_features(session: SegmentationSession, progress: Progress) -> FeatureProvenance:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.options import Subparsers
+from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -53,6 +53,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     )
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="the segmented volume: an image, or a DICOM folder")
     parser.add_argument("segmentation", metavar="OUT.seg.nrrd", type=Path, help="its segmentation, or a label map")
+    add_series_option(parser)
     parser.add_argument("-o", "--output", metavar="P.png", type=Path, help="slices; and in 3D, as P_3d.png or what --3d says")
     parser.add_argument("--3d", metavar="P.png", type=Path, dest="picture_3d", help="the 3D picture; without -o, it alone")
     parser.add_argument("--turntable", metavar="F.mp4|F.gif", type=Path, help="a film, once around the patient")
@@ -202,7 +203,7 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
     from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
     from ViTTransferFunction.Logic.files.volume_files import read_volume
 
-    volume = read_volume(args.volume)
+    volume = read_volume(args.volume, series=args.series)
     labels, geometry, segments = read_segmentation(args.segmentation)
     labels = resample_labels(labels, geometry, volume.geometry)
     if not labels.any():

@@ -37,7 +37,7 @@ def _segment(job: CaseJob) -> CaseOutcome:
     # Of the files as they are before they are read: what changes later is computed again.
     digest = job.digest()
     warnings: list[str] = []
-    volume = read_volume(job.case.volume, on_warning=warnings.append)
+    volume = read_volume(job.case.volume, warnings.append, job.case.series)
     session = open_session(volume, settings.session, networks=_networks())
     classes = read_annotations(job.case.annotations, session.volume.geometry)
     segmentation = segment_classes(

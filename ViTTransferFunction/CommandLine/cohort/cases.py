@@ -17,6 +17,8 @@ logger = logging.getLogger(__name__)
 
 COLUMNS = ("case", "volume", "annotations")
 """Of the table; it may have others as well."""
+SERIES_COLUMN = "series"
+"""Of the table, where volumes are folders with several DICOM series."""
 VOLUME_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd")
 """What is taken for a volume in a folder; a table may name any file that SimpleITK reads."""
 ANNOTATIONS_ENDING = ".annotations.json"
@@ -31,22 +33,24 @@ class Case:
 
     Attributes:
         name: unlike all others of the cohort, and fit to be the name of a file on any system.
-        volume: absolute path of an image, or of a folder with one DICOM series.
+        volume: absolute path of an image, or of a folder with DICOM series.
         annotations: absolute path of an annotations file (`read_annotations`).
+        series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
     """
 
     name: str
     volume: Path
     annotations: Path
+    series: str | None = None
 
 
 def read_cases(source: Path) -> list[Case]:
     """The cases that a table lists, or that a folder holds.
 
     Args:
-        source: a CSV file with the columns `COLUMNS`, in which relative paths begin at the file's own folder; or a folder, in
-            which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder with DICOM files and
-            `annotations.json`.
+        source: a CSV file with the columns `COLUMNS`, and perhaps `SERIES_COLUMN`, in which relative paths begin at the file's
+            own folder; or a folder, in which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder with
+            DICOM files and `annotations.json`.
 
     Raises:
         InputError: there are no cases, the table lacks something, or a name cannot be a file's or is there twice.
@@ -97,7 +101,7 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
         if not (name and volume and annotations) or "\0" in volume + annotations:
             raise InputError(f"{path}, line {reader.line_num}: a case needs a name, a volume and annotations; got {row}.")
         # Joining leaves absolute paths as they are.
-        yield Case(name, folder / volume, folder / annotations)
+        yield Case(name, folder / volume, folder / annotations, (row.get(SERIES_COLUMN) or "").strip() or None)
 
 
 def _cases_in_folder(folder: Path) -> Iterator[Case]:

@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.regular_file import is_folder
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
-from ViTTransferFunction.Logic.files.volume_files import read_geometry, read_volume
+from ViTTransferFunction.Logic.files.volume_files import files_of, read_geometry, read_volume
 from ViTTransferFunction.Logic.session.memory_need import BYTES_PER_REFINED_VOXEL
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
@@ -92,7 +92,7 @@ def _case_bytes(cases: Sequence[Case], settings: SessionSettings) -> int:
 def _readable(case: Case) -> Volume | None:
     try:
         # Its worker will say what is wrong with it.
-        return read_volume(case.volume, on_warning=lambda _: None)
+        return read_volume(case.volume, lambda _: None, case.series)
     except InputError:
         return None
 
@@ -102,7 +102,7 @@ def _voxels(path: Path) -> int:
     try:
         if is_folder(path):
             # DICOM files are seldom compressed, and have two bytes a voxel.
-            return sum(file.stat().st_size for file in path.iterdir()) // 2
+            return sum(file.stat().st_size for file in files_of(path)) // 2
         return math.prod(read_geometry(path).shape)
     except (InputError, OSError):
         return 0

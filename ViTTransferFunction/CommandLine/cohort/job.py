@@ -79,7 +79,7 @@ class CaseJob:
             InputError: a file cannot be read.
         """
         settings = self.settings.session
-        decisive = {
+        decisive: dict[str, Any] = {
             "program": package_version("vit-transfer-function"),
             "features": FORMAT_VERSION,
             "preset": repr(preset(settings.preset)),
@@ -90,6 +90,8 @@ class CaseJob:
             "volume": [(path.name, sha256_of(path)) for path in files_of(self.case.volume)],
             "annotations": sha256_of(self.case.annotations),
         }
+        if self.case.series is not None:
+            decisive["series"] = self.case.series
         return hashlib.sha256(json.dumps(decisive, sort_keys=True).encode()).hexdigest()
 
     def finished(self) -> CaseOutcome | None:

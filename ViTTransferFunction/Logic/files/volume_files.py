@@ -1,4 +1,4 @@
-"""Volumes from files: NIfTI, NRRD, MetaImage, or a folder with one DICOM series."""
+"""Volumes from files: NIfTI, NRRD, MetaImage, or a folder with DICOM series."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.given_numbers import FARTHEST
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
+from .dicom_folder import series_files
 from .dicom_frames import check_frames
-from .dicom_series import read_series, series_files
+from .dicom_series import read_series
 from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels
 from .itk_errors import last_line
 
@@ -36,18 +37,23 @@ _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 """In ITK's words where they are not as many as a header's directions in space have numbers."""
 
 
-def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning) -> Volume:
+def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, series: str | None = None) -> Volume:
     """Read a scalar 3D volume.
 
     Args:
-        path: an image file, or a folder that holds one DICOM series.
-        on_warning: is told where slices are missing or shifted, so that positions are off.
+        path: an image file, or a folder that holds a DICOM series, itself or in folders below.
+        on_warning: is told where slices are missing or shifted, so that positions are off; and which other series of the folder
+            were passed over, since they are no volumes.
+        series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
+        SeveralSeries: the folder holds several that may be meant.
         InputError: missing, unreadable, cut off, not a scalar 3D image, not lying anywhere in millimetres, or nothing to be
             seen in it (`Volume`).
     """
-    image = _read_series(path, on_warning) if is_folder(path) else _read_file(path)
+    if series is not None and not is_folder(path):
+        raise InputError(f"{path} is no folder of DICOM series; leave --series {shown(series)} out, or name the folder.")
+    image = _read_series(path, on_warning, series) if is_folder(path) else _read_file(path)
     if not is_folder(path) and image_format(path).reader == DICOM_READER:
         check_frames(path, image, on_warning)
     geometry = _geometry(image, path)
@@ -208,8 +214,8 @@ def _namesake(path: Path) -> Path:
     return path.with_name(path.name[: -len(".gz")]) if path.name.endswith(".gz") else path.with_name(f"{path.name}.gz")
 
 
-def _read_series(folder: Path, on_warning: Callable[[str], None]) -> sitk.Image:
-    image = read_series(folder, on_warning)
+def _read_series(folder: Path, on_warning: Callable[[str], None], series: str | None) -> sitk.Image:
+    image = read_series(folder, on_warning, series)
     _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), folder)
     return image
 

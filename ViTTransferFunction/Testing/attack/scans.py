@@ -167,8 +167,22 @@ def meta(fields: Mapping[str, str], content: bytes) -> bytes:
     return "".join(f"{name} = {value}\n" for name, value in fields.items()).encode() + content
 
 
-def write_dicom(folder: Path, scan: Scan, series: str = "1.2.826.0.1.3680043.2.1125.1", first: int = 0) -> list[Path]:
-    """Write a series, a file each slice; the voxels as int16. A left-handed scan comes back with its slices in reverse."""
+def write_dicom(
+    folder: Path,
+    scan: Scan,
+    series: str = "1.2.826.0.1.3680043.2.1125.1",
+    first: int = 0,
+    about: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write a series, a file each slice; the voxels as int16. A left-handed scan comes back with its slices in reverse.
+
+    Args:
+        folder: where to.
+        scan: what is in it.
+        series: the beginning of its UIDs.
+        first: number of the first slice, and name of its file.
+        about: further elements of each slice, `"0008|103e"` say.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     image = sitk.Cast(scan.image(), sitk.sitkInt16)
     writer = sitk.ImageFileWriter()
@@ -188,7 +202,7 @@ def write_dicom(folder: Path, scan: Scan, series: str = "1.2.826.0.1.3680043.2.1
             "0020|0032": "\\".join(f"{value:.6f}" for value in position),
             "0020|0037": orientation,
         }
-        for key, value in tags.items():
+        for key, value in (tags | dict(about or {})).items():
             part.SetMetaData(key, value)
         paths.append(folder / f"{first + k:03d}.dcm")
         writer.SetFileName(str(paths[-1]))

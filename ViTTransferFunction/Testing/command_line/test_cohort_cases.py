@@ -42,6 +42,11 @@ def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spr
     assert (case.name, case.volume.name, case.annotations.name) == ("Möller 1", "a.nrrd", "a.json")
 
 
+def test_a_table_may_say_which_series_of_a_folder_is_meant(tmp_path: Path) -> None:
+    cases = read_cases(table(tmp_path, HEADING + ",series", "a,disk,a.json, T1 axial ", "b,disk,b.json,", "c,c.nrrd,c.json"))
+    assert [case.series for case in cases] == ["T1 axial", None, None]
+
+
 def test_lines_that_were_emptied_in_a_spreadsheet_are_passed_over(tmp_path: Path) -> None:
     (case,) = read_cases(table(tmp_path, HEADING, ",,", "a,a.nrrd,a.json", ",,,,"))
     assert case.name == "a"

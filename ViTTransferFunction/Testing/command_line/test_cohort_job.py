@@ -30,6 +30,7 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
+from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 HEADER = "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = a.raw\n"
@@ -98,6 +99,29 @@ def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_s
     assert outcome.message.startswith("Class 'spleen' has no voxel")
     assert again is not None
     assert again.message == outcome.message
+
+
+def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once_that_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
+    write_two(tmp_path / "disk")
+    points = tmp_path / "points.json"
+    points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[1, 1, 4]]}]}')
+    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
+    cohort = CohortSettings(settings, sha256_of(tmp_path / "tiny.pth"))
+    cases = [Case("a", tmp_path / "disk", points, series) for series in ("12", "2", None)]
+    job, other, unnamed = (CaseJob(case, cohort, tmp_path) for case in cases)
+
+    assert segment_case(job).status == "done"
+
+    finished = job.finished()
+    assert finished is not None
+    assert finished.status == "unchanged"
+    assert other.finished() is None
+    assert "outside" in segment_case(other).message
+    assert "holds 2 DICOM series" in segment_case(unnamed).message
 
 
 @pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])

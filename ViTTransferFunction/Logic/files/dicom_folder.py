@@ -1,0 +1,176 @@
+"""Which DICOM series a folder holds, in itself or below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.regular_file import check_regular_file
+from .dicom_frames import LARGEST_TURN
+from .dicom_slice import DicomSlice, read_slice
+from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
+from .itk_errors import last_line
+
+MOST_ENTRIES = 50_000
+"""Files and folders below a folder that is looked through. A disk that a patient brings has some thousands; whoever names a
+whole computer by mistake is told at once."""
+
+NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4", ".ds_store", "thumbs.db", "desktop.ini")
+"""Endings, in small letters, of files that are no slices and may be written again and again beside a DICOM series: results, and
+what systems write where a folder is looked at."""
+
+_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
+"""Folders, in small letters, that systems put on a disk and let nobody read."""
+
+
+@dataclass(frozen=True, eq=False)
+class DicomSeries:
+    """A series of a folder.
+
+    Attributes:
+        slices: its files, from the lowest to the highest along the normal of the first, as GDCM sorts them.
+    """
+
+    slices: tuple[DicomSlice, ...]
+
+    @property
+    def number(self) -> str:
+        """Of the series in its study, or ""."""
+        return self.slices[0].series_number
+
+    @property
+    def description(self) -> str:
+        """What it is called at the scanner, or ""."""
+        return self.slices[0].description
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Voxels along (I, J, K), as far as all slices are like the first."""
+        width, height, _ = self.slices[0].size
+        return width, height, sum(each.size[2] for each in self.slices)
+
+    @cached_property
+    def may_be_volume(self) -> bool:
+        """Whether it has several parallel slices in shades of grey, at more than one place.
+
+        Surveys in several directions, scouts, photographed reports and videos in colour do not. Slices that are no stack for
+        other reasons, such as one that is there twice, are for the user to hear of.
+        """
+        return (
+            self.size[2] > 1
+            and all(each.components == 1 for each in self.slices)
+            and not turned(self.slices).any()
+            and (self.slices[0].size[2] > 1 or bool(np.ptp(heights(self.slices)) > 0.0))
+        )
+
+
+@dataclass(frozen=True)
+class FolderContent:
+    """What a folder holds.
+
+    Attributes:
+        series: in the order of their numbers.
+        unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, in ITK's
+            words.
+    """
+
+    series: list[DicomSeries]
+    unread: dict[Path, str]
+
+
+def series_files(folder: Path) -> list[Path]:
+    """The files that a DICOM series of the folder may consist of, as far as can be told without reading them, sorted.
+
+    They lie in the folder itself; where that holds no DICOM files, as on the disk that a patient brings, in those below.
+
+    Raises:
+        InputError: a folder cannot be read, or far too much lies below.
+    """
+    own = [entry for entry in _entries(folder) if entry.is_file() and not entry.name.lower().endswith(NO_SLICES)]
+    return own if any(map(_is_dicom, own)) else own + [path for path in _files_below(folder) if _is_dicom(path)]
+
+
+def read_content(folder: Path) -> FolderContent:
+    """Read the headers of all DICOM files that `series_files` finds.
+
+    Raises:
+        InputError: a folder cannot be read, far too much lies below, or something in it is neither file nor folder.
+    """
+    for entry in _entries(folder):
+        # GDCM would open it, and wait.
+        if not entry.is_dir():
+            check_regular_file(entry)
+    by_uid: dict[str, list[DicomSlice]] = {}
+    unread: dict[Path, str] = {}
+    for path in series_files(folder):
+        found = _slice_or_reason(path)
+        if isinstance(found, DicomSlice):
+            by_uid.setdefault(found.series_uid, []).append(found)
+        elif _is_dicom(path):
+            unread[path] = found
+    return FolderContent(sorted(map(_stacked, by_uid.values()), key=_rank), unread)
+
+
+def heights(slices: Sequence[DicomSlice]) -> np.ndarray:
+    """Where slices lie along the normal of the first, (N,), millimetres."""
+    return np.array([each.position for each in slices]) @ slices[0].directions[:, 2]
+
+
+def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
+    """Which slices are not parallel to the first, (N,) bool."""
+    directions = np.array([each.directions for each in slices])
+    return np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_TURN
+
+
+def _slice_or_reason(path: Path) -> DicomSlice | str:
+    try:
+        return read_slice(path)
+    except RuntimeError as error:
+        return last_line(error)
+
+
+def _stacked(slices: list[DicomSlice]) -> DicomSeries:
+    return DicomSeries(tuple(slices[index] for index in np.argsort(heights(slices), kind="stable")))
+
+
+def _rank(series: DicomSeries) -> tuple[int, str]:
+    return int(series.number) if series.number.isdecimal() else 0, series.description
+
+
+def _entries(folder: Path) -> list[Path]:
+    try:
+        return sorted(entry for entry in folder.iterdir() if entry.exists())
+    except OSError as error:
+        raise InputError(f"Cannot read the folder {folder}: {error.strerror or error}.") from error
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """Ordinary files in all folders below, sorted. Links to folders are passed over: they may lead in a circle."""
+    files, count = [], 0
+    to_do = _folders_among(_entries(folder))
+    while to_do:
+        below = to_do.pop()
+        entries = _entries(below)
+        count += len(entries)
+        if count > MOST_ENTRIES:
+            raise InputError(
+                f"More than {MOST_ENTRIES} files and folders lie below {folder}, and it holds no DICOM files itself; expected "
+                "the folder of an examination, or of one series. Name that."
+            )
+        files += [entry for entry in entries if entry.is_file() and not entry.name.lower().endswith(NO_SLICES)]
+        to_do += _folders_among(entries)
+    return sorted(files)
+
+
+def _folders_among(entries: list[Path]) -> list[Path]:
+    folders = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
+    return [entry for entry in folders if entry.name.lower() not in _OF_SYSTEMS]
+
+
+def _is_dicom(path: Path) -> bool:
+    return path.name.upper() != "DICOMDIR" and is_dicom_start(read_start(path, DICOM_START_BYTES))

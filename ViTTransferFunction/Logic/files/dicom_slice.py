@@ -1,0 +1,84 @@
+"""The header of one DICOM file: where its slice lies, and of which series it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import SimpleITK as sitk  # noqa: N813
+
+from .image_headers import DICOM_READER
+
+
+@dataclass(frozen=True, eq=False)
+class DicomSlice:
+    """What is known of a slice, or of the frames of one file, without its voxels.
+
+    Attributes:
+        path: of the file.
+        position: of the first pixel, (3,), LPS millimetres.
+        directions: of its axes, in columns (3, 3), its normal as the last.
+        size: (I, J, K); K is 1 but where a file has several frames.
+        kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
+        components: of each pixel; more than one in pictures in colour.
+        series_uid: of the series, (0020,000E); "" where it was removed.
+        series_number: (0020,0011), or "".
+        description: of the series, (0008,103E), or "".
+        modality: (0008,0060), or "".
+        date: on which the series was taken, or else the study: YYYY-MM-DD, or "".
+    """
+
+    path: Path
+    position: np.ndarray
+    directions: np.ndarray
+    size: tuple[int, int, int]
+    kind: int
+    components: int
+    series_uid: str
+    series_number: str
+    description: str
+    modality: str
+    date: str
+
+
+def read_slice(path: Path) -> DicomSlice:
+    """Read the header of a DICOM file.
+
+    Raises:
+        RuntimeError: of ITK, where the file is cut off, is no DICOM, or holds no image, as reports and outlines do.
+    """
+    reader = sitk.ImageFileReader()
+    reader.SetImageIO(DICOM_READER)
+    reader.SetFileName(str(path))
+    reader.ReadImageInformation()
+    width, height, frames = reader.GetSize()[:3]
+    return DicomSlice(
+        path,
+        np.array(reader.GetOrigin()[:3]),
+        np.array(reader.GetDirection()).reshape(reader.GetDimension(), -1)[:3, :3],
+        (width, height, frames),
+        reader.GetPixelID(),
+        reader.GetNumberOfComponents(),
+        _text(reader, "0020|000e"),
+        _text(reader, "0020|0011"),
+        _text(reader, "0008|103e"),
+        _text(reader, "0008|0060"),
+        _date(_text(reader, "0008|0021") or _text(reader, "0008|0020")),
+    )
+
+
+def _text(reader: sitk.ImageFileReader, tag: str) -> str:
+    """What a header has under a tag, in one line; letters that are not UTF-8 are taken for Western European ones."""
+    if not reader.HasMetaDataKey(tag):
+        return ""
+    written = reader.GetMetaData(tag).encode("utf-8", "surrogateescape")
+    try:
+        text = written.decode("utf-8")
+    except UnicodeDecodeError:
+        text = written.decode("latin-1")
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())
+
+
+def _date(written: str) -> str:
+    return f"{written[:4]}-{written[4:6]}-{written[6:]}" if len(written) == 8 and written.isdigit() else ""
