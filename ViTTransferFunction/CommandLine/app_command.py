@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ViTTransferFunction.CommandLine.interruption import Terminated
-from ViTTransferFunction.CommandLine.options import Subparsers, add_settings_options, session_settings
+from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, add_settings_options, session_settings
 from ViTTransferFunction.Logic.core.errors import InputError
 
 LOOP_TURNS_S = 0.01
@@ -31,6 +31,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument(
         "volume", metavar="VOLUME", type=Path, nargs="?", help="an image file, a DICOM folder, or a saved session (.mrb)"
     )
+    add_series_option(parser)
     parser.add_argument("--sample", action="store_true", help="open the chest CT of the Python package slicerio")
     parser.add_argument(
         "--host", default="127.0.0.1", help="address to listen at; with any but the default, other computers can reach the page"
@@ -60,6 +61,8 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError("Either a volume or --sample, not both.")
     if args.volume is not None and not args.volume.exists():
         raise InputError(f"{args.volume} does not exist. Give an image file, a DICOM folder, or a saved session (.mrb).")
+    if args.series is not None and not (args.volume and args.volume.is_dir()):
+        raise InputError("--series says which of a DICOM folder's series to open; give that folder as VOLUME.")
     session_settings(args)  # Refuses what cannot be used.
     if find_spec("slicer") is None or find_spec("trame_slicer") is None:
         if sys.version_info[:2] > NEWEST_PYTHON:
@@ -116,7 +119,7 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
         app = WebApp(settings)
         for number in handled:
             loop.add_signal_handler(number, app.stop)
-        await app.start(args.host, args.port, volume, announce, warn)
+        await app.start(args.host, args.port, volume, announce, warn, args.series)
     finally:
         for number in handled:
             loop.remove_signal_handler(number)

@@ -20,6 +20,7 @@ from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
 from ..Logic.core.user_path import user_path
 from ..Logic.core.volume import Volume
+from ..Logic.files.series_choice import SeveralSeries
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.choices import choices, make_possible
 from ..Logic.scene.classes import ClassState
@@ -35,6 +36,7 @@ from .panel_state import session_state
 from .private_folder import private_folder
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
+from .series_question import SeriesQuestion
 from .slicer_views import SlicerViews, slice_tools
 from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
 
@@ -74,6 +76,7 @@ class WebApp:
         tool: what the mouse does in the views.
         extraction: the button that computes features.
         films: the film that the page has made of the 3D view.
+        series: the question which of several DICOM series to open.
         actions: what the page can ask for.
     """
 
@@ -102,6 +105,7 @@ class WebApp:
         self._saved = self.session.classes
         self.extraction = ExtractionButton(lambda: self.session)
         self.films = Films(self)
+        self.series = SeriesQuestion(self.server.state)
         self.actions = Actions(self)
         self.server.trigger("act")(self.actions)
         self.server.trigger("open_path")(self._open_typed)
@@ -117,6 +121,7 @@ class WebApp:
         volume: Path | None = None,
         on_ready: Callable[[str], None] = lambda address: None,
         on_warning: Callable[[str], None] = lambda warning: None,
+        series: str | None = None,
     ) -> None:
         """Serve the page until `stop` is called, or the browser's tab was closed and did not come back.
 
@@ -126,6 +131,7 @@ class WebApp:
             volume: what to open, unless None: an image, a DICOM folder, or a saved session.
             on_ready: gets the address once it answers; whoever has the address is let in.
             on_warning: gets what the user has to know where other computers can reach the page.
+            series: which of the volume's DICOM series, as `choose_series` takes it.
 
         Raises:
             InputError: nothing can listen there.
@@ -153,7 +159,7 @@ class WebApp:
         following = asyncio.create_task(self._follow())
         serving_task = asyncio.create_task(serving)
         if volume is not None:
-            self.begin(self.open_files([volume]))
+            self.begin(self.open_files([volume], series))
         stopped = asyncio.create_task(self._stopped.wait())
         try:
             await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
@@ -167,6 +173,7 @@ class WebApp:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
             self._opening = []
+            self.series.answer("")
             self.films.give_up()
             self.session.close()
             if not serving_task.done():
@@ -237,15 +244,19 @@ class WebApp:
         with self.server.state as state:
             state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
-    async def open_files(self, paths: list[Path]) -> None:
-        """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown."""
+    async def open_files(self, paths: list[Path], series: str | None = None) -> None:
+        """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown.
+
+        Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
+        """
         self._opening = paths
+        self.series.answer("")
         with self.server.state as state:
             state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
         try:
             with private_folder() as folder:
-                take_up = await asyncio.to_thread(self._read, paths, Path(folder))
-                if self._opening is paths:
+                take_up = await self._read_or_ask(paths, Path(folder), series)
+                if take_up is not None and self._opening is paths:
                     take_up()
         except InputError as error:
             if self._opening is paths:
@@ -312,12 +323,20 @@ class WebApp:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _read(self, paths: list[Path], folder: Path) -> Callable[[], None]:
+    async def _read_or_ask(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None] | None:
+        """What `_read` returns, of the series that the user chooses where there are several; None where none was chosen."""
+        try:
+            return await asyncio.to_thread(self._read, paths, folder, series)
+        except SeveralSeries as several:
+            chosen = await self.series.ask(several.lines) if self._opening is paths else ""
+        return await self._read_or_ask(paths, folder, chosen) if chosen else None
+
+    def _read(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None]:
         """Read a volume or a session, by any thread; returns what puts it in place of what is open, by the loop's."""
         if paths[0].name.lower().endswith(SESSION_ENDING):
             return partial(self._open_session, paths[0].name, unpacked_session(paths[0], folder))
         warnings: list[str] = []
-        return partial(self._begin_anew, volume_of_files(paths, warnings.append), warnings)
+        return partial(self._begin_anew, volume_of_files(paths, warnings.append, series), warnings)
 
     def _open_session(self, name: str, scene_file: Path) -> None:
         """Replace what is open by an unpacked session, which users know by a name."""

@@ -39,27 +39,29 @@ def sample_path() -> Path:
     return path
 
 
-def volume_of_files(paths: list[Path], on_warning: Callable[[str], None]) -> Volume:
-    """The volume in some files: one image, a header with its voxels, or the slices of a DICOM series in one folder.
+def volume_of_files(paths: list[Path], on_warning: Callable[[str], None], series: str | None = None) -> Volume:
+    """The volume in some files: one image, a header with its voxels, or the slices of DICOM series in one folder.
 
     Args:
-        paths: the files.
+        paths: the files, or a folder.
         on_warning: is told where positions are off; see `read_volume`.
+        series: which of several DICOM series, as `choose_series` takes it.
 
     Raises:
-        InputError: it cannot be read, or there are several.
+        SeveralSeries: there are several that may be meant.
+        InputError: it cannot be read, or there are several files that are no slices.
     """
     if len(paths) == 1:
-        return read_volume(paths[0], on_warning)
+        return read_volume(paths[0], on_warning, series)
     headers = [path for path in paths if path.name.lower().endswith((".nhdr", ".mhd", ".hdr"))]
     if len(headers) == 1:
         return read_volume(headers[0], on_warning)
     if not any(is_dicom_start(read_start(path, DICOM_START_BYTES)) for path in paths):
         raise InputError(
             f"{len(paths)} files were sent at once, such as {paths[0].name}; expected one image, a header with its voxels, or "
-            "the slices of one DICOM series. Send one volume at a time."
+            "the slices of DICOM series. Send one volume at a time."
         )
-    return read_volume(paths[0].parent, on_warning)
+    return read_volume(paths[0].parent, on_warning, series)
 
 
 def add_volume(scene: Any, volume: Volume) -> Any:

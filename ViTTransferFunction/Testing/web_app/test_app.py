@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+import shutil
 import signal
 import sys
 import tempfile
@@ -24,9 +25,13 @@ import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.CommandLine.interruption import Terminated
+from ViTTransferFunction.CommandLine.vittf import build_parser
 from ViTTransferFunction.Logic.core.colors import hex_color
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
+from ViTTransferFunction.Testing.files.test_several_series import write_two
+from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
@@ -170,6 +175,65 @@ def test_where_slices_are_missing_the_page_says_so(in_app: Callable[[Journey], N
     in_app(journey)
 
 
+def test_of_several_series_the_user_is_asked_for_one(opened: Callable[[Journey], None], tmp_path: Path) -> None:
+    write_two(tmp_path / "disk")
+
+    async def journey(app: WebApp) -> None:
+        state = app.server.state
+        opening = asyncio.create_task(app.open_files([tmp_path / "disk"]))
+        await until(lambda: state.series_offered)
+        assert state.series_offered == ["2: T1 axial (MR, 7×6×3)", "12: T2 axial (MR, 7×6×5)"]
+        app.actions("series", "no such line")
+        assert (state.opening, state.volume_name) == ("disk", "spheres")
+        app.actions("series", "2: T1 axial (MR, 7×6×3)")
+        await opening
+        assert (state.series_offered, state.opening, state.volume_name) == ([], "", "disk")
+        assert app.session.parameters.volume.GetImageData().GetDimensions() == (7, 6, 3)
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("way", ["cancel", "another file"])
+def test_who_chooses_no_series_keeps_what_is_open_or_gets_what_was_asked_for_since(
+    opened: Callable[[Journey], None], tmp_path: Path, file: Path, way: str
+) -> None:
+    write_two(tmp_path / "disk")
+    shutil.copy(file, tmp_path / "other.nrrd")
+
+    async def journey(app: WebApp) -> None:
+        state = app.server.state
+        opening = asyncio.create_task(app.open_files([tmp_path / "disk"]))
+        await until(lambda: state.series_offered)
+        if way == "cancel":
+            app.actions("series", "")
+        else:
+            await app.open_files([tmp_path / "other.nrrd"])
+        await opening
+        shown = "spheres" if way == "cancel" else "other"
+        assert (state.series_offered, state.opening, state.volume_name, state.message) == ([], "", shown, "")
+
+    opened(journey)
+
+
+def test_a_series_that_is_named_beforehand_is_opened_unasked(in_app: Callable[[Journey], None], tmp_path: Path) -> None:
+    write_two(tmp_path / "disk")
+
+    async def journey(app: WebApp) -> None:
+        await app.open_files([tmp_path / "disk"], "T2")
+        assert app.session.parameters.volume.GetImageData().GetDimensions() == (7, 6, 5)
+
+    in_app(journey)
+
+
+@pytest.mark.parametrize("volume", [None, "scan.nrrd"])
+def test_a_series_without_its_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, volume: str | None) -> None:
+    (tmp_path / "scan.nrrd").touch()
+    monkeypatch.chdir(tmp_path)
+    args = build_parser().parse_args(["app", *([volume] if volume else []), "--series", "T2"])
+    with pytest.raises(InputError, match="give that folder as VOLUME"):
+        app_command.run(args)
+
+
 @pytest.mark.parametrize(("without", "why"), [(".nrrd", "could not be read whole"), ("", "no volume is chosen")])
 def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
     opened: Callable[[Journey], None], tmp_path: Path, without: str, why: str
@@ -209,11 +273,11 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
     async def journey(app: WebApp) -> None:
         state, may_be_read, read = app.server.state, threading.Event(), app_module.volume_of_files
 
-        def read_late(paths: list[Path], on_warning: Callable[[str], None]) -> Volume:
+        def read_late(paths: list[Path], on_warning: Callable[[str], None], series: str | None) -> Volume:
             if paths == [file]:
                 assert may_be_read.wait(60.0)
                 on_warning("a slice may be missing")
-            return read(paths, on_warning)
+            return read(paths, on_warning, series)
 
         monkeypatch.setattr(app_module, "volume_of_files", read_late)
         other = tmp_path / "other.nrrd"
@@ -233,7 +297,7 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
     in_app(journey)
 
 
-ON_ANY_PORT = Namespace(sample=False, volume=None, host="127.0.0.1", port=0, no_browser=True)
+ON_ANY_PORT = Namespace(sample=False, volume=None, series=None, host="127.0.0.1", port=0, no_browser=True)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")

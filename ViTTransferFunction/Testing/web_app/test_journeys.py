@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.tiny_model import random_state_dict
 
 pytest.importorskip("trame_slicer.core")
@@ -195,6 +196,24 @@ def test_a_file_is_sent_by_the_browser_and_a_bad_one_gives_a_message(at_app: App
         "name": "sent.nrrd", "mimeType": "application/octet-stream", "buffer": (folder / "two balls.nrrd").read_bytes()
     })  # fmt: skip
     page.wait_for_state("volume_name === 'sent' && opening === ''")
+
+
+def test_a_folder_of_several_series_is_sent_and_one_is_chosen(at_app: AppPage, volume: Path, folder: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    write_two(folder / "disk" / "series")
+    page["open"].click()
+    page["open-folder"].set_input_files(folder / "disk")
+    page["series"].wait_for()
+    page.keep_picture("which series")
+    page.page.keyboard.press("Escape")
+    page["series"].wait_for(state="detached")
+    page.wait_for_state(f"volume_name === '{volume.stem}' && opening === ''")
+    page["open"].click()
+    page["open-folder"].set_input_files(folder / "disk")
+    page["series-line"].filter(has_text="T1 axial").click()
+    page.wait_for_state("volume_name === 'DICOM series' && opening === ''")
+    assert not page["message"].count()
 
 
 def test_a_page_that_is_loaded_again_while_it_sends_a_file_sends_none(at_app: AppPage, volume: Path, folder: Path) -> None:

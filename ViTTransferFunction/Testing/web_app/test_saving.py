@@ -6,6 +6,7 @@ import asyncio
 import errno
 import io
 import random
+import tempfile
 import threading
 import zipfile
 from collections.abc import AsyncIterator, Callable, Coroutine
@@ -21,6 +22,7 @@ import aiohttp
 from aiohttp import web
 
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
+from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.WebApp import routes
 from ViTTransferFunction.WebApp.app import WebApp
 
@@ -135,6 +137,30 @@ def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None]
     async def journey(app: WebApp) -> None:
         async with browser_of(app) as browser:
             assert (await status_and_body(browser, "/download/session"))[0] == 503
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("answer", ["2: T1 axial (MR, 7×6×3)", ""])
+def test_several_series_that_were_sent_are_kept_until_one_of_them_is_chosen(
+    opened: Callable[[Journey], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    write_two(tmp_path / "disk")
+    form = aiohttp.FormData()
+    for path in (tmp_path / "disk").iterdir():
+        form.add_field("files", path.read_bytes(), filename=path.name)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            sending = asyncio.create_task(browser.post("/upload", data=form))
+            await until(lambda: app.server.state.series_offered)
+            assert any((tmp_path / "temporary").iterdir())
+            app.actions("series", answer)
+            assert (await sending).status == 200
+        assert not any((tmp_path / "temporary").iterdir())
+        assert app.server.state.volume_name == ("DICOM series" if answer else "spheres")
 
     opened(journey)
 
