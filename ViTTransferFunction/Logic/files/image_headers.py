@@ -20,6 +20,7 @@ import numpy as np
 
 from ..core.errors import InputError, shown
 from ..core.regular_file import check_regular_file
+from .nifti_place import check_place
 from .stored_voxels import StoredVoxels
 
 _NIFTI_BYTES = 348
@@ -162,8 +163,6 @@ def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[StoredVoxels, 
     (kind,) = struct.unpack_from(order + "h", header, 70)
     spacing = np.array(struct.unpack_from(order + "8f", header, 76))
     (offset,) = struct.unpack_from(order + "f", header, 108)
-    codes = struct.unpack_from(order + "2h", header, 252)
-    places = np.array(struct.unpack_from(order + "6f", header, 256)), np.array(struct.unpack_from(order + "12f", header, 280))
     if kind not in _NIFTI_VOXEL_BYTES:
         raise InputError(f"{path} holds voxels of the type {kind}, which is not known; save it as 16-bit integers, say.")
     if not 0.0 <= offset < 2.0**31:
@@ -176,9 +175,7 @@ def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[StoredVoxels, 
             f"{path} has the spacing {' × '.join(f'{mm:g}' for mm in spacing[1 : 1 + axes])} mm; its header is damaged. "
             "Save it again with the spacing that it was taken at."
         )
-    for name, code, place in zip(("qform", "sform"), codes, places, strict=True):
-        if code > 0 and not np.isfinite(place).all():
-            raise InputError(f"{path}: its header's {name}, which says where it lies, has values that are no numbers.")
+    check_place(path, header, order)
     floats = np.dtype(order + _NIFTI_FLOATS[kind]) if kind in _NIFTI_FLOATS else None
     return StoredVoxels(path, voxel_bytes=_NIFTI_VOXEL_BYTES[kind], floats=floats), int(offset)
 

@@ -1,0 +1,49 @@
+"""Where a NIfTI-1 header says that its voxels lie: refused where ITK would guess, or give a wrong reason.
+
+nifti1.h of the NIfTI data format working group: `sform` is a matrix, `qform` a rotation as a quaternion and a shift. ITK, and
+so Slicer, goes by `sform` if that has a code and axes, else by `qform` if that has a code. It knows that both are in the units
+of `xyzt_units`.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from ..core.errors import InputError
+
+LONGEST_QUATERNION = 1.01
+"""Sum of the squares of b, c and d, which no rotation has beyond 1 but by rounding."""
+
+
+def check_place(path: Path, header: bytes, order: str) -> None:
+    """Raise InputError where a header does not say where its voxels lie, though it promises to.
+
+    Args:
+        path: of the file, for messages.
+        header: its first 348 bytes.
+        order: of bytes, as `struct` writes it.
+    """
+    if header[344:347] not in (b"n+1", b"ni1"):
+        return  # Analyze, which has other fields there.
+    has_qform, has_sform = (code > 0 for code in struct.unpack_from(order + "2h", header, 252))
+    qform = np.array(struct.unpack_from(order + "6f", header, 256))
+    sform = np.array(struct.unpack_from(order + "12f", header, 280)).reshape(3, 4)
+    for name, there, place in (("qform", has_qform, qform), ("sform", has_sform, sform)):
+        if there and not np.isfinite(place).all():
+            raise InputError(f"{path}: its header's {name}, which says where it lies, has values that are no numbers.")
+    has_axes = has_sform and np.linalg.matrix_rank(sform[:, :3]) == 3
+    if has_sform and not has_axes and not has_qform:
+        axes = ", ".join(f"({', '.join(f'{number:g}' for number in axis)})" for axis in sform[:, :3].T)
+        raise InputError(
+            f"{path} does not say where it lies: its header's sform gives its axes as {axes}, and there is no qform; expected "
+            "three different directions. Save it again from its source."
+        )
+    if has_qform and not has_axes and (qform[:3] ** 2).sum() > LONGEST_QUATERNION:
+        quaternion = ", ".join(f"{number:g}" for number in qform[:3])
+        raise InputError(
+            f"{path} does not say where it lies: its header's qform has the quaternion {quaternion}, which is no rotation: the "
+            "sum of its squares exceeds 1. Save it again from its source."
+        )

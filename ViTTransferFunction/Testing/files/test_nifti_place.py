@@ -1,0 +1,68 @@
+"""Where NIfTI files lie, by headers that say it in one way, in two, in none, and in other units."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Testing.attack.scans import nifti, nifti_header
+from ViTTransferFunction.Testing.files.test_dicom_series import stack
+
+NO_AXES = np.zeros((3, 4))
+FLAT = np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+HALF_A_TURN = {"qform_code": 1, "quatern": [0.0, 0.0, 1.0], "qoffset": [5.0, 6.0, 7.0]}
+METRES, MILLIMETRES, MICROMETRES = 1, 2, 3
+
+
+def written(folder: Path, **fields: Any) -> Path:
+    """A file with 1 × 1 × 3 mm voxels by its `sform`, and with other fields."""
+    scan = stack()
+    header = nifti_header(scan)
+    for name, value in fields.items():
+        header[name] = value
+    path = folder / "scan.nii"
+    path.write_bytes(nifti(header, scan.array))
+    return path
+
+
+@pytest.mark.parametrize("axes", [NO_AXES, FLAT], ids=["zeros", "flat"])
+def test_a_matrix_without_three_axes_is_refused_for_that(tmp_path: Path, axes: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"does not say where it lies: its header's sform gives its axes as \((0|1), 0, 0\)"):
+        read_volume(written(tmp_path, srow=axes))
+
+
+@pytest.mark.parametrize("axes", [NO_AXES, FLAT], ids=["zeros", "flat"])
+def test_where_the_matrix_has_no_three_axes_a_rotation_says_where_it_lies(tmp_path: Path, axes: np.ndarray) -> None:
+    volume = read_volume(written(tmp_path, srow=axes, **HALF_A_TURN))
+    np.testing.assert_allclose(
+        volume.geometry.ijk_to_ras, [[-1, 0, 0, 5], [0, -1, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("matrix", [{"sform_code": 0}, {"srow": NO_AXES}], ids=["no matrix", "zeros"])
+def test_a_quaternion_that_is_no_rotation_is_refused(tmp_path: Path, matrix: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="the quaternion 1, 0, 1, which is no rotation"):
+        read_volume(written(tmp_path, qform_code=1, quatern=[1.0, 0.0, 1.0], **matrix))
+
+
+def test_a_quaternion_that_is_no_rotation_does_not_matter_beside_a_matrix(tmp_path: Path) -> None:
+    volume = read_volume(written(tmp_path, qform_code=1, quatern=[1.0, 0.0, 1.0]))
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0])
+
+
+@pytest.mark.parametrize("form", ["sform", "qform"])
+@pytest.mark.parametrize(("units", "in_a_millimetre"), [(METRES, 1e-3), (MILLIMETRES, 1.0), (MICROMETRES, 1e3)])
+def test_sizes_and_places_in_any_unit_are_read_in_millimetres(
+    tmp_path: Path, units: int, in_a_millimetre: float, form: str
+) -> None:
+    ijk_to_ras = np.array([[1.0, 0.0, 0.0, 50.0], [0.0, 1.0, 0.0, 60.0], [0.0, 0.0, 3.0, 70.0]])
+    stored = ijk_to_ras * in_a_millimetre
+    fields = {"sform_code": 0, "qform_code": 0, f"{form}_code": 1, "srow": stored, "qoffset": stored[:, 3]}
+    spacing = np.diag(stored)
+    volume = read_volume(written(tmp_path, xyzt_units=units, pixdim=[1, *spacing, 0, 0, 0, 0], **fields))
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3], ijk_to_ras, rtol=1e-5, atol=1e-5)
