@@ -20,6 +20,7 @@ import numpy as np
 
 from ..core.errors import InputError, shown
 from ..core.regular_file import check_regular_file
+from .length_units import check_units
 from .nifti_place import check_place
 from .stored_voxels import StoredVoxels
 
@@ -194,6 +195,7 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
         raise InputError(f"{path} says that it has {shown(fields['NDims'])} dimensions; expected 3.")
     if fields.get("BinaryData", "True")[:1] not in ("T", "t", "1"):
         raise InputError(f"{path} holds its voxels as text; save it with binary ones.")
+    check_units(path, [fields.get("DistanceUnits", "")])
     compressed = fields.get("CompressedData", "False")[:1] in ("T", "t", "1")
     header_size = fields.get("HeaderSize", "0")
     if name.lower() == "local":
@@ -222,6 +224,8 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
         # A value that begins with = is a key's, and may have any length.
         if len(value) > _LONGEST_NRRD_VALUE and not value.startswith("=") and field not in ("content", "datafile"):
             raise InputError(f"{path} is damaged: its header has {len(value)} characters for {field[:40]!r}. Save it again.")
+    for field in ("spaceunits", "units"):
+        check_units(path, re.findall('"([^"]*)"', fields.get(field, "")))
     name = fields.get("datafile")
     if name is not None:
         # Teem takes a minus sign for the standard input.

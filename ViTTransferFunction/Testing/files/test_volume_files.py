@@ -25,6 +25,8 @@ from ViTTransferFunction.Logic.core.intensity_window import (
 from ViTTransferFunction.Logic.core.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Testing.attack.scans import meta, meta_fields, nrrd, nrrd_fields
+from ViTTransferFunction.Testing.files.test_dicom_series import stack
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.volumes import volume_of
 
@@ -130,6 +132,42 @@ def test_voxels_that_are_no_numbers_are_not_read_as_zeros(tmp_path: Path, ending
     read = read_volume(tmp_path / f"scan{ending}").array
     np.testing.assert_array_equal(np.isfinite(read), np.isfinite(array))
     np.testing.assert_array_equal(read[np.isfinite(array)], array[np.isfinite(array)])
+
+
+@pytest.mark.parametrize("unit", ["um", "µm", "\u03bcm", "m", "cm", "NM", "micrometers", "metre", "in"])
+@pytest.mark.parametrize("field", ["space units", "units", "DistanceUnits"])
+def test_sizes_in_other_units_are_not_taken_for_millimetres(tmp_path: Path, field: str, unit: str) -> None:
+    with pytest.raises(InputError, match=f"gives its sizes in the unit '{unit}'; expected millimetres"):
+        read_volume(written_in_unit(tmp_path, field, unit))
+
+
+def test_a_unit_in_an_older_encoding_is_recognised(tmp_path: Path) -> None:
+    path = written_in_unit(tmp_path, "space units", "µm")
+    path.write_bytes(path.read_bytes().replace("µ".encode(), "µ".encode("latin-1")))
+    with pytest.raises(InputError, match="in the unit 'µm'"):
+        read_volume(path)
+
+
+@pytest.mark.parametrize("unit", ["mm", "", "millimeters", "MM", "pixel", "?"])
+@pytest.mark.parametrize("field", ["space units", "units", "DistanceUnits"])
+def test_where_millimetres_or_no_length_is_written_it_is_millimetres(tmp_path: Path, field: str, unit: str) -> None:
+    np.testing.assert_allclose(read_volume(written_in_unit(tmp_path, field, unit)).geometry.spacing_mm, [1.0, 1.0, 3.0])
+
+
+def written_in_unit(folder: Path, field: str, unit: str) -> Path:
+    """A file of 1 × 1 × 3 of a unit, which a field of an NRRD or MetaImage header names."""
+    scan = stack()
+    if field == "DistanceUnits":
+        *fields, (last, voxels) = meta_fields(scan).items()
+        path = folder / "scan.mha"
+        path.write_bytes(meta({**dict(fields), field: unit, last: voxels}, scan.array.tobytes()))
+        return path
+    header = nrrd_fields(scan) | {field: f'"{unit}" "{unit}" "{unit}"'}
+    if field == "units":  # Of axes that have spacings, and no directions in space.
+        header = {name: value for name, value in header.items() if not name.startswith("space")} | {"spacings": "1 1 3"}
+    path = folder / "scan.nrrd"
+    path.write_bytes(nrrd(header, scan.array))
+    return path
 
 
 @pytest.mark.parametrize(
