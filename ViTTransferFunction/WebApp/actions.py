@@ -11,10 +11,10 @@ from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.choices import check_possible, choices
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
+from ..Logic.scene.volume_window import set_window
 from ..Logic.scene.wording import style_words
 from .panel_state import PARAMETERS, color_of_hex
 from .view_camera import load_camera
-from .volumes import set_window
 
 if TYPE_CHECKING:
     from .app import WebApp

@@ -27,6 +27,7 @@ from ..Logic.scene.classes import ClassState
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_wheel import SizeWheel
+from ..Logic.scene.volume_window import set_window
 from .access import Access
 from .actions import Actions
 from .extraction import ExtractionButton
@@ -38,7 +39,7 @@ from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .series_question import SeriesQuestion
 from .slicer_views import SlicerViews, slice_tools
-from .volumes import add_volume, sample_path, set_window, volume_of_files, windows_of
+from .volumes import add_volume, sample_path, volume_of_files, windows_of
 
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""

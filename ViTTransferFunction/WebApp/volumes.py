@@ -81,15 +81,3 @@ def windows_of(node: Any) -> dict[str, IntensityWindow]:
     geometry = geometry_from_node(node)
     volume = Volume(array_from_node(node), geometry, node.GetName())
     return CT_WINDOWS if looks_like_hounsfield_units(volume) else {"Automatic": display_window(volume)}
-
-
-def set_window(node: Any, low: float, high: float) -> None:
-    """Show a volume node in the slice views from black at `low` to white at `high`.
-
-    Raises:
-        InputError: that is no window.
-    """
-    window = IntensityWindow(low, high)
-    display = node.GetScalarVolumeDisplayNode()
-    display.SetAutoWindowLevel(False)
-    display.SetWindowLevelMinMax(window.low, window.high)

@@ -15,6 +15,7 @@ from .parameters import SceneParameters
 from .problems import Problems
 from .volume import array_from_node, world_to_local
 from .volume_content import VolumeContent, content_of, is_playing
+from .volume_window import replace_impossible_window
 
 REST_S = 0.5
 """How long a volume must have kept its voxels before they are taken up: somebody may be leafing through a sequence."""
@@ -57,7 +58,9 @@ class OpenedVolume:
         node, content, settings = self._parameters.volume, None, SessionSettings()
         try:
             settings = self._parameters.session_settings()
-            content = content_of(node) if node else None
+            if node:
+                replace_impossible_window(node)
+                content = content_of(node)
             self._problems.solve("volume")
         except InputError as error:
             self._problems.put("volume", str(error))
