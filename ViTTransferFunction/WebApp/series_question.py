@@ -20,8 +20,7 @@ class SeriesQuestion:
         self._offer(())
 
     async def ask(self, lines: Sequence[str]) -> str:
-        """Have the page offer lines, in place of what it may offer already; returns the chosen one, or "" where none was."""
-        self.answer("")
+        """Have the page offer lines; returns the chosen one, or "" where none was."""
         self._answer = asyncio.get_running_loop().create_future()
         self._offer(lines)
         return await self._answer

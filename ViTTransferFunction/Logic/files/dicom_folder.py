@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4"
 what systems write where a folder is looked at."""
 
 _OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
-"""Folders, in small letters, that systems put on a disk and let nobody read."""
+"""Folders, in small letters, that systems put on a disk and let nobody read; those of Macs are hidden."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,7 @@ class DicomSeries:
         width, height, _ = self.slices[0].size
         return width, height, sum(each.size[2] for each in self.slices)
 
-    @cached_property
+    @property
     def may_be_volume(self) -> bool:
         """Whether it has several parallel slices in shades of grey, at more than one place.
 
@@ -86,7 +85,8 @@ class FolderContent:
 def series_files(folder: Path) -> list[Path]:
     """The files that a DICOM series of the folder may consist of, as far as can be told without reading them, sorted.
 
-    They lie in the folder itself; where that holds no DICOM files, as on the disk that a patient brings, in those below.
+    They lie in the folder itself; where that holds no DICOM files, as on the disk that a patient brings, in those below, of
+    which hidden ones are passed over.
 
     Raises:
         InputError: a folder cannot be read, or far too much lies below.
@@ -169,7 +169,7 @@ def _files_below(folder: Path) -> list[Path]:
 
 def _folders_among(entries: list[Path]) -> list[Path]:
     folders = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
-    return [entry for entry in folders if entry.name.lower() not in _OF_SYSTEMS]
+    return [entry for entry in folders if not entry.name.startswith(".") and entry.name.lower() not in _OF_SYSTEMS]
 
 
 def _is_dicom(path: Path) -> bool:

@@ -30,7 +30,7 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
         series: which one, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
-        SeveralSeries: more than one may be meant.
+        SeveralSeries: more than one may be meant, or the wanted one is not there.
         InputError: there is none, it cannot be read, or its slices are no stack.
     """
     content = read_content(folder)

@@ -36,8 +36,8 @@ def choose_series(
         on_warning: is told what was passed over where nobody chose.
 
     Raises:
-        SeveralSeries: more than one may be meant.
-        InputError: none is.
+        SeveralSeries: more than one may be meant, or `wanted` is none of them.
+        InputError: none can be a volume.
     """
     lines = _lines(series)
     if wanted is not None:
@@ -52,7 +52,9 @@ def choose_series(
         )
     if len(volumes) > 1:
         offered = [lines[index] for index in volumes]
-        raise SeveralSeries(f"The folder {folder} holds {len(offered)} DICOM series: {'; '.join(offered)}. {_HOW}", offered)
+        raise SeveralSeries(
+            f"The folder {folder} holds {len(offered)} DICOM series that can be a volume: {'; '.join(offered)}. {_HOW}", offered
+        )
     (chosen,) = volumes
     others = [line for index, line in enumerate(lines) if index != chosen]
     on_warning(f"{folder}: the series {lines[chosen]} is read; passed over, since they are no volumes: {'; '.join(others)}.")

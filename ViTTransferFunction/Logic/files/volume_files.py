@@ -47,7 +47,7 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
-        SeveralSeries: the folder holds several that may be meant.
+        SeveralSeries: more than one of the folder's series may be meant, or the wanted one is not there.
         InputError: missing, unreadable, cut off, not a scalar 3D image, not lying anywhere in millimetres, or nothing to be
             seen in it (`Volume`).
     """

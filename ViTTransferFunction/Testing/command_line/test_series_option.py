@@ -36,7 +36,10 @@ def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command[0])
 @pytest.mark.parametrize(
     ("series", "message"),
-    [([], "disk holds 2 DICOM series: 2: T1 axial (MR, 7×6×3); 12: T2"), (["--series", "9"], "No DICOM series in disk is '9'")],
+    [
+        ([], "disk holds 2 DICOM series that can be a volume: 2: T1 axial (MR, 7×6×3); 12: T2"),
+        (["--series", "9"], "No DICOM series in disk is '9'"),
+    ],
 )
 def test_where_nobody_can_tell_which_series_is_meant_the_commands_list_them(
     disk: Path, capsys: pytest.CaptureFixture[str], command: list[str], series: list[str], message: str

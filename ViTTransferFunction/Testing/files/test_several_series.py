@@ -46,7 +46,7 @@ def read(folder: Path, series: str | None = None) -> tuple[Volume, list[str]]:
 
 def test_series_are_listed_by_what_people_know_of_them(tmp_path: Path) -> None:
     write_two(tmp_path)
-    with pytest.raises(SeveralSeries, match=r"holds 2 DICOM series: 2: T1 axial .*--series") as refusal:
+    with pytest.raises(SeveralSeries, match=r"holds 2 DICOM series that can be a volume: 2: T1 axial .*--series") as refusal:
         read_volume(tmp_path)
     assert refusal.value.lines == ("2: T1 axial (MR, 7×6×3)", "12: T2 axial (MR, 7×6×5)")
     assert "1.2.1" not in str(refusal.value)
@@ -145,7 +145,8 @@ def test_the_disk_that_a_patient_brings_is_read_as_its_series_folder_is(tmp_path
     series = tmp_path / "DICOM" / "PA0" / "ST0" / "SE1"
     write_series(tmp_path / "DICOM" / "PA0" / "ST0" / "SE0", "1", "Scout", 1)
     write_series(series, "2", "Chest")
-    (tmp_path / "System Volume Information").mkdir()
+    write_series(tmp_path / "System Volume Information", "3", "Not for users")
+    write_series(tmp_path / ".Trashes", "4", "Thrown away")
 
     volume, (warning,) = read(tmp_path)
 
