@@ -20,6 +20,7 @@ from Benchmarks.accuracy.summary import single_runs, summary
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 
 REPORTED_CLICKS = ("1", "3", "5", "10")
 TYPICAL_CLICKS = "5"
@@ -43,13 +44,16 @@ Run = dict[str, Any]
 
 
 def write_report(report: dict[str, Any], failures: Sequence[Failure], folder: Path, earlier: Cases) -> None:
-    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside."""
-    runs = report["runs"]
+    """Write accuracy.json, accuracy.md, accuracy_iou.png and accuracy_failures.png, with an earlier run's cases beside.
+
+    Those of another preset than the default have its name as well, such as accuracy_fine.json.
+    """
+    runs, name = report["runs"], _name(report)
     # Short: with all metrics and clicks, it would be too large to be kept with every version of the code.
     figures = {**report, "summary": summary(runs), "runs": single_runs(runs)}
-    write_results(folder, "accuracy", figures, text(report, earlier))
-    plot_iou(runs, folder / "accuracy_iou.png")
-    plot_failures(failures, folder / "accuracy_failures.png")
+    write_results(folder, name, figures, text(report, earlier))
+    plot_iou(runs, folder / f"{name}_iou.png")
+    plot_failures(failures, folder / f"{name}_failures.png")
 
 
 def text(report: dict[str, Any], earlier: Cases) -> str:
@@ -60,7 +64,7 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
         "# Accuracy by clicks",
         f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. "
         f"{in_words(report['machine'])}. "
-        "Command: `python dev.py bench accuracy`. Dice by structure, path and click is in `accuracy.json`.",
+        f"Command: `{_command(report)}`. Dice by structure, path and click is in `{_name(report)}.json`.",
         _CAPTION,
         *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
         *(("## Before and now", before_and_now(earlier, summary(runs)["cases"])) if earlier else ()),
@@ -69,12 +73,22 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
         "## A click never hurts",
         _CLICKS,
         _click_changes(runs),
-        "![Worst structures of each volume](accuracy_failures.png)",
+        f"![Worst structures of each volume]({_name(report)}_failures.png)",
         *(part for case in names_of(runs, "case") for part in _by_structure(runs, case)),
-        *(_beside_other_methods(runs, compared) if compared else ()),
+        *(_beside_other_methods(runs, compared, f"{_name(report)}_iou.png") if compared else ()),
         f"## As published ({published.DATA_SET})",
         _published(),
     )
+
+
+def _name(report: dict[str, Any]) -> str:
+    """Of the files with the results."""
+    return "accuracy" if report["preset"] == DEFAULT_PRESET else f"accuracy_{report['preset']}"
+
+
+def _command(report: dict[str, Any]) -> str:
+    command = "python dev.py bench accuracy --volumes DIR"
+    return command if report["preset"] == DEFAULT_PRESET else f"{command} --preset {report['preset']}"
 
 
 def _group(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:
@@ -126,9 +140,9 @@ def _change_row(what: str, found: ChangeSummary | None) -> list[str]:
     return [what, str(found.count), f"{found.unhurt:.1%}", f"{found.worst.change:+.3f}", found.worst.where]
 
 
-def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str]) -> Iterator[str]:
+def _beside_other_methods(runs: Sequence[Run], cases: Sequence[str], picture: str) -> Iterator[str]:
     yield f"## Beside other methods\n\n{_COMPARISON}"
-    yield "![Intersection over union by annotations](accuracy_iou.png)"
+    yield f"![Intersection over union by annotations]({picture})"
     yield _comparison(runs, cases)
     yield f"## Metrics by number of annotations\n\nMeans over the structures and paths of {', '.join(cases)}."
     yield _by_annotations(runs, cases)

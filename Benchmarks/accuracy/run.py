@@ -11,7 +11,7 @@ reach when the clicker reacts to their own errors is measured as well.
 
 With `--keep`, all that was measured is kept in a folder and not measured again, so that a run can be had in parts. Constants
 that were chosen on some `--cases` are to be judged on the others. Writes `accuracy.json`, `accuracy.md`, `accuracy_iou.png`
-and `accuracy_failures.png`.
+and `accuracy_failures.png`; of another preset, `accuracy_fine.json` and so on.
 """
 
 from __future__ import annotations
@@ -79,9 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = scan_parser(__doc__, [case.name for case in ALL_CASES], cases=ALL_CASES)
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a volume (default {PATHS})")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"clicks for each structure (default {ROUNDS})")
-    parser.add_argument(
-        "--preset", default=DEFAULT_PRESET, help="of the features (keep results of each in a folder of its own)"
-    )
+    parser.add_argument("--preset", default=DEFAULT_PRESET, help="of the features (with --keep, a folder of its own for each)")
     parser.add_argument("--methods", nargs="*", choices=[method.name for method in METHODS], help="only these and the default")
     parser.add_argument("--true-samples", action="store_true", help="also classifiers trained on thousands of voxels")
     parser.add_argument("--earlier", type=Path, help="accuracy.json of an earlier version, to be put beside this one's figures")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -136,14 +137,7 @@ def test_what_is_below_a_goal_for_all_structures_is_named() -> None:
 
 def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: LabelledVolume) -> None:
     pytest.importorskip("matplotlib").use("Agg")
-    from Benchmarks.accuracy.failures import worst_structures
-    from Benchmarks.accuracy.report import write_report
-
-    clicks = [[Click((16, 20, 12), True)]] * 3
-    failures = worst_structures("spheres", labelled, clicks, np.roll(labelled.truth, 3, axis=2))
-    write_report(
-        {"model": "m", "machine": machine("cpu"), "preset": "balanced", "paths": 2, "runs": RUNS}, failures, tmp_path, {}
-    )
+    _write_report("balanced", labelled, tmp_path)
     text = (tmp_path / "accuracy.md").read_text(encoding="utf-8")
     assert "| torso_small | 2 | 2 | 0.550 ± 0.141 | 0.625 ± 0.141 | 0.600 ± 0.141 | 0.675 ± 0.071 |" in text
     assert "| torso_small | threshold | 2 | 0.400 ± 0.000 | 0.450 ± 0.000 | – |" in text
@@ -155,6 +149,26 @@ def test_the_report_shows_spread_methods_and_goals(tmp_path: Path, labelled: Lab
     assert written["summary"]["cases"]["torso_small"]["clicks alone"]["1"]["dice"] == [0.55, 0.1414]
     for picture in ("accuracy_iou.png", "accuracy_failures.png"):
         assert (tmp_path / picture).stat().st_size > 0
+
+
+def test_a_report_of_another_preset_has_files_of_its_own(tmp_path: Path, labelled: LabelledVolume) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    _write_report("fine", labelled, tmp_path)
+    text = (tmp_path / "accuracy_fine.md").read_text(encoding="utf-8")
+    assert "`python dev.py bench accuracy --volumes DIR --preset fine`" in text
+    for linked in re.findall(r"\]\((.*?)\)", text):
+        assert (tmp_path / linked).stat().st_size > 0
+    assert not list(tmp_path.glob("accuracy.*"))
+
+
+def _write_report(preset: str, labelled: LabelledVolume, folder: Path) -> None:
+    from Benchmarks.accuracy.failures import worst_structures
+    from Benchmarks.accuracy.report import write_report
+
+    clicks = [[Click((16, 20, 12), True)]] * 3
+    failures = worst_structures("spheres", labelled, clicks, np.roll(labelled.truth, 3, axis=2))
+    report = {"model": "m", "machine": machine("cpu"), "preset": preset, "paths": 2, "runs": RUNS}
+    write_report(report, failures, folder, {})
 
 
 def test_the_worst_structures_come_first(labelled: LabelledVolume) -> None:
