@@ -21,7 +21,7 @@ from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
-from .folder import put_into_folder
+from .data_tree import put_into_folder
 from .nodes import displays_of, node_of_class, nodes_of_class
 from .point_lists import Point, PropertiesByPoint, defined_points, points_and_properties, set_points
 

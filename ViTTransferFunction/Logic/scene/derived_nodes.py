@@ -1,10 +1,15 @@
-"""Nodes that show what can be computed again: in the scene, but not saved with it."""
+"""Nodes that show what can be computed again: in the scene, but neither saved with it nor listed.
+
+What is listed counts as unsaved: Slicer would warn of it whenever a scene is closed, and offer nothing to be saved.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
+from .data_tree import put_back, take_out
 from .nodes import displays_of
 
 if TYPE_CHECKING:
@@ -20,12 +25,12 @@ class DerivedNodes:
 
     def __init__(self, scene: slicer.vtkMRMLScene) -> None:
         self._scene = scene
-        self._nodes: dict[str, Any] = {}
+        self._kept: dict[str, _Kept] = {}
 
     def find(self, name: str) -> Any:
         """The node that was added under this name; None if it is not in the scene, or not any more."""
-        node = self._nodes.get(name)
-        return node if node is not None and self._scene.IsNodePresent(node) else None
+        kept = self._kept.get(name)
+        return kept.node if kept is not None and self._scene.IsNodePresent(kept.node) else None
 
     def add(self, class_name: str, name: str) -> Any:
         """A new node in the scene, which users see under this name.
@@ -37,25 +42,40 @@ class DerivedNodes:
 
     def keep(self, node: Any, name: str) -> Any:
         """Count a node that is in the scene among these; returns it."""
+        was_hidden = node.GetHideFromEditors()
         node.SetSaveWithScene(False)
-        self._nodes[name] = node
+        node.SetHideFromEditors(True)
+        # It is listed already: a node that gets a name of its own is added before anything can be set.
+        self._kept[name] = _Kept(node, bool(was_hidden), take_out(self._scene, node))
         return node
 
     def release(self) -> list[Any]:
-        """Leave those that are there to the scene, which saves them from now on; they are nobody's derived nodes any more."""
-        nodes = [node for name in self._nodes if (node := self.find(name)) is not None]
-        for node in nodes:
-            node.SetSaveWithScene(True)
-        self._nodes.clear()
-        return nodes
+        """Leave those that are there to the scene, which saves and lists them from now on; they are nobody's derived nodes."""
+        there = [self._kept[name] for name in self._kept if self.find(name) is not None]
+        for kept in there:
+            kept.node.SetSaveWithScene(True)
+            kept.node.SetHideFromEditors(kept.was_hidden)
+            if kept.was_listed:
+                put_back(self._scene, kept.node)
+        self._kept.clear()
+        return [kept.node for kept in there]
 
     def remove(self) -> None:
         """Take them out of the scene, and what displays them."""
         # The latest first: what uses another node, colours say, was made after it.
-        nodes = [node for name in reversed(self._nodes) if (node := self.find(name)) is not None]
+        nodes = [node for name in reversed(self._kept) if (node := self.find(name)) is not None]
         # Before any goes: who is told by the scene that it does may ask for this again.
-        self._nodes.clear()
+        self._kept.clear()
         displays = [display for node in nodes if node.IsA("vtkMRMLDisplayableNode") for display in displays_of(node)]
         for node in (*displays, *nodes):
             if self._scene.IsNodePresent(node):
                 self._scene.RemoveNode(node)
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """A node, whether editors were not shown it by themselves, and whether the Data module listed it."""
+
+    node: Any
+    was_hidden: bool
+    was_listed: bool

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import slicer
-import vtk
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -25,8 +24,9 @@ from ViTTransferFunction.Logic.scene.classes import (
     remove_class,
     write_class,
 )
-from ViTTransferFunction.Logic.scene.folder import FOLDER_NAME
+from ViTTransferFunction.Logic.scene.data_tree import FOLDER_NAME
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, put_under
+from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 
 LIVER = ClassState(
     "a1",
@@ -186,15 +186,8 @@ def test_a_freed_name_and_colour_are_used_again() -> None:
 
 
 def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any, parameter_node: Any) -> None:
+    keep_subject_hierarchy(scene)
     hierarchy = slicer.vtkMRMLSubjectHierarchyNode.GetSubjectHierarchyNode(scene)
-
-    # Slicer's application does this with every node.
-    @vtk.calldata_type(vtk.VTK_OBJECT)
-    def list_node(caller: Any, event: str, node: Any) -> None:
-        if node.IsA("vtkMRMLMarkupsNode"):
-            hierarchy.CreateItem(hierarchy.GetSceneItemID(), node)
-
-    scene.AddObserver(slicer.vtkMRMLScene.NodeAddedEvent, list_node)
     parents = set()
     for id_ in "ab":
         node = create_class(scene, parameter_node, replace(LIVER, id=id_))

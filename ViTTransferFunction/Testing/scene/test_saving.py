@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import vtk
 
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres
+from ViTTransferFunction.Testing.support.standin.subject_hierarchy import items_without_node, keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, pixels
 
 
@@ -68,3 +70,31 @@ def test_views_of_a_saved_scene_are_as_the_user_had_them_and_show_the_maps_again
 def _pet(spheres: tuple[Volume, np.ndarray]) -> tuple[np.ndarray, Any]:
     volume, labels = spheres
     return 50.0 * labels.astype(np.float32), volume.geometry
+
+
+@pytest.mark.slow
+def test_what_is_shown_is_neither_listed_nor_unsaved(
+    slicer_app: Any, spheres: tuple[Volume, np.ndarray], tmp_path: Path
+) -> None:
+    """In a tree as Slicer's Data module keeps it: what is not saved would leave an entry there each time that it is saved."""
+    keep_subject_hierarchy(slicer_app.scene)
+    views = Views(slicer_app)
+    shown_in = views.slice_view(), views.view_3d()
+    session = open_spheres(slicer_app, spheres)
+    annotate(session, spheres)
+    for number in range(2):
+        file = str(tmp_path / f"saved {number}.mrb")
+        assert slicer_app.scene.WriteToMRB(file)
+        unsaved = vtk.vtkCollection()
+        slicer_app.scene.GetStorableNodesModifiedSinceRead(unsaved)
+        assert [node.GetName() for node in unsaved if not node.GetSaveWithScene()] == []
+        session.close()
+        slicer_app.scene.Clear(False)
+        assert slicer_app.scene.ReadFromMRB(file)
+        assert items_without_node(slicer_app.scene) == []
+        parameters = slicer_app.scene.GetSingletonNode("ViTTransferFunction", "vtkMRMLScriptedModuleNode")
+        session = SceneSession(slicer_app.scene, slicer_app.app_logic, parameters)
+        session.wait()
+        assert len(session.annotations.classes) == 3
+    session.close()
+    del shown_in

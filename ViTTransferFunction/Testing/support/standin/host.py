@@ -28,6 +28,7 @@ from ViTTransferFunction.Testing.support.standin import (
 )
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
 from ViTTransferFunction.Testing.support.standin.segmentation_widgets import ModuleSelector, SegmentEditor
+from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.standin.views import LayoutManager
 
 MODULE_FILE = Path(__file__).parents[3] / "ViTTransferFunction.py"
@@ -69,6 +70,7 @@ class Host:
         for name, value in self._attributes.items():
             setattr(slicer, name, value)
         _read_properties_as_pythonqt_does()
+        keep_subject_hierarchy(app.scene)
         self.window = MainWindow()
         slicer.app.layoutManager().setViewport(self.window)
         self.representation = Representation()
@@ -175,7 +177,7 @@ class Application:
         return SimpleNamespace(value={"Developer/SelfTestDisplayMessageDelay": "0"}.get)
 
     def testingEnabled(self) -> bool:  # noqa: N802
-        """Questions are answered by Cancel, and messages are not shown."""
+        """Questions are answered by OK, and messages are not shown."""
         return True
 
     def topLevelWidgets(self) -> list[QWidget]:  # noqa: N802
