@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import qt
@@ -55,8 +56,12 @@ class BoundParameters:
         self.replaced = make_possible(parameters, _CHOICES)
         # The decorator replaces the constructor and adds methods, which type checkers do not see.
         wrap: Any = PanelParameters
+        self._node, self._node_tags = parameters.node, list[int]()
         self._parameters = wrap(parameters.node)
+        # Slicer 5.10 goes on to observe the node when the widgets are disconnected, one observer more for each scene.
+        self._parameters.AddObserver = self._observe_node
         self._tag = self._parameters.connectGui(ui)
+        del self._parameters.AddObserver
         _word_choices(ui)
         self._selectors = (ui.volumeSelector, ui.segmentationSelector)
         self._silence_selectors(False)
@@ -70,6 +75,12 @@ class BoundParameters:
         # When a scene was added, Slicer's selectors list its nodes anew, and say that none is chosen.
         self._silence_selectors(True)
         self._parameters.disconnectGui(self._tag)
+        for tag in self._node_tags:
+            self._node.RemoveObserver(tag)
+
+    def _observe_node(self, event: int, callback: Callable[..., None], priority: float = 0.0) -> int:
+        self._node_tags.append(self._node.AddObserver(event, callback, priority))
+        return self._node_tags[-1]
 
     @vtk.calldata_type(vtk.VTK_OBJECT)
     def _on_node_going(self, caller: vtk.vtkObject, event: str, node: Any) -> None:

@@ -31,7 +31,7 @@ def widget(host: Host) -> Any:
 
 @pytest.fixture
 def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The questions that the user was asked, all of which are answered by OK; Slicer's testing mode answers by Cancel."""
+    """The questions that the user was asked, all of which are answered by OK, as in Slicer's testing mode."""
     asked: list[str] = []
 
     def confirm(text: str, windowTitle: str = "") -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import re
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,17 @@ def test_widgets_and_parameters_stay_equal(widget: Any) -> None:
         "Similarity",
     ]
     assert (ui.gridSpinBox.value(), ui.overlayOpacitySlider.value) == (0, 0.5)
+
+
+def test_widgets_that_are_bound_anew_are_forgotten_before(widget: Any) -> None:
+    """Each scene that is opened binds them twice; what observed the node for them must not stay with it."""
+    bound = weakref.ref(widget.panel._bound._parameters)
+    widget.panel.release_parameters()
+    widget.panel.bind_parameters()
+    gc.collect()
+    assert bound() is None
+    widget.panel.session.parameters.set("overlayOpacity", 0.75)
+    assert widget.ui.overlayOpacitySlider.value == 0.75
 
 
 def test_the_panels_grid_ends_where_that_of_the_features_does(widget: Any) -> None:

@@ -46,6 +46,7 @@ def parameterNodeWrapper(cls: type) -> type:  # noqa: N802
         kind, limits = _split(annotated)
         setattr(cls, name, property(_reader(name, kind, getattr(cls, name)), _writer(name, limits)))
     cls.__init__ = _initialise  # type: ignore[misc]
+    cls.AddObserver = lambda self, *arguments: self.parameterNode.AddObserver(*arguments)  # type: ignore[attr-defined]
     cls.connectGui = lambda self, gui: _connect(self, gui, types)  # type: ignore[attr-defined]
     cls.disconnectGui = _disconnect  # type: ignore[attr-defined]
     return cls
@@ -85,10 +86,11 @@ def _connect(self: Any, gui: Any, types: dict[str, Any]) -> int:
     widgets = {widget.property(PROPERTY): widget for widget in vars(gui).values() if widget.property(PROPERTY)}
     connectors = {name: _Connector(widget, *_split(types[name])) for name, widget in widgets.items()}
     updating = False
+    tag = len(self._connections)
 
     def to_widgets(*_: Any) -> None:
         nonlocal updating
-        if not updating:
+        if not updating and tag in self._connections:
             updating = True
             for name, connector in connectors.items():
                 connector.write(getattr(self, name))
@@ -98,19 +100,17 @@ def _connect(self: Any, gui: Any, types: dict[str, Any]) -> int:
         if not updating:
             setattr(self, name, connectors[name].read())
 
+    self._connections[tag] = list(connectors.values())
     to_widgets()
     for name, connector in connectors.items():
         connector.connect(lambda *_, name=name: to_parameter(name))
-    tag = len(self._connections)
-    observer = self.parameterNode.AddObserver(vtk.vtkCommand.ModifiedEvent, to_widgets)
-    self._connections[tag] = (observer, list(connectors.values()))
+    self.AddObserver(vtk.vtkCommand.ModifiedEvent, to_widgets)
     return tag
 
 
 def _disconnect(self: Any, tag: int) -> None:
-    observer, connectors = self._connections.pop(tag)
-    self.parameterNode.RemoveObserver(observer)
-    for connector in connectors:
+    """The widgets alone: Slicer 5.10 goes on to observe the node."""
+    for connector in self._connections.pop(tag):
         connector.disconnect()
 
 
