@@ -10,7 +10,7 @@ import slicer
 import vtk
 
 from ..core.colors import Color
-from .view_mouse import ViewMouse
+from .view_mouse import PRESSES, ViewMouse
 
 Shape = Literal["lasso", "box"]
 
@@ -52,7 +52,7 @@ class RegionTool:
         """Begin to listen to the mouse."""
         if not self._mouse.listens:
             self._mouse.listen({
-                vtk.vtkCommand.LeftButtonPressEvent: self._press,
+                **dict.fromkeys(PRESSES, self._press),
                 vtk.vtkCommand.MouseMoveEvent: self._move,
                 vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
             })  # fmt: skip
@@ -63,6 +63,8 @@ class RegionTool:
         self._end()
 
     def _press(self) -> bool:
+        if self._mouse.modifiers:
+            return False
         self._path = [self._mouse.position]
         self._line.add_to(self._mouse.renderer)
         return True

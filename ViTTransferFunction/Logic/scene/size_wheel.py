@@ -36,7 +36,6 @@ class SizeWheel:
         is_over: Callable[[np.ndarray], bool],
         on_notch: Callable[[int], None],
     ) -> None:
-        self._interactor = interactor
         self._mouse = ViewMouse(interactor, slice_node)
         self._selected = selected
         self._is_over = is_over
@@ -58,17 +57,16 @@ class SizeWheel:
 
     def _turn(self, notches: int) -> bool:
         selected, point_ras = self._selected(), self._mouse.in_patient(self._mouse.position)
-        if selected is None or not self._ctrl_alone or not (self._goes_on(selected, point_ras) or self._is_over(point_ras)):
+        if (
+            selected is None
+            or self._mouse.modifiers != {"Ctrl"}
+            or not (self._goes_on(selected, point_ras) or self._is_over(point_ras))
+        ):
             self._last = None
             return False
         self._last = selected, point_ras
         self._on_notch(notches)
         return True
-
-    @property
-    def _ctrl_alone(self) -> bool:
-        view = self._interactor
-        return bool(view.GetControlKey()) and not view.GetShiftKey() and not view.GetAltKey()
 
     def _goes_on(self, selected: str, point_ras: np.ndarray) -> bool:
         if self._last is None:

@@ -9,7 +9,7 @@ import slicer
 import vtk
 
 from .brush_circle import BrushCircle
-from .view_mouse import ViewMouse
+from .view_mouse import PRESSES, ViewMouse
 
 
 class StrokeTool:
@@ -48,7 +48,7 @@ class StrokeTool:
         if self._mouse.listens:
             return
         self._mouse.listen({
-            vtk.vtkCommand.LeftButtonPressEvent: self._press,
+            **dict.fromkeys(PRESSES, self._press),
             vtk.vtkCommand.MouseMoveEvent: self._move,
             vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
             vtk.vtkCommand.LeaveEvent: self._leave,
@@ -67,6 +67,8 @@ class StrokeTool:
             self._draw()
 
     def _press(self) -> bool:
+        if self._mouse.modifiers:
+            return False
         self._leave_point(continued=False)
         return True
 

@@ -13,6 +13,8 @@ Reaction = Callable[[], bool]
 
 _PRIORITY = 100.0
 """Before the view's own interaction, which must not pan or adjust the window while the user paints or draws."""
+PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.LeftButtonDoubleClickEvent)
+"""The second press of a double click is no other event to somebody who dabs twice; a view would fill the window with itself."""
 
 
 class ViewMouse:
@@ -50,6 +52,13 @@ class ViewMouse:
         """Where the mouse is, in pixels from the view's lower left."""
         x, y = self._interactor.GetEventPosition()
         return float(x), float(y)
+
+    @property
+    def modifiers(self) -> set[str]:
+        """Which of the keys "Ctrl", "Shift" and "Alt" are held: with them, Slicer's views are panned, blended and rotated."""
+        view = self._interactor
+        held = {"Ctrl": view.GetControlKey(), "Shift": view.GetShiftKey(), "Alt": view.GetAltKey()}
+        return {key for key, is_held in held.items() if is_held}
 
     def in_patient(self, position: tuple[float, float]) -> np.ndarray:
         """(3,) RAS millimetres of a position in the view."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import slicer
 
 from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
@@ -21,6 +22,7 @@ from ViTTransferFunction.Logic.scene.exported_renderings import exported_renderi
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.volume import bytes_image
+from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
 
 pytest.importorskip("skimage")
@@ -127,6 +129,20 @@ def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_
     subprocess.run([sys.executable, "-P", "-c", OPEN_ELSEWHERE, *arguments], check=True, cwd=tmp_path, timeout=120)
     elsewhere = np.load(tmp_path / "shown.npy")
     assert structural_similarity(live, elsewhere, channel_axis=2) >= 0.95
+
+
+def test_only_what_is_exported_is_listed(views: Views, rendering: ClassRendering) -> None:
+    keep_subject_hierarchy(views.scene)
+    hierarchy = slicer.vtkMRMLSubjectHierarchyNode.GetSubjectHierarchyNode(views.scene)
+    image = views.volume.GetImageData()
+    live = ClassRendering(views.scene, views.app_logic)
+    live.show(views.volume, image, 1, {}, IJK_TO_RAS)
+    (shown,) = [node for node in nodes_of_class(views.scene, "vtkMRMLVectorVolumeNode") if node.GetImageData() is image]
+    assert shown.GetHideFromEditors()
+    assert hierarchy.GetItemByDataNode(shown) == hierarchy.GetInvalidItemID()
+    assert live.export("CT structures") is shown
+    assert not shown.GetHideFromEditors()
+    assert hierarchy.GetItemName(hierarchy.GetItemByDataNode(shown)) == "CT structures"
 
 
 def test_a_rendering_is_exported_also_where_the_user_deleted_what_displays_its_volume_in_slices(

@@ -64,6 +64,27 @@ def stage(slicer_app: Any) -> Stage:
     return Stage(slicer_app)
 
 
+def test_what_is_dragged_with_shift_pans_the_view(slicer_app: Any) -> None:
+    stage = Stage(slicer_app)
+    stage.tool("box")
+    before = stage.node.GetXYZOrigin()
+    stage.interactor.SetShiftKey(1)
+    for event, x in (("LeftButtonPressEvent", 40), ("MouseMoveEvent", 90), ("LeftButtonReleaseEvent", 90)):
+        stage.interactor.SetEventPosition(x, 60)
+        stage.interactor.InvokeEvent(event)
+    assert stage.outlines == []
+    assert stage.node.GetXYZOrigin() != before
+
+
+def test_the_second_press_of_a_double_click_begins_a_region_as_well(slicer_app: Any) -> None:
+    stage = Stage(slicer_app)
+    stage.tool("box")
+    stage.mouse("LeftButtonDoubleClickEvent", 40, 60)
+    stage.mouse("MouseMoveEvent", 90, 100)
+    stage.mouse("LeftButtonReleaseEvent", 90, 100)
+    assert len(stage.outlines) == 1
+
+
 def test_a_lasso_is_the_way_of_the_mouse_in_the_plane_of_the_slice(stage: Stage) -> None:
     stage.tool("lasso")
     way = [(40, 40), (90, 45), (80, 90), (50, 80)]

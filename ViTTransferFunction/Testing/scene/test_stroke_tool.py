@@ -76,6 +76,37 @@ def test_a_click_is_a_stroke_of_one_point(slice_node: Any, interactor: Any) -> N
     assert len(points) == 1
 
 
+def test_the_second_press_of_a_double_click_is_a_stroke_as_well(slice_node: Any, interactor: Any) -> None:
+    """Qt says so of it, and not that the button is pressed; a view that hears of it fills the window with itself."""
+    points: list[bool] = []
+    reached = []
+    interactor.AddObserver("LeftButtonDoubleClickEvent", lambda *_: reached.append(1))
+    tool_in(interactor, slice_node, lambda point, continued: points.append(continued))
+    drag(interactor, (30, 40))
+    mouse(interactor, "LeftButtonDoubleClickEvent", 30, 40)
+    mouse(interactor, "MouseMoveEvent", 60, 40)
+    mouse(interactor, "LeftButtonReleaseEvent", 60, 40)
+    assert points == [False, False, True]
+    assert not reached
+
+
+@pytest.mark.parametrize("key", ["Control", "Shift", "Alt"])
+def test_what_is_dragged_with_a_key_held_is_the_views(slice_node: Any, interactor: Any, key: str) -> None:
+    """Shift pans, Ctrl blends: with a brush in hand as without."""
+    points: list[np.ndarray] = []
+    reached = []
+    tool_in(interactor, slice_node, lambda point, continued: points.append(point))
+    events = ("LeftButtonPressEvent", "MouseMoveEvent", "LeftButtonReleaseEvent")
+    for event in events:
+        interactor.AddObserver(event, lambda caller, event: reached.append(event))
+    getattr(interactor, f"Set{key}Key")(1)
+    for event, x in zip(events, (30, 60, 60), strict=True):
+        interactor.SetEventPosition(x, 40)
+        interactor.InvokeEvent(event)
+    assert reached == list(events)
+    assert not points
+
+
 def test_moving_without_a_button_leaves_nothing(slice_node: Any, interactor: Any) -> None:
     points: list[np.ndarray] = []
     tool_in(interactor, slice_node, lambda point, continued: points.append(point))
