@@ -59,9 +59,9 @@ class BoundParameters:
         self._node, self._node_tags = parameters.node, list[int]()
         self._parameters = wrap(parameters.node)
         # Slicer 5.10 goes on to observe the node when the widgets are disconnected, one observer more for each scene.
-        self._parameters.AddObserver = self._observe_node
+        vars(self._parameters)["AddObserver"] = self._observe_node
         self._tag = self._parameters.connectGui(ui)
-        del self._parameters.AddObserver
+        del vars(self._parameters)["AddObserver"]
         _word_choices(ui)
         self._selectors = (ui.volumeSelector, ui.segmentationSelector)
         self._silence_selectors(False)
