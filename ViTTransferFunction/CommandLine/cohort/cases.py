@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.errors import InputError, shown
 from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 
 logger = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ class Case:
     """One volume of a cohort.
 
     Attributes:
-        name: unlike all others of the cohort, and fit to be the name of a file on any system.
+        name: unlike all others of the cohort; files are named after it, unless `name_problem` says why not.
         volume: absolute path of an image, or of a folder with DICOM series.
         annotations: absolute path of an annotations file (`read_annotations`).
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
@@ -53,7 +53,7 @@ def read_cases(source: Path) -> list[Case]:
             DICOM files and `annotations.json`.
 
     Raises:
-        InputError: there are no cases, the table lacks something, or a name cannot be a file's or is there twice.
+        InputError: there are no cases, the table lacks something, or a name is there twice.
     """
     if source.is_dir():
         cases = list(_cases_in_folder(source.resolve()))
@@ -65,6 +65,21 @@ def read_cases(source: Path) -> list[Case]:
         raise InputError(f"{source} has no cases; expected {expected}.")
     _check_names(cases, source)
     return cases
+
+
+def name_problem(name: str) -> str:
+    """Why no files may be named after a case, for users; "" where they may.
+
+    They must neither lead to another folder, nor be refused by some system, nor be formulas to a spreadsheet.
+    """
+    fits = (name[:1].isalnum() or name[:1] == "_") and name[-1] not in ". "
+    plain = all(character.isalnum() or character in "_-+., ()" for character in name)
+    if fits and plain and len(name.encode()) <= LONGEST_NAME_BYTES and not is_device(name):
+        return ""
+    return (
+        f"{shown(name)} cannot be the name of a case, since files are named after it. Begin with a letter or digit, use "
+        "letters, digits, spaces and _ - + . , ( ) only, a hundred at most, and no name of a device, such as con."
+    )
 
 
 def _cases_in_table(path: Path) -> Iterator[Case]:
@@ -138,7 +153,6 @@ def _volume_ending(path: Path) -> str:
 def _check_names(cases: list[Case], source: Path) -> None:
     seen: dict[str, str] = {}
     for case in cases:
-        _check_name(case.name, source)
         # Many disks take letters for the same that differ in case, or in how an accent is put together.
         key = unicodedata.normalize("NFKC", case.name).casefold()
         if key in seen:
@@ -147,14 +161,3 @@ def _check_names(cases: list[Case], source: Path) -> None:
                 "Give each a name of its own."
             )
         seen[key] = case.name
-
-
-def _check_name(name: str, source: Path) -> None:
-    """A name becomes a file's: it must neither lead to another folder, nor be refused by some system, nor be a formula."""
-    fits = (name[:1].isalnum() or name[:1] == "_") and name[-1] not in ". "
-    plain = all(character.isalnum() or character in "_-+. ()" for character in name)
-    if not (fits and plain) or len(name.encode()) > LONGEST_NAME_BYTES or is_device(name):
-        raise InputError(
-            f"{source}: '{name}' cannot be the name of a case, since files are named after it. Begin with a letter or digit, "
-            "use letters, digits, spaces and _ - + . ( ) only, a hundred at most, and no name of a device, such as con."
-        )

@@ -11,11 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.cohort.cases import Case, read_cases
+from ViTTransferFunction.CommandLine.cohort.cases import Case, name_problem, read_cases
 from ViTTransferFunction.CommandLine.cohort.cluster_size import largest_first, local_size, shared_out
 from ViTTransferFunction.CommandLine.cohort.dispatch import check_workers, run_jobs
 from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
 from ViTTransferFunction.CommandLine.cohort.job import RECORD_ENDING, SEGMENTATION_ENDING, CaseJob, CohortSettings
+from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.options import session_settings
 from ViTTransferFunction.CommandLine.output_paths import check_apart
@@ -48,12 +49,16 @@ def lead_cohort(args: argparse.Namespace) -> int:
             the same folder.
     """
     _check_options(args)
-    cases, folder = read_cases(args.cases), args.output.absolute()
+    all_cases, folder = read_cases(args.cases), args.output.absolute()
+    # No case stops the others, whatever it is called.
+    refused = {case.name: problem for case in all_cases if (problem := name_problem(case.name))}
+    cases = [case for case in all_cases if case.name not in refused]
     _check_outputs(args.cases, cases, folder)
     _check_installed()
     settings = _settings(args)
     jobs = {case.name: CaseJob(case, settings, folder) for case in cases}
-    table = CohortTable(folder / TABLE, jobs)
+    table = CohortTable(folder / TABLE, [case.name for case in all_cases])
+    table.outcomes |= {name: CaseOutcome(name, "refused", message=problem) for name, problem in refused.items()}
     with only_cohort_in(folder):
         waiting = _take_finished(table, jobs)
         if waiting:

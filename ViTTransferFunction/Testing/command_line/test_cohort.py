@@ -81,6 +81,26 @@ def rows_of(table: Path) -> dict[str, dict[str, str]]:
         return {row["case"]: row for row in csv.DictReader(file)}
 
 
+def test_a_case_whose_name_no_file_may_have_is_refused_and_the_others_are_computed(
+    options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_case(tmp_path, "good, one", [LEFT])
+    cases = tmp_path / "cases.csv"
+    files = "'good, one.nrrd','good, one.annotations.json'".replace("'", '"')
+    cases.write_text(f'case,volume,annotations\n=1+1,{files}\n"good, one",{files}\n')
+    computed: list[str] = []
+    monkeypatch.setattr(leader, "_compute", lambda table, jobs, args: computed.extend(job.case.name for job in jobs))
+
+    assert main(["cohort", str(cases), "-o", str(tmp_path / "out"), *options]) == 1
+
+    assert computed == ["good, one"]
+    rows = rows_of(tmp_path / "out" / "cohort.csv")
+    # In quotes, or a spreadsheet would compute it.
+    assert rows["'=1+1'"]["status"] == "refused"
+    assert "cannot be the name of a case" in rows["'=1+1'"]["message"]
+    assert rows["good, one"]["status"] == "waiting"
+
+
 @pytest.mark.slow
 def test_a_cohort_survives_a_killed_worker_and_is_not_computed_twice(
     cohort: Path, options: list[str], tmp_path: Path, a_cache_of_its_own: Path, monkeypatch: pytest.MonkeyPatch
