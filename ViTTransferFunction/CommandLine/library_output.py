@@ -8,7 +8,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TextIO
 
@@ -49,12 +49,15 @@ def silenced_libraries(verbose: bool = False) -> Iterator[None]:
 
 
 class CurrentErrorStream(logging.StreamHandler):
-    """A log handler that writes to what `sys.stderr` is at the time."""
+    """A log handler that writes to what `sys.stderr` is at the time, in lines of their own above a progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write one record."""
         self.stream = sys.stderr
-        super().emit(record)
+        # Not imported for this: where nobody has, there is no bar.
+        bars = sys.modules.get("tqdm")
+        with bars.tqdm.external_write_mode(file=self.stream) if bars else nullcontext():
+            super().emit(record)
 
 
 def _leads_to_console(stream: TextIO) -> bool:

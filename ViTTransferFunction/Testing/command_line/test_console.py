@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import json
+import logging
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +18,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.console import Unfailing, unfailing_console
+from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
@@ -56,6 +59,30 @@ def test_progress_on_a_pipe_that_nobody_reads_does_not_end_the_work(monkeypatch:
     with unfailing_console(), ProgressBar() as progress:
         for done in range(5):
             progress(done, 5, "Segmenting")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("stream", [io.StringIO(), Terminal()], ids=["log", "terminal"])
+def test_warnings_have_lines_of_their_own_while_progress_is_shown(stream: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", stream)
+    with ProgressBar() as progress:
+        progress(3, 4, "Segmenting")
+        CurrentErrorStream().emit(logging.makeLogRecord({"msg": "WARNING: nothing"}))
+        progress(4, 4, "Segmenting")
+    assert "WARNING: nothing" in re.split(r"[\r\n]+", stream.getvalue())
+
+
+def test_a_log_gets_no_bar_but_what_is_being_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", log := io.StringIO())
+    with ProgressBar() as progress:
+        for what, total in (("Computing features", 3), ("Segmenting", 5)):
+            for done in range(total):
+                progress(done, total, what)
+    assert log.getvalue() == "Computing features…\nSegmenting…\n"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp932"])
