@@ -102,10 +102,11 @@ class FeatureCache:
         """Raise InputError if features of this size will not fit on the disk: before minutes are spent on them."""
         try:
             existing = next(parent for parent in (self.folder, *self.folder.absolute().parents) if parent.exists())
-            free = shutil.disk_usage(existing).free
+            total, _, free = shutil.disk_usage(existing)
         except OSError:
             return  # Nothing will be kept there, which `put` tells.
-        if not os.access(existing, os.W_OK):
+        # A folder such as /proc is on no disk: it has no room, and none can be made.
+        if total == 0 or not os.access(existing, os.W_OK):
             return
         if free < needed_bytes + SPARE_BYTES:
             raise InputError(

@@ -194,6 +194,12 @@ def test_a_read_only_folder_is_not_taken_for_a_full_one(cache: FeatureCache, mon
     cache.check_room(10**6)
 
 
+def test_a_folder_on_no_disk_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = namedtuple("usage", "total used free")
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(0, 0, 0))
+    cache.check_room(10**6)
+
+
 def test_a_disk_that_fills_meanwhile_loses_no_work(
     cache: FeatureCache, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
