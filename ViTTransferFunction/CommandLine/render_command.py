@@ -198,6 +198,7 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
     import numpy as np
 
     from ViTTransferFunction.CommandLine.pictures import shown_segments
+    from ViTTransferFunction.Logic.core.class_request import check_inside
     from ViTTransferFunction.Logic.core.resampling import resample_labels
     from ViTTransferFunction.Logic.files.annotation_files import read_annotations
     from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
@@ -220,6 +221,7 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
             f"{', '.join(by_name)}. Give the annotations that it was made from; a label map has no names, a .seg.nrrd has them."
         )
     ordered = [by_name[segment.name] for segment in segments] if classes else []
+    check_inside([annotated.request for annotated in ordered], volume.geometry)
     opacities = [annotated.opacity for annotated in ordered] or None
     return volume, shown_segments(labels, segments, opacities), ordered
 

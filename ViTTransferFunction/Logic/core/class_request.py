@@ -101,6 +101,11 @@ def check_requests(requests: Sequence[ClassRequest], geometry: Geometry) -> None
     id_, count = Counter(request.id for request in requests).most_common(1)[0]
     if count > 1:
         raise InputError(f"{count} classes are named '{id_}'; give each class a name of its own.")
+    check_inside(requests, geometry)
+
+
+def check_inside(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
+    """Raise InputError unless every point lies inside the volume's box."""
     for request in requests:
         points = np.concatenate([request.positive, request.negative])
         outside = points[~geometry.contains(points)]

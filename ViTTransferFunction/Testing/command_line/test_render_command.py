@@ -206,6 +206,17 @@ def test_the_segment_that_the_annotations_lack_is_named(
     assert f"no class for the segment '1' of {case[1]}; it has liver." in capsys.readouterr().err
 
 
+def test_points_outside_the_volume_are_refused_as_by_segment(
+    tmp_path: Path, case: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "clicks.json"
+    classes = '[{"name": "1", "positive": [[15, 10, 200]]}, {"name": "2", "positive": [[32, 25, 20]]}]'
+    points.write_text(f'{{"coordinate_system": "IJK", "classes": {classes}}}')
+    assert main(["render", *case, "-o", str(tmp_path / "p.png"), "--annotations", str(points)]) == 2
+    assert "1 of 1 points of class '1' lie outside the volume" in capsys.readouterr().err
+    assert not (tmp_path / "p.png").exists()
+
+
 @pytest.mark.parametrize("segments", [MOST_STRUCTURES, MOST_STRUCTURES + 1])
 def test_more_segments_than_can_be_drawn_are_refused_with_advice_that_one_can_follow(
     opengl: None, tmp_path: Path, segments: int, capsys: pytest.CaptureFixture[str]
