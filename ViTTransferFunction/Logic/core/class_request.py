@@ -12,7 +12,7 @@ import numpy as np
 
 from .close_up import CloseUp
 from .errors import InputError, shown
-from .geometry import Geometry
+from .geometry import LPS_TO_RAS, Geometry, transform_points
 from .given_numbers import FARTHEST, is_number
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
@@ -113,8 +113,16 @@ def check_inside(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
             position = ", ".join(f"{x:.1f}" for x in outside[0])
             raise InputError(
                 f"{len(outside)} of {len(points)} points of class '{request.name}' lie outside the volume, the first at "
-                f"RAS ({position}) mm. Check the coordinate system of the points, and that they belong to this volume."
+                f"RAS ({position}) mm. {_outside_advice(requests, geometry)}"
             )
+
+
+def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str:
+    """What to do about points outside the volume: LPS that is called RAS, or the reverse, is recognised by all points."""
+    points = np.concatenate([points for request in requests for points in (request.positive, request.negative)])
+    if not geometry.contains(points).any() and geometry.contains(transform_points(LPS_TO_RAS, points)).all():
+        return 'They lie inside when read as LPS: set "coordinate_system": "LPS" ("RAS", where it is "LPS" already).'
+    return "Check the coordinate system of the points, and that they belong to this volume."
 
 
 def check_name(name: str) -> None:

@@ -28,6 +28,14 @@ def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
         check_requests([inside, outside], GEOMETRY)
 
 
+def test_points_that_lie_inside_as_lps_are_said_to_be_so() -> None:
+    flipped = ClassRequest("a", POINTS_RAS * [-1.0, -1.0, 1.0])
+    with pytest.raises(InputError, match=r"class 'a' lie outside.*inside when read as LPS: set \"coordinate_system\": \"LPS\""):
+        check_requests([flipped], GEOMETRY)
+    with pytest.raises(InputError, match="Check the coordinate system"):
+        check_requests([flipped, ClassRequest("b", POINTS_RAS)], GEOMETRY)
+
+
 def test_a_class_without_a_name_is_called_by_its_id() -> None:
     assert ClassRequest("a", POINTS_RAS).name == "a"
     assert ClassRequest("a", POINTS_RAS, name="liver").name == "liver"
