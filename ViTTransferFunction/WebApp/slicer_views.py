@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from trame.widgets import html
 from trame_slicer.app.logic import connect_slice_view_slider_to_state
 from trame_slicer.core import SlicerApp
@@ -14,6 +13,8 @@ from trame_slicer.views.threed_view import ViewDirection
 
 from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
+from .data_probe import DataProbe
+from .patient_sides import sides
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
@@ -21,8 +22,6 @@ VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal
 BACKGROUND_3D = "#0b0d0f"
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
-_SIDES = ("LR", "PA", "IS")
-"""The patient's sides at the lower and upper end of each axis of RAS."""
 
 
 class SlicerViews:
@@ -39,6 +38,7 @@ class SlicerViews:
         self._app = app
         self._server = server
         self._volume: Any = None
+        self._probes: list[DataProbe] = []
         fps = {"target_fps": PICTURES_PER_S, "blur_fps": PICTURES_PER_S_ELSEWHERE}
         slice_factory = PatientSliceViewFactory(server, awaits_answer, populate_view_ui_f=self._add_slice_controls, **fps)
         app.view_manager.register_factory(slice_factory)
@@ -87,6 +87,7 @@ class SlicerViews:
         for side in ("left", "right", "top", "bottom"):
             html.Div(f"{{{{ sides_{view_id}.{side} }}}}", classes=f"side {side}")
         self._keep_sides(view_id, view)
+        self._add_probe(view_id, view)
         with html.Div(classes="slice-row"):
             html.Input(
                 type="range",
@@ -98,7 +99,20 @@ class SlicerViews:
                 value=(slider.value,),
                 input=f"{slider.value} = Number($event.target.value)",
             )
-            html.Span(f"{{{{ {slider.value}.toFixed(1) }}}} mm", classes="offset")
+            letter = f"sides_{view_id}[{slider.value} < 0 ? 'negative' : 'positive']"
+            html.Span(f"{{{{ {letter} }}}} {{{{ Math.abs({slider.value}).toFixed(1) }}}} mm", classes="offset")
+
+    def _add_probe(self, view_id: str, view: SliceView) -> None:
+        """Show what is under the mouse, by a state of its own: nothing else of the page follows moves."""
+        name = f"probe_{view_id}"
+
+        def show(text: str) -> None:
+            with self._server.state as state:
+                state[name] = text
+
+        show("")
+        html.Div(f"{{{{ {name} }}}}", classes="probe", raw_attrs=[f'data-testid="probe-{view_id}"'])
+        self._probes.append(DataProbe(view.interactor(), view.get_view_node(), lambda: self._volume, show))
 
     def _add_3d_controls(self, server: Any, view_id: str, view: ThreeDView) -> None:
         html.Div(VIEWS[view_id], classes="view-name")
@@ -113,22 +127,6 @@ class SlicerViews:
 
         view.modified.connect(keep)
         keep(view)
-
-
-def sides(slice_to_ras: np.ndarray) -> dict[str, str]:
-    """The patient's side that lies nearest to each edge of a slice view: R or L, A or P, S or I.
-
-    Args:
-        slice_to_ras: (4, 4); its first two columns are where right and up on the screen lead in the patient.
-    """
-    right, up = (_direction(slice_to_ras[:3, column]) for column in (0, 1))
-    left, down = (_direction(-slice_to_ras[:3, column]) for column in (0, 1))
-    return {"left": left, "right": right, "top": up, "bottom": down}
-
-
-def _direction(vector_ras: np.ndarray) -> str:
-    axis = int(np.abs(vector_ras).argmax())
-    return _SIDES[axis][int(vector_ras[axis] > 0.0)]
 
 
 def slice_tools(views: SlicerViews) -> SliceTools:

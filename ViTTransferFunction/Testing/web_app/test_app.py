@@ -29,6 +29,7 @@ from ViTTransferFunction.CommandLine.vittf import build_parser
 from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.volume import array_from_node, geometry_from_node, numpy_matrix
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.web_app.test_saving import until
@@ -36,7 +37,7 @@ from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
-from ViTTransferFunction.WebApp.slicer_views import sides
+from ViTTransferFunction.WebApp.patient_sides import position_text, sides
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 
@@ -350,9 +351,43 @@ def test_an_interruption_while_slicers_code_is_loaded_waits_until_it_is_and_then
 
 def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
     axial = np.diag([-1.0, 1.0, 1.0, 1.0])
-    assert sides(axial) == {"left": "R", "right": "L", "top": "A", "bottom": "P"}
+    assert sides(axial) == {"left": "R", "right": "L", "top": "A", "bottom": "P", "positive": "S", "negative": "I"}
     sagittal = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
-    assert sides(sagittal) == {"left": "A", "right": "P", "top": "S", "bottom": "I"}
+    assert sides(sagittal) == {"left": "A", "right": "P", "top": "S", "bottom": "I", "positive": "R", "negative": "L"}
+
+
+def test_positions_are_named_by_the_patients_sides() -> None:
+    assert position_text(np.array([98.4, 163.6, 394.0])) == "R 98, A 164, S 394"
+    assert position_text(np.array([-0.6, -7.0, -0.4])) == "L 1, P 7, S 0"
+
+
+def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        view, state = app.views.slices[0], app.server.state
+        volume = app.session.parameters.volume
+        array, node, interactor = array_from_node(volume), view.get_view_node(), view.interactor()
+        view.render_window().SetSize(300, 300)
+        view.reset_view()
+        bounds = [0.0] * 6
+        volume.GetRASBounds(bounds)
+        middle = [(low + high) / 2 for low, high in zip(bounds[::2], bounds[1::2], strict=True)]
+        ras_to_xy = np.linalg.inv(numpy_matrix(node.GetXYToRAS()))
+        x, y = (round(value) for value in (ras_to_xy @ [*middle, 1.0])[:2])
+        interactor.SetEventPosition(x, y)
+        interactor.InvokeEvent("MouseMoveEvent")
+        position, _, intensity = state.probe_Red.partition(": ")
+        shown = np.array(node.GetXYToRAS().MultiplyPoint((x, y, 0.0, 1.0))[:3])
+        k, j, i = geometry_from_node(volume).nearest_voxels(shown[None])[0]
+        assert position == position_text(shown)
+        assert float(intensity) == pytest.approx(float(array[k, j, i]), rel=1e-4)
+        # The wheel leafs, and the mouse stays.
+        view.set_slice_value(view.get_slice_value() + 5.0)
+        assert state.probe_Red.partition(": ")[0] != position
+        interactor.SetEventPosition(-10_000, -10_000)
+        interactor.InvokeEvent("MouseMoveEvent")
+        assert ":" not in state.probe_Red
+
+    opened(journey)
 
 
 def test_colours_come_back_from_the_page_as_they_went() -> None:

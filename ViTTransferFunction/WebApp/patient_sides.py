@@ -1,0 +1,32 @@
+"""The patient's sides by their letters: those that lie around a slice, and where a position is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_SIDES = ("LR", "PA", "IS")
+"""The patient's sides at the lower and upper end of each axis of RAS."""
+
+
+def sides(slice_to_ras: np.ndarray) -> dict[str, str]:
+    """The patient's side nearest to each edge of a slice view and to both ends of its slider: R or L, A or P, S or I.
+
+    Args:
+        slice_to_ras: (4, 4); its first two columns are where right and up on the screen lead in the patient, its third where
+            larger offsets of the slice do.
+    """
+    right, up, on = (_direction(slice_to_ras[:3, column]) for column in range(3))
+    left, down, back = (_direction(-slice_to_ras[:3, column]) for column in range(3))
+    return {"left": left, "right": right, "top": up, "bottom": down, "positive": on, "negative": back}
+
+
+def position_text(point_ras: np.ndarray) -> str:
+    """A position (3,), RAS millimetres, for users: R 98, A 164, S 394."""
+    return ", ".join(
+        f"{letters[int(round(value) >= 0)]} {abs(value):.0f}" for letters, value in zip(_SIDES, point_ras, strict=True)
+    )
+
+
+def _direction(vector_ras: np.ndarray) -> str:
+    axis = int(np.abs(vector_ras).argmax())
+    return _SIDES[axis][int(vector_ras[axis] > 0.0)]
