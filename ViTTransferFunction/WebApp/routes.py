@@ -86,6 +86,7 @@ class Routes:
 
         def stage(staged: Path) -> None:
             size = asked_size(asked.get("width"), asked.get("height"))
+            self._app.views.leave()
             stage_picture(window, size, asked.get("transparent") == "true", staged)
 
         return await self._send(request, f"{self._volume_name()}.png", stage, pack_picture)

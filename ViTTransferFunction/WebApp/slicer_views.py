@@ -10,6 +10,7 @@ from trame_slicer.app.logic import connect_slice_view_slider_to_state
 from trame_slicer.core import SlicerApp
 from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
 from trame_slicer.views.threed_view import ViewDirection
+from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
@@ -49,6 +50,7 @@ class SlicerViews:
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
         self.view_3d: ThreeDView = app.view_manager.create_view(definition_3d)
         app.view_manager.set_current_view_ids(list(VIEWS))
+        server.trigger("leave_view")(self.leave)
 
     def show(self, volume: Any) -> None:
         """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
@@ -66,6 +68,16 @@ class SlicerViews:
         """What the session shows has changed: the 3D view follows when it has time."""
         for strategy in self._factory_3d.strategies:
             strategy.settle()
+
+    def leave(self, view_id: str = "") -> None:
+        """Have nothing follow the mouse in a view that it has left, or in any: no next point, and no brush's circle.
+
+        The page tells, since the views' areas send only moves and buttons.
+        """
+        for view in (*self.slices, self.view_3d):
+            if view_id in ("", view.name):
+                view.interactor().InvokeEvent(vtkCommand.LeaveEvent)
+        self.settle()
 
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""

@@ -361,6 +361,25 @@ def test_positions_are_named_by_the_patients_sides() -> None:
     assert position_text(np.array([-0.6, -7.0, -0.4])) == "L 1, P 7, S 0"
 
 
+@pytest.mark.parametrize("left", ["Red", ""], ids=["the mouse left", "a picture is made"])
+def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(opened: Callable[[Journey], None], left: str) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        view = app.views.slices[0]
+        view.render_window().SetSize(300, 300)
+        view.reset_view()
+        view.render_window().Render()
+        view.interactor().SetEventPosition(150, 150)
+        view.interactor().InvokeEvent("MouseMoveEvent")
+        points = app.session.annotations.points_node(app.session.classes[0].id, True)
+        assert points.GetNumberOfControlPoints() == 1
+        assert points.GetNthControlPointPositionStatus(0) == points.PositionPreview
+        app.views.leave(left)
+        assert points.GetNumberOfControlPoints() == 0
+
+    opened(journey)
+
+
 def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         view, state = app.views.slices[0], app.server.state
