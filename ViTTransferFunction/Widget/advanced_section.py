@@ -54,7 +54,7 @@ class AdvancedSection(Section):
         self.ui.clearWeightsButton.enabled = bool(path)
 
     def _show_window(self) -> None:
-        """The window that was set; while it is automatic, the one in which the views show the volume."""
+        """The window that was set; while it is automatic, no numbers: what is chosen is not the window of the views."""
         ui = self.ui
         widgets = (ui.windowLowSpinBox, ui.windowHighSpinBox, ui.windowAutomaticCheckBox)
         for widget in widgets:
@@ -63,7 +63,9 @@ class AdvancedSection(Section):
             return
         parameters = self.session.parameters
         with signals_blocked(*widgets):
-            ui.windowAutomaticCheckBox.checked = parameters.get("windowAutomatic")
+            ui.windowAutomaticCheckBox.checked = ui.windowChosenLabel.visible = automatic = parameters.get("windowAutomatic")
+            ui.windowLowSpinBox.visible = ui.windowHighSpinBox.visible = not automatic
+            # Also while they are hidden: it is what one begins with.
             ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = parameters.window
 
     def _show_cache(self) -> None:

@@ -96,7 +96,12 @@ def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -
     display.SetWindowLevelMinMax(-50.0, 150.0)
     ui.volumeSelector.setCurrentNode(volume)
     ui.advancedCollapsibleButton.click()
-    assert (ui.windowLowSpinBox.value(), ui.windowHighSpinBox.value()) == (-50.0, 150.0)
+    numbers = ui.windowLowSpinBox, ui.windowHighSpinBox
+    # What is chosen from the image is not this window, which is only what one begins with.
+    assert [box.isVisible() for box in (*numbers, ui.windowChosenLabel)] == [False, False, True]
+    ui.windowAutomaticCheckBox.click()
+    assert [box.isVisible() for box in (*numbers, ui.windowChosenLabel)] == [True, True, False]
+    assert [box.value() for box in numbers] == [-50.0, 150.0]
     ui.windowHighSpinBox.setValue(200.0)
     assert [parameters.get(f"window{name}") for name in ("Automatic", "Low", "High")] == [False, -50.0, 200.0]
     assert not ui.windowAutomaticCheckBox.isChecked()
