@@ -113,6 +113,18 @@ def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> Non
     page.wait_for_state("classes.length === 7")
 
 
+def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: AppPage) -> None:
+    before = page.page.evaluate("window.trame.state.get('classes').length")
+    page["add-class"].click()
+    page.wait_for_state(f"classes.length === {before + 1}")
+    for keys, count in (("z", before), ("y", before + 1), ("z", before), ("Shift+z", before + 1), ("z", before)):
+        page.page.keyboard.press(f"ControlOrMeta+{keys}")
+        page.wait_for_state(f"classes.length === {count}")
+    with page.page.expect_download() as download:
+        page.page.keyboard.press("ControlOrMeta+s")
+    assert download.value.suggested_filename == "noise.mrb"
+
+
 def test_keys_of_the_table_work_on_the_structure_that_has_the_focus(page: AppPage) -> None:
     names = page.page.evaluate("window.trame.state.get('classes').map((one) => one.name)")
     page["class-4"].focus()

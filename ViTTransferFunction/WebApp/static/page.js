@@ -18,8 +18,21 @@
       (element.tagName === "INPUT" && ["text", "number"].includes(element.type) && !element.readOnly));
   }
 
+  // What other programs have on Ctrl, or Cmd: a browser would undo in a field, or save its page.
+  function withControl(event) {
+    const key = event.key.toLowerCase();
+    const action = { z: event.shiftKey ? "redo" : "undo", y: "redo", s: "save" }[key];
+    if (event.altKey || !action || (action !== "save" && isTyping(event.target))) return;
+    event.preventDefault();
+    if (document.querySelector(".backdrop")) return;
+    if (action !== "save") return act(action);
+    const save = document.querySelector("[data-save]:not(.disabled)");
+    if (save) save.click();
+  }
+
   window.addEventListener("keydown", (event) => {
-    if (!window.trame || event.ctrlKey || event.metaKey) return;
+    if (!window.trame) return;
+    if (event.ctrlKey || event.metaKey) return withControl(event);
     const key = keyOf(event);
     const inDialog = document.querySelector(".backdrop");
     if (key === "Esc" && (inDialog || state("asking_help"))) {
