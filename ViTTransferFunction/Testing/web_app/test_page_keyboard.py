@@ -125,6 +125,23 @@ def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: 
     assert download.value.suggested_filename == "noise.mrb"
 
 
+def test_the_selected_structure_is_in_sight_in_a_long_table(page: AppPage) -> None:
+    for number in range(page.page.evaluate("window.trame.state.get('classes').length"), STRUCTURES + 4):
+        page["add-class"].click()
+        page[f"class-{number}"].wait_for()
+    within = """() => {
+        const row = document.querySelector("[data-class-row][aria-current='true']").getBoundingClientRect();
+        const table = document.querySelector(".classes").getBoundingClientRect();
+        return row.top >= table.top - 1 && row.bottom <= table.bottom + 1;
+    }"""
+    page.page.wait_for_function(within)
+    page["app"].click(position={"x": 5, "y": 5})
+    # The next one after the last is the first.
+    page.page.keyboard.press("w")
+    page.page.wait_for_function("window.trame.state.get('selected') === window.trame.state.get('classes')[0].id")
+    page.page.wait_for_function(within)
+
+
 def test_keys_of_the_table_work_on_the_structure_that_has_the_focus(page: AppPage) -> None:
     names = page.page.evaluate("window.trame.state.get('classes').map((one) => one.name)")
     page["class-4"].focus()

@@ -59,6 +59,19 @@
     event.preventDefault();
   });
 
+  // The selected structure comes into sight in its table, and nothing else moves: users who go from one to the next may be
+  // looking at settings further down.
+  let inSight = "";
+  new MutationObserver(() => {
+    const row = document.querySelector("[data-class-row][aria-current='true']");
+    const selected = row ? row.dataset.classRow : "";
+    if (selected === inSight) return;
+    inSight = selected;
+    if (!row) return;
+    const [box, table] = [row, row.parentElement].map((element) => element.getBoundingClientRect());
+    row.parentElement.scrollTop += Math.min(0, box.top - table.top) + Math.max(0, box.bottom - table.bottom);
+  }).observe(document.documentElement, { attributeFilter: ["aria-current"], childList: true, subtree: true });
+
   // A dialog has the keyboard while it is there, and gives it back.
   let dialog = null;
   let before = null;
