@@ -26,6 +26,11 @@ def test_the_home_folder_is_spelled_out(monkeypatch: pytest.MonkeyPatch, tmp_pat
     assert user_path("~/a.pt", "a weights file") == tmp_path / "a.pt"
 
 
+@pytest.mark.parametrize("text", ['"a b/c.nii"', "'a b/c.nii'", "a b/c.nii"])
+def test_quotes_around_a_path_are_left_out(text: str) -> None:
+    assert user_path(text, "a volume") == Path("a b/c.nii")
+
+
 @pytest.mark.parametrize("text", [*NO_PATHS, "a\0b"])
 def test_what_can_be_no_path_is_refused_in_a_short_sentence(text: str) -> None:
     with pytest.raises(InputError, match=r"cannot be a weights file|Cannot open|is no path") as refused:
