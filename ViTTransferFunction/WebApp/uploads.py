@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import shutil
+import unicodedata
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -12,6 +12,7 @@ from aiohttp import BodyPartReader, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from ..Logic.core.errors import InputError, shown
+from ..Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
 
 LARGEST_UPLOAD = 4 << 30
@@ -23,7 +24,6 @@ MOST_FILES = 10_000
 DISK_TO_SPARE = 1 << 30
 """Bytes that an upload leaves free: other programs need the disk as well."""
 
-LONGEST_NAME = 100
 _CHUNK = 1 << 20
 _BESIDE_HEADERS = (".raw", ".raw.gz", ".zraw")
 _SCENES = (".mrb",)
@@ -119,9 +119,11 @@ def _create(folder: Path, name: str) -> tuple[BinaryIO, Path]:
 
 def _harmless(name: str) -> str:
     """The last part of a name, of letters, digits, `.`, `_` and `-` alone; no hidden file, none of Windows' devices."""
-    last = PurePosixPath(name.replace("\\", "/")).name
-    plain = re.sub(r"[^A-Za-z0-9._-]", "_", last).strip(".")[-LONGEST_NAME:].lstrip(".-")
-    if re.fullmatch(r"(?i)(con|prn|aux|nul|com\d|lpt\d|)(\..*)?", plain):
+    # Macs send a letter and its accent apart.
+    last = unicodedata.normalize("NFC", PurePosixPath(name.replace("\\", "/")).name)
+    plain = "".join(character if character.isalnum() or character in "._-" else "_" for character in last).strip(".")
+    plain = plain.encode()[-LONGEST_NAME_BYTES:].decode(errors="ignore").lstrip(".-")
+    if not plain or is_device(unicodedata.normalize("NFKC", plain)):
         return f"file_{plain}"
     return plain
 
