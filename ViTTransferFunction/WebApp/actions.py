@@ -91,10 +91,13 @@ class Actions:
         action = self._by_name.get(name)
         if action is None:
             return
+        # Of one setting, or of one thing to do, the last attempt counts.
+        about = f"{name} {arguments[0]}" if name == "parameter" and arguments else name
+        self._app.try_again(about)
         try:
             action(*arguments)
         except InputError as error:
-            self._app.report(str(error))
+            self._app.report(str(error), about)
         self._app.refresh()
 
     def _toggle(self, tool: Any) -> Callable[[], None]:

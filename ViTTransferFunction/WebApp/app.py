@@ -39,7 +39,7 @@ from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .series_question import SeriesQuestion
 from .slicer_views import SlicerViews, slice_tools
-from .volumes import add_volume, sample_path, volume_of_files, windows_of
+from .volumes import OPENING, add_volume, sample_path, volume_of_files, windows_of
 
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""
@@ -193,11 +193,20 @@ class WebApp:
         """Whether it was asked to end; threads may ask, too."""
         return self._stopped.is_set()
 
-    def report(self, message: str) -> None:
-        """Show why something that the user asked for was not done, until the structures are changed next."""
+    def report(self, message: str, about: str = "") -> None:
+        """Show why something that the user asked for was not done, until the structures are changed next, or it is tried again.
+
+        Args:
+            message: for the user.
+            about: what was asked for, as `try_again` names it.
+        """
         before = self.session, self.session.classes
-        self._messages.put(message, lambda: (self.session, self.session.classes) != before)
+        self._messages.put(message, lambda: (self.session, self.session.classes) != before, about)
         self._on_changed()
+
+    def try_again(self, about: str) -> None:
+        """Forget why something was not done that is asked for once more."""
+        self._messages.try_again(about)
 
     def close_messages(self) -> None:
         """The user has read them."""
@@ -251,6 +260,7 @@ class WebApp:
         Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
         """
         self._opening = paths
+        self.try_again(OPENING)
         self.series.answer("")
         with self.server.state as state:
             state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
@@ -261,7 +271,7 @@ class WebApp:
                     take_up()
         except InputError as error:
             if self._opening is paths:
-                self.report(str(error))
+                self.report(str(error), OPENING)
         finally:
             if self._opening is paths:
                 with self.server.state as state:
@@ -310,13 +320,13 @@ class WebApp:
             if str(path).strip():
                 self.begin(self.open_files([user_path(str(path).strip(), "a volume or a session")]))
         except InputError as error:
-            self.report(str(error))
+            self.report(str(error), OPENING)
 
     def _open_sample(self) -> None:
         try:
             self.begin(self.open_files([sample_path()]))
         except InputError as error:
-            self.report(str(error))
+            self.report(str(error), OPENING)
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Have work done beside everything else, until it or the app ends."""

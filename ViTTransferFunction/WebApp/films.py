@@ -85,7 +85,7 @@ class Films:
                     self._show()
                 await asyncio.sleep(max(PAUSE_S, PAUSE_SHARE * (time.monotonic() - begun)))
         except InputError as error:
-            self._app.report(str(error))
+            self._app.report(str(error), "film")
             self._app.refresh()
         finally:
             if self._filming is filming:

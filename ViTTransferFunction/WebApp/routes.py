@@ -18,6 +18,7 @@ from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
 from .view_camera import save_camera
 from .view_pictures import asked_size, pack_picture, stage_picture
+from .volumes import OPENING
 
 if TYPE_CHECKING:
     from .app import WebApp
@@ -61,7 +62,7 @@ class Routes:
                 folder.mkdir()
                 await self._app.open_files(await receive_files(request, folder))
         except InputError as error:
-            self._app.report(str(error))
+            self._app.report(str(error), OPENING)
             self._app.refresh()
             return web.json_response({"error": str(error)}, status=400)
         return web.json_response({})

@@ -380,6 +380,25 @@ def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(opened: Calla
     opened(journey)
 
 
+def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        state = app.server.state
+        for grid in (200, 300):
+            app.actions("parameter", "grid", grid)
+        assert state.message == "The grid must have 4 to 128 cells; got 300."
+        for typed in ("/nowhere/a.nrrd", "/nowhere/b.nrrd", '"/nowhere/c.nrrd"'):
+            app._open_typed(typed)
+            await asyncio.gather(*app._tasks)
+        app.refresh()
+        first, second = state.message.split("\n\n")
+        assert "got 300" in first
+        assert "/nowhere/c.nrrd" in second
+        app.actions("parameter", "grid", 0)
+        assert state.message == second
+
+    opened(journey)
+
+
 def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         view, state = app.views.slices[0], app.server.state
