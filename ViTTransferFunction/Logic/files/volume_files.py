@@ -22,7 +22,7 @@ from ..core.volume import Volume
 from .dicom_folder import series_files
 from .dicom_frames import check_frames
 from .dicom_series import read_series
-from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels
+from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
 
 logger = logging.getLogger(__name__)
@@ -36,6 +36,9 @@ LARGEST_EXTENT_MM = 1e5
 _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 """In ITK's words where they are not as many as a header's directions in space have numbers."""
 
+_SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
+"""In headers of Slicer's segmentations, whatever they are called."""
+
 
 def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, series: str | None = None) -> Volume:
     """Read a scalar 3D volume.
@@ -48,11 +51,13 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
 
     Raises:
         SeveralSeries: more than one of the folder's series may be meant, or the wanted one is not there.
-        InputError: missing, unreadable, cut off, not a scalar 3D image, not lying anywhere in millimetres, or nothing to be
-            seen in it (`Volume`).
+        InputError: missing, unreadable, cut off, not a scalar 3D image, a segmentation of Slicer's, not lying anywhere in
+            millimetres, or nothing to be seen in it (`Volume`).
     """
     if series is not None and not is_folder(path):
         raise InputError(f"{path} is no folder of DICOM series; leave --series {shown(series)} out, or name the folder.")
+    if not is_folder(path):
+        _check_no_segmentation(path)
     image = _read_series(path, on_warning, series) if is_folder(path) else _read_file(path)
     if not is_folder(path) and image_format(path).reader == DICOM_READER:
         check_frames(path, image, on_warning)
@@ -117,6 +122,16 @@ def _geometry(image: sitk.Image | sitk.ImageFileReader, path: Path) -> Geometry:
             f"{path} does not say where it lies: its spacing is {spacing} mm, the directions of its axes "
             f"{tuple(image.GetDirection())}; expected finite numbers and three different axes. Save it again from its source."
         ) from error
+
+
+def _check_no_segmentation(path: Path) -> None:
+    """The numbers of segments would be taken for intensities: everything runs, and nothing of it means anything."""
+    start = read_start(path)
+    end = start.find(b"\n\n")  # None where the voxels are in another file.
+    if start.startswith(b"NRRD") and _SEGMENT.search(start, 0, len(start) if end < 0 else end):
+        raise InputError(
+            f"{path} is a segmentation; expected the scan that it is of. Open the file that the scan was read from."
+        )
 
 
 def _check_millimetres(geometry: Geometry, path: Path) -> None:

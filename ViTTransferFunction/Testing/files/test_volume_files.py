@@ -51,6 +51,15 @@ def turned_ramp() -> sitk.Image:
     return turned
 
 
+@pytest.mark.parametrize("name", ["scan.seg.nrrd", "renamed.nrrd"])
+def test_a_segmentation_is_not_taken_for_a_scan_whatever_it_is_called(tmp_path: Path, name: str) -> None:
+    labels = (ramp((4, 5, 6)) % 3).astype(np.uint8)
+    write_segmentation(tmp_path / "written.seg.nrrd", labels, Geometry(labels.shape, np.eye(4)), SEGMENTS)
+    path = (tmp_path / "written.seg.nrrd").rename(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name} is a segmentation; expected the scan that it is of"):
+        read_volume(path)
+
+
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
 def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending: str) -> None:
     source = turned_ramp()
