@@ -355,6 +355,24 @@ def test_what_is_typed_stays_while_the_page_changes(at_app: AppPage, volume: Pat
         assert page[field].input_value() == text
 
 
+def test_what_follows_the_mouse_in_a_slice_goes_when_it_leaves(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    before = page.wait_for_picture("Red", lambda picture: picture.max() > 200)
+    add_structure(page, 0)
+    box = page["view-Red"].bounding_box()
+    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    # The next point, and where it would be.
+    page.wait_for_picture("Red", lambda picture: changed_share(before, picture) > 0.0)
+    told = "document.querySelector(\"[data-testid='probe-Red']\").textContent"
+    page.page.wait_for_function(f"/^[RL] \\d+, [AP] \\d+, [SI] \\d+: -?\\d+$/.test({told})")
+    assert page["probe-Red"].is_visible()
+    page.keep_picture("under the mouse")
+    page.page.mouse.move(5, 5)
+    page.wait_for_picture("Red", lambda picture: changed_share(before, picture) == 0.0)
+    assert not page["probe-Red"].is_visible()
+
+
 def test_a_number_that_is_deleted_is_none_and_leaves_what_was(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)
