@@ -15,9 +15,9 @@ def sides(slice_to_ras: np.ndarray) -> dict[str, str]:
         slice_to_ras: (4, 4); its first two columns are where right and up on the screen lead in the patient, its third where
             larger offsets of the slice do.
     """
-    right, up, on = (_direction(slice_to_ras[:3, column]) for column in range(3))
-    left, down, back = (_direction(-slice_to_ras[:3, column]) for column in range(3))
-    return {"left": left, "right": right, "top": up, "bottom": down, "positive": on, "negative": back}
+    right, up, ahead = (_direction(slice_to_ras[:3, column]) for column in range(3))
+    left, down, behind = (_direction(-slice_to_ras[:3, column]) for column in range(3))
+    return {"left": left, "right": right, "top": up, "bottom": down, "positive": ahead, "negative": behind}
 
 
 def position_text(point_ras: np.ndarray) -> str:

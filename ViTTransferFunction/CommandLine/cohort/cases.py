@@ -82,6 +82,12 @@ def name_problem(name: str) -> str:
     )
 
 
+def told_name(name: str) -> str:
+    """A name that cannot be a case's, as the table has it: without what no file can hold, and no formula."""
+    text = "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in name)
+    return f"'{text}'" if text.startswith(("=", "+", "-", "@")) else text
+
+
 def _cases_in_table(path: Path) -> Iterator[Case]:
     try:
         # Spreadsheets put a mark in front of UTF-8.

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.cohort.cases import Case, name_problem, read_cases
+from ViTTransferFunction.CommandLine.cohort.cases import Case, name_problem, read_cases, told_name
 from ViTTransferFunction.CommandLine.cohort.cluster_size import largest_first, local_size, shared_out
 from ViTTransferFunction.CommandLine.cohort.dispatch import check_workers, run_jobs
 from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
@@ -58,7 +58,7 @@ def lead_cohort(args: argparse.Namespace) -> int:
     settings = _settings(args)
     jobs = {case.name: CaseJob(case, settings, folder) for case in cases}
     table = CohortTable(folder / TABLE, [case.name for case in all_cases])
-    table.outcomes |= {name: CaseOutcome(name, "refused", message=problem) for name, problem in refused.items()}
+    table.outcomes |= {name: CaseOutcome(told_name(name), "refused", message=problem) for name, problem in refused.items()}
     with only_cohort_in(folder):
         waiting = _take_finished(table, jobs)
         if waiting:

@@ -51,13 +51,7 @@ class CohortTable:
 def _row(outcome: CaseOutcome, structures: list[str]) -> list[str]:
     millilitres = (outcome.millilitres.get(name) for name in structures)
     figures = (_number(outcome.seconds, 1), *(_number(value, 3) for value in millilitres))
-    return [_text(outcome.case), outcome.status, *figures, " ".join(outcome.message.split())]
-
-
-def _text(name: str) -> str:
-    """A case's name as a spreadsheet does not compute it: one that is refused may be a formula."""
-    name = " ".join(name.split())
-    return f"'{name}'" if name.startswith(("=", "+", "-", "@")) else name
+    return [outcome.case, outcome.status, *figures, " ".join(outcome.message.split())]
 
 
 def _number(value: float | None, digits: int) -> str:

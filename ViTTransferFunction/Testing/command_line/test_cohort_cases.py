@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ViTTransferFunction.CommandLine.cohort.cases import name_problem, read_cases
+from ViTTransferFunction.CommandLine.cohort.cases import name_problem, read_cases, told_name
 from ViTTransferFunction.Logic.core.errors import InputError
 
 HEADING = "case,volume,annotations"
@@ -76,6 +76,15 @@ def test_a_table_that_lacks_something_is_refused(tmp_path: Path, lines: list[str
 )
 def test_a_name_that_would_lead_elsewhere_or_be_no_file_everywhere_cannot_be_a_cases(name: str) -> None:
     assert "cannot be the name of a case" in name_problem(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("=1+1", "'=1+1'"), ("M\udcfcller", "M\\udcfcller"), ("a\n\x1b[31m", "a\\n\\x1b[31m"), ("a*", "a*")]
+)
+def test_a_name_that_cannot_be_a_cases_can_be_written_into_a_table(name: str, told: str) -> None:
+    assert told_name(name) == told
+    assert name_problem(name).isprintable()
+    assert (told_name(name) + name_problem(name)).encode()
 
 
 @pytest.mark.parametrize("name", ["Müller, Ä", "case 1 (2).b", "_a+b-c", "肝"])

@@ -20,8 +20,8 @@
 
   // What other programs have on Ctrl, or Cmd: a browser would undo in a field, or save its page.
   function withControl(event) {
-    const key = event.key.toLowerCase();
-    const action = { z: event.shiftKey ? "redo" : "undo", y: "redo", s: "save" }[key];
+    const key = (event.shiftKey ? "Shift+" : "") + event.key.toLowerCase();
+    const action = { z: "undo", "Shift+z": "redo", y: "redo", s: "save" }[key];
     if (event.altKey || !action || (action !== "save" && isTyping(event.target))) return;
     event.preventDefault();
     if (document.querySelector(".backdrop")) return;
