@@ -30,7 +30,7 @@ class ProgressBar:
             self._draw(done, total, what)
         elif what != self._named:
             self._named = what
-            print(f"{what}…", file=sys.stderr, flush=True)
+            print(f"{what}...", file=sys.stderr, flush=True)
 
     def _draw(self, done: int, total: int, what: str) -> None:
         if self._bar is None or self._bar.desc != what or self._bar.total != total:

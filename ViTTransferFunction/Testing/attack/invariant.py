@@ -26,7 +26,7 @@ LONGEST_SENTENCE = 1500
 REFUSED, INTERRUPTED, TERMINATED = 2, 130, 143
 """Exit codes."""
 _PROGRESS = re.compile(r"^[^|]*\d+%\|[^|]*\|[^\[\]]*\[[^\]]*\] ?|^\d+it \[[^\]]*\] ?")
-_OURS = re.compile(r"^WARNING: (?!In )|^[A-Z].*…$")
+_OURS = re.compile(r"^WARNING: (?!In )|^[A-Z].*\.\.\.$")
 """Warnings, and what is being done, which `ProgressBar` names."""
 _JARGON = re.compile(r"0x[0-9a-f]{6,}|\.[ch]xx|object at |\.writing-|<class ")
 

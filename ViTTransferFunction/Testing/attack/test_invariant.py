@@ -61,7 +61,7 @@ def test_what_is_said_otherwise_is_found(place: Place, outcome: Outcome, message
 def test_our_own_warnings_and_progress_bars_are_no_further_sentences(place: Place) -> None:
     bar = "\rComputing features:  50%|█████     | 1/2 [00:02<00:02,  2.24s/it]"
     assert judged(place, ended(2, f"{bar}\nWARNING: slices may be missing.\n{bar}{REFUSAL}")) == []
-    assert judged(place, ended(2, f"Computing features…\nWARNING: slices may be missing.\n{REFUSAL}")) == []
+    assert judged(place, ended(2, f"Computing features...\nWARNING: slices may be missing.\n{REFUSAL}")) == []
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_a_log_gets_no_bar_but_what_is_being_done(monkeypatch: pytest.MonkeyPatc
         for what, total in (("Computing features", 3), ("Segmenting", 5)):
             for done in range(total):
                 progress(done, total, what)
-    assert log.getvalue() == "Computing features…\nSegmenting…\n"
+    assert log.getvalue() == "Computing features...\nSegmenting...\n"
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "cp932"])
