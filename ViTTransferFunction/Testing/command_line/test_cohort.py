@@ -28,6 +28,8 @@ from ViTTransferFunction.Testing.support import cohort_worker
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 dask = pytest.importorskip("dask")
+# Now: where it is first loaded while a test has set something of Dask, its own defaults go with that.
+pytest.importorskip("distributed")
 pytest.importorskip("cryptography")
 psutil = pytest.importorskip("psutil")
 
