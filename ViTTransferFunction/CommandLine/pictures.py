@@ -11,10 +11,10 @@ from ViTTransferFunction.CommandLine.canvas import PictureSegment
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE
 from ViTTransferFunction.Logic.scene.png_file import save_png

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from ViTTransferFunction.CommandLine.canvas import PictureSegment
     from ViTTransferFunction.CommandLine.rendering_picture import Rendering
+    from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
     from ViTTransferFunction.Logic.core.camera import Camera, Direction, Size
     from ViTTransferFunction.Logic.core.progress import Progress
     from ViTTransferFunction.Logic.core.volume import Volume
-    from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
     from ViTTransferFunction.Logic.files.film import FilmPlan
 
 VIEW_DEGREES = {

@@ -23,9 +23,9 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.file_names import file_stem
 
 if TYPE_CHECKING:
+    from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
     from ViTTransferFunction.Logic.core.class_request import ClassRequest
     from ViTTransferFunction.Logic.core.geometry import Geometry
-    from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
     from ViTTransferFunction.Logic.session.refined_map import RefinedMap
     from ViTTransferFunction.Logic.session.segmentation_session import Segmentation
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap

@@ -1,14 +1,17 @@
-"""Annotations from files: our own JSON, or Slicer's point lists."""
+"""Annotations from files and to them: our own JSON, or, only from them, Slicer's point lists."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, as_points, check_name, check_share, no_points
+from ..core.annotated_class import AnnotatedClass
+from ..core.atomic_file import replacing
+from ..core.class_request import ClassRequest, as_points, check_name, no_points
 from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
 from ..core.errors import InputError, shown
@@ -21,34 +24,6 @@ CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "i
 
 NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}
 """Sizes of `ClassRequest` that have a name."""
-
-
-@dataclass(frozen=True)
-class AnnotatedClass:
-    """A class as a file describes it: what is asked about it, and how it is to be shown.
-
-    Attributes:
-        request: points and settings; its id is the class's name.
-        color: red, green, blue in [0, 1].
-        opacity: of its rendering, in [0, 1].
-        close_up_from_map: whether the request's close-up is still to be chosen, from the class's map.
-
-    Raises:
-        InputError: the opacity is out of range.
-    """
-
-    request: ClassRequest
-    color: Color
-    opacity: float = 1.0
-    close_up_from_map: bool = False
-
-    def __post_init__(self) -> None:
-        check_share(self.opacity, "opacity", self.request.name)
-
-    @property
-    def name(self) -> str:
-        """What the user calls the class."""
-        return self.request.name
 
 
 def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
@@ -72,6 +47,49 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')
     to_ras = _to_ras_matrix(content.get("coordinate_system"), geometry, path)
     return [_parse_class(entry, index, to_ras, path) for index, entry in enumerate(classes)]
+
+
+def write_annotations(classes: Sequence[AnnotatedClass], path: Path) -> None:
+    """Write classes as an annotation file, whole or not at all. Read again, they are equal but for ids, which are their names.
+
+    Args:
+        classes: of different names: the file has no other way to tell them apart.
+        path: JSON.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    entries = ",\n  ".join(json.dumps(_entry(annotated), ensure_ascii=False) for annotated in classes)
+    with replacing(path) as temporary:
+        temporary.write_text(f'{{"coordinate_system": "RAS",\n "classes": [\n  {entries}]}}\n', encoding="utf-8")
+
+
+def _entry(annotated: AnnotatedClass) -> dict[str, Any]:
+    """What the file says of a class; what is as it would be anyway, it leaves out."""
+    request = annotated.request
+    entry: dict[str, Any] = {
+        "name": request.name,
+        "color": annotated.color,
+        "positive": request.positive.tolist(),
+        "negative": request.negative.tolist(),
+    }
+    settings = {
+        "opacity": (annotated.opacity, 1.0),
+        "iso": (request.iso, None),
+        # Of no effect beside an iso, and refused there.
+        "size": (request.size if request.iso is None else 0.0, 0.0),
+        "proximity": (request.proximity, 0.0),
+        "refine": (request.refine, True),
+        "close_up": (_close_up_entry(annotated), None),
+    }
+    return entry | {field: value for field, (value, otherwise) in settings.items() if value != otherwise}
+
+
+def _close_up_entry(annotated: AnnotatedClass) -> dict[str, Any] | bool | None:
+    if annotated.close_up_from_map:
+        return True
+    close_up = annotated.request.close_up
+    return None if close_up is None else {"center": close_up.centre_ras, "size_mm": close_up.size_mm}
 
 
 def read_markups(path: Path) -> np.ndarray:

@@ -18,11 +18,11 @@ from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import ClassResult, Segmentation, SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings

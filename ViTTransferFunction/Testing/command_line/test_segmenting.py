@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features

@@ -11,10 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.files.annotation_files import classes_from_markups, read_annotations, read_markups
+from ViTTransferFunction.Logic.core.given_numbers import FARTHEST
+from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ViTTransferFunction.Logic.files.annotation_files import (
+    classes_from_markups,
+    read_annotations,
+    read_markups,
+    write_annotations,
+)
 
 GEOMETRY = Geometry((20, 30, 40), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 POINTS_IJK = np.array([[3.0, 4.0, 5.0], [10.5, 20.25, 15.0]])
@@ -25,6 +37,60 @@ BOX: dict[str, Any] = {"center": [1, 2, 3], "size_mm": [30, 20, 25.5]}
 def write(path: Path, content: Any) -> Path:
     path.write_text(json.dumps(content), encoding="utf-8")
     return path
+
+
+coordinates = st.floats(-FARTHEST, FARTHEST).map(lambda value: value + 0.0)  # No negative zero: reading makes it a zero.
+shares = st.floats(0.0, 1.0)
+
+
+def points_of(least: int) -> st.SearchStrategy[np.ndarray]:
+    return st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=least, max_size=4).map(
+        lambda points: np.array(points, dtype=np.float64).reshape(-1, 3)
+    )
+
+
+edges_mm = st.floats(0.0, FARTHEST, exclude_min=True, exclude_max=True)
+centres_mm = coordinates.filter(lambda value: abs(value) < FARTHEST)
+close_ups = st.builds(CloseUp, st.tuples(centres_mm, centres_mm, centres_mm), st.tuples(edges_mm, edges_mm, edges_mm))
+names = st.text(st.characters(exclude_categories=("Cc", "Cs")), min_size=1, max_size=20).filter(str.strip)
+thresholds: st.SearchStrategy[dict[str, Any]] = st.one_of(
+    st.fixed_dictionaries({"iso": shares}), st.fixed_dictionaries({"size": st.floats(SMALLEST_SIZE, LARGEST_SIZE)})
+)
+
+
+@st.composite
+def annotated_classes(draw: st.DrawFn) -> AnnotatedClass:
+    """Any class that has either a threshold or a size, and either a box or the wish for one."""
+    from_map = draw(st.booleans())
+    request = ClassRequest(
+        draw(names),
+        draw(points_of(least=1)),
+        draw(points_of(least=0)),
+        proximity=draw(shares),
+        refine=draw(st.booleans()),
+        close_up=None if from_map else draw(st.none() | close_ups),
+        **draw(thresholds),
+    )
+    return AnnotatedClass(request, draw(st.tuples(shares, shares, shares)), draw(shares), close_up_from_map=from_map)
+
+
+@given(st.lists(annotated_classes(), max_size=3))
+def test_what_is_written_and_read_again_is_equal(
+    tmp_path_factory: pytest.TempPathFactory, classes: list[AnnotatedClass]
+) -> None:
+    path = tmp_path_factory.mktemp("written") / "scan.annotations.json"
+    write_annotations(classes, path)
+    assert read_annotations(path, GEOMETRY) == classes
+
+
+def test_what_is_written_says_only_what_was_decided_a_class_a_line(tmp_path: Path) -> None:
+    request = ClassRequest("3f", np.array([[1.0, 2.0, 3.5]]), iso=0.5, size=1.0, name="Leber – groß")
+    write_annotations([AnnotatedClass(request, (1.0, 0.0, 0.5))], tmp_path / "a.json")
+    assert (tmp_path / "a.json").read_text(encoding="utf-8").splitlines() == [
+        '{"coordinate_system": "RAS",',
+        ' "classes": [',
+        '  {"name": "Leber – groß", "color": [1.0, 0.0, 0.5], "positive": [[1.0, 2.0, 3.5]], "negative": [], "iso": 0.5}]}',
+    ]
 
 
 def one_class(**fields: Any) -> dict[str, Any]:

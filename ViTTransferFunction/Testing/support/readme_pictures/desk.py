@@ -14,9 +14,9 @@ from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
 
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.views import look_from, pixels, slice_pixel

@@ -21,9 +21,10 @@ from ViTTransferFunction.CommandLine.pictures import open_rendering, shown_segme
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.CommandLine.rendering_picture import with_legend
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.progress import Progress
 from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.files.annotation_files import AnnotatedClass, read_annotations
+from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.view_picture import placed_camera

@@ -1,0 +1,36 @@
+"""A class as annotation files have it: what is asked about it, and how it is to be shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .class_request import ClassRequest, check_share
+from .colors import Color
+
+
+@dataclass(frozen=True)
+class AnnotatedClass:
+    """A class as a file describes it.
+
+    Attributes:
+        request: points and settings; its id is the class's name.
+        color: red, green, blue in [0, 1].
+        opacity: of its rendering, in [0, 1].
+        close_up_from_map: whether the request's close-up is still to be chosen, from the class's map.
+
+    Raises:
+        InputError: the opacity is out of range.
+    """
+
+    request: ClassRequest
+    color: Color
+    opacity: float = 1.0
+    close_up_from_map: bool = False
+
+    def __post_init__(self) -> None:
+        check_share(self.opacity, "opacity", self.request.name)
+
+    @property
+    def name(self) -> str:
+        """What the user calls the class."""
+        return self.request.name
