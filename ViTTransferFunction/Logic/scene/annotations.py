@@ -85,6 +85,12 @@ class SceneAnnotations:
             create_class(self._scene, self._parameter_node, state)
         return state
 
+    def add_classes(self, states: Sequence[ClassState]) -> None:
+        """Add classes with all that they have, after the others; one step for undo."""
+        with self._edit():
+            for state in states:
+                create_class(self._scene, self._parameter_node, state)
+
     def duplicate_class(self, id_: str) -> ClassState:
         """Add a class with the same settings and points below a class.
 

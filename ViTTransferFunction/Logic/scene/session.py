@@ -18,12 +18,14 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
+from ..core.annotated_class import AnnotatedClass
 from ..core.class_map import is_near
 from ..core.errors import InputError
-from ..core.geometry import transform_points
+from ..core.geometry import Geometry, transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .added_scene import AddedScene
+from .annotated_classes import annotated_classes, class_states
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .classes import ClassState, EdgesMm, Polarity
@@ -229,6 +231,47 @@ class SceneSession:
         self._other_segments.choose_continued(segment_id)
         self._use_segment_points()
         self._notify()
+
+    @property
+    def file_geometry(self) -> Geometry:
+        """The volume's grid as its file has it, without transforms of the scene: what annotation files speak of.
+
+        Raises:
+            InputError: there is no volume that could be annotated.
+        """
+        if self.parameters.volume is None or self._volume.content is None:
+            raise InputError("There is no scan that the points could belong to; open it first.")
+        return self._volume.content.geometry
+
+    def annotated_classes(self) -> list[AnnotatedClass]:
+        """What is asked about the classes as they are now, for an annotation file: `vittf segment` asks the same by it.
+
+        Points of other segments that count as outside are among it.
+
+        Raises:
+            InputError: there is no volume, no class has a point in it, or two classes have one name.
+        """
+        return annotated_classes(self.classes, self._requests, self.file_geometry)
+
+    def add_annotated_classes(self, annotated: Sequence[AnnotatedClass]) -> None:
+        """Add classes as an annotation file has them, and select the first of them; one step for undo.
+
+        Whose box is still to be chosen begins in the whole volume, and the user is told.
+
+        Raises:
+            InputError: there is no volume, no class, two of one name, or a point outside the volume.
+        """
+        states = class_states(annotated, self.classes, self.parameters.volume, self.file_geometry)
+        self.annotations.add_classes(states)
+        self.select_class(states[0].id)
+        unchosen = [each.name for each in annotated if each.close_up_from_map]
+        if unchosen:
+            self._problems.put(
+                "close-up",
+                f"To be looked at closer, says the file: {', '.join(unchosen)}. Select each, and press Look closer when it is "
+                "shown; until then, it is looked at in the whole scan.",
+            )
+            self._notify()
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""

@@ -1,0 +1,84 @@
+"""Classes of the scene as annotation files have them, and back: files speak of a volume as it lies in its own file.
+
+That is the volume's local frame. A transform that the volume is under in the scene moves its points there and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..core.annotated_class import AnnotatedClass
+from ..core.class_request import check_requests
+from ..core.geometry import Geometry, transform_points
+from .class_requests import ClassRequests
+from .classes import ClassState, changed, new_class_state
+from .point_lists import Point
+from .volume import matrix_to_world
+
+
+def annotated_classes(states: Sequence[ClassState], asked: ClassRequests, geometry: Geometry) -> list[AnnotatedClass]:
+    """What is asked about classes, so that it can be asked again elsewhere and gives the same.
+
+    Args:
+        states: the classes.
+        asked: what is asked about them. What is not is left out: classes without a point in the volume, and points beyond it.
+        geometry: of the volume, in its local frame.
+
+    Raises:
+        InputError: nothing is asked, or two classes have one name.
+    """
+    annotated = []
+    for state in states:
+        request = asked.of(state.id)
+        if request is not None:
+            # The box in use: of one that a point enlarged, and that holds none any more, `vittf` would think it a mistake.
+            box = request.close_up and request.close_up.enlarged(geometry, request.positive)
+            named = replace(request, id=request.name, close_up=box)
+            annotated.append(AnnotatedClass(named, state.color, state.look.opacity))
+    check_requests([each.request for each in annotated], geometry)
+    return annotated
+
+
+def class_states(
+    annotated: Sequence[AnnotatedClass], existing: Sequence[ClassState], volume_node: Any, geometry: Geometry
+) -> list[ClassState]:
+    """Classes that ask what annotated ones do, as they are to be added to a scene; of boxes only those that are there.
+
+    Args:
+        annotated: in the volume's local frame.
+        existing: the classes that are in the scene.
+        volume_node: which volume.
+        geometry: of its voxels, in its local frame.
+
+    Raises:
+        InputError: there are none, two have one name, or a point lies outside the volume, which is under a linear transform
+            at most.
+    """
+    check_requests([each.request for each in annotated], geometry)
+    to_world = matrix_to_world(volume_node)
+    return [_class_state(each, existing, to_world) for each in annotated]
+
+
+def _class_state(annotated: AnnotatedClass, existing: Sequence[ClassState], to_world: np.ndarray) -> ClassState:
+    request = annotated.request
+    box = request.close_up
+    state = replace(
+        new_class_state(list(existing), request.name, annotated.color),
+        positive=_points(request.positive, to_world),
+        negative=_points(request.negative, to_world),
+        iso=request.iso,
+        size=request.size,
+        proximity=request.proximity,
+        refine=request.refine,
+        close_up=(*_points(np.array([box.centre_ras]), to_world)[0], *box.size_mm) if box else None,
+    )
+    return changed(state, opacity=annotated.opacity)
+
+
+def _points(points_ras: np.ndarray, to_world: np.ndarray) -> tuple[Point, ...]:
+    """Points (N, 3) of a local frame, in the scene's."""
+    return tuple((x, y, z) for x, y, z in transform_points(to_world, points_ras).tolist())
