@@ -140,8 +140,12 @@ def _map_path(folder: Path, name: str) -> Path:
 
 
 def _print_summary(segmentation: Segmentation, output: Path) -> None:
-    for result in segmentation.classes:
-        print(f"  {result.name}: {result.millilitres:.1f} ml, {result.voxels} voxels, iso {result.iso:.2f}")
+    from ViTTransferFunction.Logic.files.segmentation_files import is_slicer_segmentation
+
+    for label, result in enumerate(segmentation.classes, start=1):
+        # A label map keeps no names: nothing else says which number is which.
+        of_label_map = "" if is_slicer_segmentation(output) else f"label {label}, "
+        print(f"  {result.name}: {of_label_map}{result.millilitres:.1f} ml, {result.voxels} voxels, iso {result.iso:.2f}")
     print(f"Segmentation: {output}")
 
 

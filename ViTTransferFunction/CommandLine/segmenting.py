@@ -127,8 +127,14 @@ def segmentation_report(
         "seconds": {step: round(seconds, 3) for step, seconds in session.watch.seconds.items()},
         "peak_memory_bytes": peak_memory_bytes(),
         "classes": [
-            {"name": c.name, "iso": round(c.iso, 4), "voxels": c.voxels, "millilitres": round(c.millilitres, 3)}
-            for c in segmentation.classes
+            {
+                "name": c.name,
+                "label": label,
+                "iso": round(c.iso, 4),
+                "voxels": c.voxels,
+                "millilitres": round(c.millilitres, 3),
+            }
+            for label, c in enumerate(segmentation.classes, start=1)
         ],
     }
 

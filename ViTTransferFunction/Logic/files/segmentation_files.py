@@ -44,6 +44,11 @@ def check_segmentation_path(path: Path) -> None:
         raise InputError(f"{path} has no known ending; expected .seg.nrrd (a Slicer segmentation) or a label map: {known}.")
 
 
+def is_slicer_segmentation(path: Path) -> bool:
+    """Whether a file of this name keeps names and colours, and not numbers only."""
+    return path.name.lower().endswith(".seg.nrrd")
+
+
 def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segments: Sequence[Segment]) -> None:
     """Write a label map with its segments' names and colours, whole or not at all.
 
@@ -58,7 +63,7 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
     """
     check_segmentation_path(path)
     labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16, copy=False)
-    write_image(path, labels, geometry, _segment_tags(labels.shape, segments) if _is_slicer_segmentation(path) else {})
+    write_image(path, labels, geometry, _segment_tags(labels.shape, segments) if is_slicer_segmentation(path) else {})
 
 
 def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
@@ -74,7 +79,7 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
     """
     labels, geometry, tags = read_image(path)
     _check_whole_numbers(labels, path)
-    by_label = _segments_from_tags(tags, path) if _is_slicer_segmentation(path) else _numbered_segments(labels, path)
+    by_label = _segments_from_tags(tags, path) if is_slicer_segmentation(path) else _numbered_segments(labels, path)
     relabelled = np.zeros(labels.shape, dtype=np.uint16)
     for index, label in enumerate(by_label):
         relabelled[labels == label] = index + 1
@@ -144,10 +149,6 @@ def _lies_in_its_place(path: Path, meant: Geometry) -> bool:
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * (np.array(meant.shape[::-1]) - 1)
     off_mm = np.abs(stored.ijk_to_ras_points(corners) - meant.ijk_to_ras_points(corners)).max()
     return stored.shape == meant.shape and bool(off_mm <= LARGEST_SHIFT_VOXELS * meant.spacing_mm.min())
-
-
-def _is_slicer_segmentation(path: Path) -> bool:
-    return path.name.lower().endswith(".seg.nrrd")
 
 
 def _segment_tags(shape: tuple[int, ...], segments: Sequence[Segment]) -> dict[str, str]:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
+from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.files.annotation_files import write_annotations
+from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
@@ -45,3 +51,20 @@ def test_a_point_that_is_positive_and_negative_is_warned_of(spheres: Spheres) ->
     first, *others = requests_of(spheres)
     (warning,) = warnings_of(spheres, [replace(first, negative=np.concatenate([first.positive, others[0].positive])), *others])
     assert warning.startswith("Class 'sphere 1': of 1 positive points, 1 stand among the negative ones as well")
+
+
+@pytest.mark.parametrize("ending", [".nii.gz", ".seg.nrrd"])
+def test_which_number_of_a_label_map_is_which_class_is_printed_and_reported(
+    spheres: Spheres, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
+) -> None:
+    cache_known_features(*spheres)
+    scan, points, output, report = (tmp_path / name for name in ("scan.nrrd", "a.json", f"out{ending}", "report.json"))
+    write_image(scan, spheres[0].array, spheres[0].geometry)
+    write_annotations([AnnotatedClass(request, (1.0, 0.0, 0.0)) for request in requests_of(spheres)], points)
+    arguments = ["segment", str(scan), "--annotations", str(points), "--grid", str(GRID), "--refine", "none"]
+    assert main([*arguments, "-o", str(output), "--report", str(report)]) == 0
+    labels, printed = read_segmentation(output)[0], capsys.readouterr().out
+    for label, entry in enumerate(json.loads(report.read_text())["classes"], start=1):
+        assert (entry["name"], entry["label"], entry["voxels"]) == (f"sphere {label}", label, np.sum(labels == label))
+        of_label_map = f"label {label}, " if ending == ".nii.gz" else ""
+        assert f"  sphere {label}: {of_label_map}{entry['millilitres']:.1f} ml, " in printed
