@@ -34,6 +34,7 @@ from .extraction import ExtractionButton
 from .films import Films
 from .page import build_page
 from .panel_state import session_state
+from .points_file import add_points, are_points
 from .private_folder import private_folder
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
@@ -257,8 +258,12 @@ class WebApp:
     async def open_files(self, paths: list[Path], series: str | None = None) -> None:
         """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown.
 
+        A file of points is no scan: its structures are added to the one that is open.
         Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
         """
+        if are_points(paths):
+            self._add_points(paths[0])
+            return
         self._opening = paths
         self.try_again(OPENING)
         self.series.answer("")
@@ -277,6 +282,15 @@ class WebApp:
                 with self.server.state as state:
                     state.opening = ""
                 self.refresh()
+
+    def _add_points(self, path: Path) -> None:
+        try:
+            if self.server.state.opening:
+                raise InputError(f"A scan is just being opened. Open {path.name} again when it is there.")
+            add_points(self.session, path)
+        except InputError as error:
+            self.report(str(error))
+        self.refresh()
 
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""
@@ -318,7 +332,7 @@ class WebApp:
         """Open a path that the user typed."""
         try:
             if str(path).strip():
-                self.begin(self.open_files([user_path(str(path).strip(), "a volume or a session")]))
+                self.begin(self.open_files([user_path(str(path).strip(), "a volume, a session or points")]))
         except InputError as error:
             self.report(str(error), OPENING)
 

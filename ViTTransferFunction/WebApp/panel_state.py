@@ -65,6 +65,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "can_undo": session.annotations.can_undo,
         "can_redo": session.annotations.can_redo,
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
+        "annotated": annotated,
         "can_write": ready and annotated,
         "written": _has_our_segments(session),
         "segments": _other_segments(session),

@@ -1,4 +1,4 @@
-"""What the browser sends and fetches as files: volumes and sessions up, segments and sessions down."""
+"""What the browser sends and fetches as files: volumes, sessions and points up, segments, sessions and points down."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from aiohttp import web
 
 from ..Logic.core.errors import Cancelled, InputError
+from ..Logic.core.file_names import kept_name
 from ..Logic.core.progress import Progress
+from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
 from .packing import gzip_nrrd, zip_folder
+from .points_file import save_points
 from .private_folder import private_folder
 from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
@@ -50,6 +54,7 @@ class Routes:
         router.add_post(self._path("upload"), self._upload)
         router.add_get(self._path("download/segmentation"), self._download_segmentation)
         router.add_get(self._path("download/session"), self._download_session)
+        router.add_get(self._path("download/points"), self._download_points)
         router.add_get(self._path("download/picture"), self._download_picture)
         router.add_get(self._path("download/camera"), self._download_camera)
         router.add_get(self._path("download/film"), self._download_film)
@@ -81,6 +86,12 @@ class Routes:
         if response.status == 200 and self._app.session is session:
             self._app.mark_saved(classes)
         return response
+
+    async def _download_points(self, request: web.Request) -> web.StreamResponse:
+        session, volume = self._app.session, self._app.session.parameters.volume
+        # As `vittf cohort` looks for it.
+        name = kept_name(volume.GetName() if volume else "") + ANNOTATIONS_ENDING
+        return await self._send(request, name, lambda staged: save_points(session, staged), _as_it_is)
 
     async def _download_picture(self, request: web.Request) -> web.StreamResponse:
         asked, window = request.query, self._app.views.view_3d.render_window()
@@ -155,7 +166,9 @@ def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
 
 async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:
     """Send a file, which the browser keeps under a name."""
-    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Content-Type": "application/octet-stream"}
+    plain = re.sub(r'[^ -~]|["\\\\]', "_", name)
+    disposition = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name)}"
+    headers = {"Content-Disposition": disposition, "Content-Type": "application/octet-stream"}
     response = web.StreamResponse(headers=headers)
     with path.open("rb") as file:
         response.content_length = path.stat().st_size

@@ -14,6 +14,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from ..Logic.core.errors import InputError, shown
 from ..Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
+from .points_file import POINTS_ENDING, are_points
 
 LARGEST_UPLOAD = 4 << 30
 """Bytes of all files that are sent together: a CT of 1024×1024×2048 voxels."""
@@ -38,7 +39,7 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
 
     Returns:
         The files, in the order in which they were sent. Names are kept as far as they are harmless. What lies beside slices of
-        DICOM, as viewers, notes and `.DS_Store` do, is passed over.
+        DICOM, as viewers, notes and `.DS_Store` do, is passed over; so are points, which are sent by themselves.
 
     Raises:
         InputError: not a multipart request, too large, too many, a file that is no image where there are no slices, or a header
@@ -87,10 +88,15 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
         raise
     except (ValueError, HttpProcessingError, web.RequestPayloadError, ConnectionError) as error:
         raise InputError("The files did not arrive whole; send them again.") from error
+    if not are_points(received):
+        for path in [path for path in received if are_points([path])]:
+            foreign = foreign or path.name
+            received.remove(path)
+            path.unlink()
     if foreign and not has_slices:
         raise InputError(
             f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
-            "MetaImage (.mha), or a saved session (.mrb)."
+            "MetaImage (.mha), a saved session (.mrb), or points by themselves (.annotations.json)."
         )
     if not received:
         raise InputError("No file was sent.")
@@ -138,7 +144,7 @@ def _candidates(name: str) -> Iterator[str]:
 
 def _is_known(path: Path, start: bytes) -> bool:
     """Whether a file is of a kind that can be opened, by its name or by its first bytes."""
-    known = image_ending(path) is not None or path.name.lower().endswith((*_BESIDE_HEADERS, *_SCENES))
+    known = image_ending(path) is not None or path.name.lower().endswith((*_BESIDE_HEADERS, *_SCENES, POINTS_ENDING))
     return known or is_dicom_start(start)
 
 

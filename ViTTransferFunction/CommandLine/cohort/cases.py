@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ViTTransferFunction.Logic.core.errors import InputError, shown
 from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
+from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 
 logger = logging.getLogger(__name__)
 
@@ -21,8 +22,6 @@ SERIES_COLUMN = "series"
 """Of the table, where volumes are folders with several DICOM series."""
 VOLUME_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd")
 """What is taken for a volume in a folder; a table may name any file that SimpleITK reads."""
-ANNOTATIONS_ENDING = ".annotations.json"
-"""Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
 FOLDER_ANNOTATIONS = "annotations.json"
 """In a folder of DICOM files."""
 

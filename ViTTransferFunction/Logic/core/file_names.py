@@ -13,6 +13,8 @@ _DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port 
 
 LONGEST_NAME_BYTES = 200
 """Files on most disks have names of up to 255 bytes, and endings follow."""
+_IN_NO_NAME = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
+"""Characters that some system takes in no file's name."""
 _LOOKS_LIKE_ENDING = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,3}")
 """Of another kind of file, such as .jpg or .webm. What else follows a dot is part of the name, as in 'liver 2.5' or 'No. 3'."""
 
@@ -43,6 +45,12 @@ def file_stem(name: str) -> str:
     stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
     stem = stem.encode()[:LONGEST_NAME_BYTES].decode(errors="ignore").strip()
     return f"_{stem}" if not stem or is_device(stem) else stem
+
+
+def kept_name(name: str) -> str:
+    """A volume's name as a file's: where a file was called so, the same to the last dot, since others look for it by that."""
+    kept = _IN_NO_NAME.sub("_", name.encode(errors="replace")[:LONGEST_NAME_BYTES].decode(errors="ignore")).strip()
+    return f"_{kept}" if kept.strip(".") == "" or is_device(kept) else kept
 
 
 def is_device(name: str) -> bool:

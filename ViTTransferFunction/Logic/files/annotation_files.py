@@ -20,6 +20,9 @@ from ..core.given_numbers import FARTHEST, is_number
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from .json_files import read_json
 
+ANNOTATIONS_ENDING = ".annotations.json"
+"""Follows the volume's name without its ending. `scan.json` alone is what converters of DICOM write beside `scan.nii.gz`."""
+
 CLASS_FIELDS = frozenset({"name", "color", "opacity", "positive", "negative", "iso", "size", "proximity", "refine", "close_up"})
 
 NAMED_SIZES = {"smaller": -1.0, "larger": 1.0}

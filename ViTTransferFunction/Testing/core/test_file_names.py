@@ -1,4 +1,4 @@
-"""Endings of names that users give to files."""
+"""Names of files: with an ending, and as they were."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_names import with_ending
+from ViTTransferFunction.Logic.core.file_names import kept_name, with_ending
 
 FILM = (".gif", ".mp4")
 
@@ -35,3 +35,16 @@ def test_a_file_that_was_not_chosen_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "liver 2.5.gif").touch()
     with pytest.raises(InputError, match="is there already"):
         with_ending(tmp_path / "liver 2.5", FILM)
+
+
+@pytest.mark.parametrize("name", ["scan", "a.b", "CT 3.2 Müller", "肝臓", "x" * 200])
+def test_a_name_that_a_file_has_is_kept(name: str) -> None:
+    assert kept_name(name) == name
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [("a/b\\c:d", "a_b_c_d"), ("", "_"), ("..", "_.."), ("NUL", "_NUL"), ("\udc80\n", "__"), ("ü" * 200, "ü" * 100)],
+)
+def test_what_some_system_takes_in_no_file_s_name_is_replaced(name: str, kept: str) -> None:
+    assert kept_name(name) == kept

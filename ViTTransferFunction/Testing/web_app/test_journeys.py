@@ -257,6 +257,29 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     page.wait_for_state(f"volume_name === '{volume.stem.replace(' ', '_')}' && opening === ''")
 
 
+def test_points_are_downloaded_and_dropped_on_the_scan_without_a_question(
+    at_app: AppPage, volume: Path, tmp_path: Path
+) -> None:
+    page = at_app
+    open_volume(page, volume)
+    add_structure(page, 0)
+    click_at(page, page.extent_in("Red"), 18, 24)
+    page.wait_for_state("classes[0].positive === 1")
+    page.keep_picture("points to download")
+    with page.page.expect_download() as download:
+        page["download-points"].click()
+    assert download.value.suggested_filename == f"{volume.stem}.annotations.json"
+    download.value.save_as(tmp_path / download.value.suggested_filename)
+    drop(page, tmp_path / download.value.suggested_filename)
+    page.wait_for_state("classes.length === 2 && classes[1].positive === 1")
+    assert not page["dropped"].count()
+    page.keep_picture("points dropped")
+    page["open"].click()
+    page["open-dialog"].wait_for()
+    page.keep_picture("open dialog")
+    page.page.keyboard.press("Escape")
+
+
 def test_a_folder_that_cannot_be_read_is_told_of(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)

@@ -123,7 +123,16 @@ def test_a_link_at_the_place_of_a_file_is_not_followed(send: Send, folder: Path,
     assert precious.read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize("name", ["run.sh", "page.html", "module.py", "weights.pth", "scan.raw.exe", "scene.mrml", "noending"])
+def test_points_beside_slices_are_passed_over_and_by_themselves_they_are_kept(send: Send) -> None:
+    series = send(("s/IM1", DICOM), ("s/annotations.json", b"{}"))
+    assert [path.name for path in series if isinstance(path, Path)] == ["IM1"]
+    alone = send(("scan.annotations.json", b"{}"))
+    assert [path.name for path in alone if isinstance(path, Path)] == ["scan.annotations.json"]
+
+
+@pytest.mark.parametrize(
+    "name", ["points.json", "run.sh", "page.html", "module.py", "weights.pth", "scan.raw.exe", "scene.mrml", "noending"]
+)
 def test_what_is_no_image_is_refused(send: Send, folder: Path, name: str) -> None:
     assert "no known format" in refused(send(("good.raw", b"voxels"), (name, b"#!/bin/sh")), folder)
 

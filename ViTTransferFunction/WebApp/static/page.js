@@ -152,7 +152,9 @@
       // A part of a series would look like another one.
       return act("notReadable", String(error.message));
     }
-    if (!state("unsaved")) return send(files);
+    // Points are added to what is open.
+    const arePoints = files.length === 1 && files[0].name.toLowerCase().endsWith(".json");
+    if (!state("unsaved") || arePoints) return send(files);
     dropped = files;
     set("asking_dropped", files.length > 0);
   });
