@@ -23,6 +23,7 @@ from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
 from ViTTransferFunction.Widget.pictures_section import PicturesSection, view_windows
+from ViTTransferFunction.Widget.points_section import PointsSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
@@ -82,6 +83,7 @@ class Panel:
             self.size,
             self.close_up,
             OutputSection(ui, report),
+            PointsSection(ui, report),
             AdvancedSection(ui, report),
         )
         self.shortcut_help = ShortcutHelp(window)
