@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..Logic.core.errors import InputError
 from ..Logic.files.annotation_files import read_annotations, write_annotations
-from ..Logic.scene.session import SceneSession
+
+if TYPE_CHECKING:
+    from ..Logic.scene.session import SceneSession
 
 POINTS_ENDING = ".json"
 """Files in DICOM folders are called `annotations.json`, others `scan.annotations.json`."""

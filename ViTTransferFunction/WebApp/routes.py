@@ -166,7 +166,7 @@ def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
 
 async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:
     """Send a file, which the browser keeps under a name."""
-    plain = re.sub(r'[^ -~]|["\\\\]', "_", name)
+    plain = re.sub(r'[^ -~]|["\\]', "_", name)
     disposition = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name)}"
     headers = {"Content-Disposition": disposition, "Content-Type": "application/octet-stream"}
     response = web.StreamResponse(headers=headers)

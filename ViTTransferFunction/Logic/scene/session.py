@@ -268,8 +268,8 @@ class SceneSession:
         if unchosen:
             self._problems.put(
                 "close-up",
-                f"To be looked at closer, says the file: {', '.join(unchosen)}. Select each, and press Look closer when it is "
-                "shown; until then, it is looked at in the whole scan.",
+                f"The file asks to look closer at {', '.join(unchosen)}. Select each, and press Look closer once it is shown; "
+                "until then, it is looked at in the whole scan.",
             )
             self._notify()
 

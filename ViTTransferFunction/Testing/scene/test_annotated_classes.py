@@ -149,4 +149,4 @@ def test_a_box_that_the_file_leaves_to_be_chosen_is_the_users_to_choose(session:
         AnnotatedClass(ClassRequest("boxed", centre_ras(spheres, 2), close_up=given), RED),
     ])  # fmt: skip
     assert [state.close_up for state in session.classes] == [None, (*given.centre_ras, *given.size_mm)]
-    assert "To be looked at closer, says the file: gland. Select each, and press Look closer" in (session.take_error() or "")
+    assert "The file asks to look closer at gland. Select each, and press Look closer" in (session.take_error() or "")
