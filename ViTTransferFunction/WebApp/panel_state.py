@@ -11,7 +11,6 @@ from ..Logic.scene.class_size import stepped
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
-from ..Logic.scene.segment_tags import CLASS_TAG
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.wording import close_up_text, closer_look_text, progress_text, size_in_steps, threshold_text, volume_text
 from .look_state import NO_LOOK, look_state
@@ -49,7 +48,6 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
     """
     selected = session.selected_class
     volume = session.parameters.volume
-    ready, annotated = session.phase == "ready", any(state.positive for state in session.classes)
     return {
         "phase": session.phase,
         "busy": session.busy,
@@ -65,9 +63,9 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "can_undo": session.annotations.can_undo,
         "can_redo": session.annotations.can_redo,
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
-        "annotated": annotated,
-        "can_write": ready and annotated,
-        "written": _has_our_segments(session),
+        "annotated": any(state.positive for state in session.classes),
+        "can_write": session.can_write_segments,
+        "written": session.has_segments,
         "segments": _other_segments(session),
         "exported": _exported(session),
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
@@ -135,10 +133,6 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
         "can_look_closer": session.phase == "ready" and bool(selected.positive),
         "can_look_at_whole": selected.close_up is not None,
     }
-
-
-def _has_our_segments(session: SceneSession) -> bool:
-    return any(segment.HasTag(CLASS_TAG) for _, segment in _segments(session))
 
 
 def _other_segments(session: SceneSession) -> list[dict[str, str]]:

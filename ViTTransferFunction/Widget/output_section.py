@@ -9,7 +9,6 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.corrections import Corrections
-from ViTTransferFunction.Logic.scene.segment_tags import CLASS_TAG
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import in_menu
@@ -50,15 +49,15 @@ class OutputSection(Section):
         session = self.session
         ready = session is not None and session.phase == "ready"
         running = session.progress if session and ready and not session.looks_closer else None
-        annotated = session is not None and any(state.positive for state in session.classes)
-        ours = any(segment.HasTag(CLASS_TAG) for _, segment in _segments(session.parameters.segmentation if session else None))
+        writable = session is not None and session.can_write_segments
+        ours = session is not None and session.has_segments
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
-        self.ui.writeSegmentsButton.enabled = ready and annotated
+        self.ui.writeSegmentsButton.enabled = writable
         self.ui.writeSegmentsButton.text = _("Update segments") if ours else _("Create segments")
         self.ui.writeSegmentsButton.toolTip = (
             _("Write every structure as a segment, at full resolution.")
-            if ready and annotated
+            if writable
             else _("Compute the features, and place a point on a structure first.")
         )
 

@@ -124,7 +124,7 @@ class SceneAnnotations:
         return state
 
     def remove_class(self, id_: str) -> None:
-        """Remove a class and its points. Its segment, if it was written, stays."""
+        """Remove a class and its points. Its segment, if it was written, stays until segments are written again."""
         with self._edit():
             remove_class(self._scene, self._positive(id_))
 

@@ -13,6 +13,7 @@ from .labelmaps import labelmaps_of
 from .segment_points import SegmentPoints
 from .segment_tags import CORRECTED_TAG, read_tag, segments_of_classes
 from .volume import matrix_to_world
+from .written_segments import written_classes
 
 POINTS_OF_A_SEGMENT = 3
 """Enough to tell what is typical of it, and few enough for a whole body's hundred segments."""
@@ -21,8 +22,8 @@ POINTS_OF_A_SEGMENT = 3
 def outside_points(segmentation_node: Any, states: Sequence[ClassState], points: SegmentPoints) -> dict[str, np.ndarray]:
     """Points off each class, by its id, (N, 3) RAS millimetres: points in the visible segments of others.
 
-    Segments of the classes themselves do not count. Nor does, for a class, a segment that holds one of its positive points: a
-    lesion was clicked within a liver, an organ within a body.
+    Segments of the classes themselves do not count, nor those of classes that were removed. Nor does, for a class, a segment
+    that holds one of its positive points: a lesion was clicked within a liver, an organ within a body.
 
     Args:
         segmentation_node: whose segments.
@@ -33,7 +34,8 @@ def outside_points(segmentation_node: Any, states: Sequence[ClassState], points:
         InputError: the segmentation is under a non-linear transform.
     """
     segmentation = segmentation_node.GetSegmentation()
-    ours = set(segments_of_classes(segmentation, {state.id for state in states}).values())
+    classes = {state.id for state in states} | written_classes(segmentation_node)
+    ours = set(segments_of_classes(segmentation, classes).values())
     others = [id_ for id_ in segmentation.GetSegmentIDs() if id_ not in ours and _is_visible(segmentation_node, id_)]
     clicked = _clicked(segmentation_node, others, states)
     outside: dict[str, list[np.ndarray]] = {state.id: [] for state in states}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import slicer
@@ -19,6 +19,7 @@ from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
 from .wording import empty_text, taken_text
+from .written_segments import written_classes
 
 WRITING = "Writing segments"
 """What `progress` is about, once labels are there."""
@@ -69,7 +70,7 @@ class SegmentOutput:
         if node is None:
             if_none()
         else:
-            search = _CorrectionSearch(node, tuple(state.id for state in self._classes()))
+            search = _CorrectionSearch(node, self._annotated())
             self._work, self._then = search, lambda: self._on_searched(search, if_none)
 
     def take_corrected(self) -> tuple[str, ...]:
@@ -85,6 +86,8 @@ class SegmentOutput:
     def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections) -> None:
         """Begin to turn labels into segments of the classes that are still there; a new segmentation is made if none is chosen.
 
+        Segments of classes that are gone, or have no positive point any more, are removed unless they were corrected.
+
         Args:
             labels: of the volume.
             class_ids: what its labels 1, 2, … stand for.
@@ -97,7 +100,8 @@ class SegmentOutput:
         there = {state.id for state in self._classes()}
         present = tuple(id_ if id_ in there else None for id_ in class_ids)
         volume, node = self._parameters.volume, self._parameters.segmentation
-        if volume is None or not any(present):
+        gone = (written_classes(node) if node else set()) - self._annotated() - set(present)
+        if volume is None or not (any(present) or gone):
             return
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
@@ -106,15 +110,15 @@ class SegmentOutput:
             node,
             volume,
             2 * wanted.array.size,  # Each voxel is copied, and then digested.
-            lambda: prepare_segments(node, volume, wanted, respect_others, corrections, continued),
+            lambda: prepare_segments(node, volume, wanted, respect_others, corrections, continued, gone),
         )
 
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
-            if wanted.label_of_class.keys() <= looks.keys():
+            if wanted.label_of_class.keys() <= looks.keys() and not gone & self._annotated():
                 empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
                 self._notices = tuple(_about_empty(empty, wanted, looks))
-            else:  # A class was removed meanwhile.
+            else:  # A class was removed meanwhile, or came back.
                 self.write(labels, class_ids, corrections)
 
         self._work, self._then = writing, on_prepared
@@ -143,6 +147,10 @@ class SegmentOutput:
     def cancel(self) -> None:
         """Stop; nothing has changed."""
         self._work, self._corrected, self._notices = None, (), ()
+
+    def _annotated(self) -> set[str]:
+        """Ids of the classes that a segment can be made of."""
+        return {state.id for state in self._classes() if state.positive}
 
     def _on_searched(self, search: _CorrectionSearch, if_none: Callable[[], None]) -> None:
         self._corrected = search.names
@@ -182,7 +190,7 @@ class _Work(Protocol):
 class _CorrectionSearch:
     """Looks for segments that were corrected by hand; `names` has theirs once it is finished."""
 
-    def __init__(self, segmentation_node: Any, class_ids: tuple[str, ...]) -> None:
+    def __init__(self, segmentation_node: Any, class_ids: Collection[str]) -> None:
         self.nodes = (segmentation_node,)
         self.names: tuple[str, ...] = ()
         self._segmentation = segmentation_node.GetSegmentation()

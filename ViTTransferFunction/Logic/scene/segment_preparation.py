@@ -59,6 +59,7 @@ class PreparedSegments:
         digests: of the voxels of each label.
         ids: of the segments that are there already, by class id.
         kept: IDs of corrected segments that stay as they are, by class id.
+        removed: IDs of segments whose classes are gone.
         freed: for other segments, by their ID, their labelmap without the segments that it shared with them.
     """
 
@@ -67,6 +68,7 @@ class PreparedSegments:
     digests: dict[int, VoxelDigest]
     ids: dict[str, str]
     kept: dict[str, str]
+    removed: list[str]
     freed: dict[str, Any]
 
     @property
@@ -82,12 +84,13 @@ def prepare_segments(
     respect_others: bool,
     corrections: Corrections,
     continued: Mapping[str, str],
+    gone: Collection[str],
 ) -> Steps[PreparedSegments]:
     """Make everything that the segments of these classes will consist of, and change nothing; in steps.
 
-    Other segments are those that are not written, also finished ones of classes that are gone, and corrected ones that are
-    kept. A corrected segment does not stand in the way of its own class, whose result would be what is left over there; nor
-    does the segment that a class continues.
+    Other segments are those that are neither written nor removed: corrected ones that are kept are among them. A corrected
+    segment does not stand in the way of its own class, whose result would be what is left over there; nor does the segment
+    that a class continues.
 
     Args:
         segmentation_node: where to; None: a new one, without segments and transform. See `check_writable`.
@@ -96,23 +99,25 @@ def prepare_segments(
         respect_others: leave out voxels that belong to other segments; otherwise segments may overlap with those.
         corrections: what becomes of segments that were changed by hand.
         continued: by class id, the ID of the segment that it continues.
+        gone: ids of classes whose segments are to be removed; but corrected ones stay, whatever `corrections` says.
     """
     grid = grid_in_segmentation(volume_node, segmentation_node)
     segmentation = segmentation_node.GetSegmentation() if segmentation_node else slicer.vtkSegmentation()
     ids = segments_of_classes(segmentation, labels.label_of_class)
-    kept: dict[str, str] = {}
-    if corrections == "keep":
-        kept = yield from corrected_segments(segmentation, ids)
+    left = segments_of_classes(segmentation, gone)
+    kept = yield from corrected_segments(segmentation, {**left, **ids} if corrections == "keep" else left)
     ids = {class_id: segment_id for class_id, segment_id in ids.items() if class_id not in kept}
-    others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ids.values()]
+    removed = [segment_id for class_id, segment_id in left.items() if class_id not in kept]
+    ours = {*ids.values(), *removed}
+    others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ours]
     obstacles = _obstacles(segmentation, others, labels, continued, kept) if respect_others else []
     labelmap = Labelmap(new_image(grid, labels.box, labels.array.dtype), {})
     digests = dict.fromkeys(labels.label_of_class.values(), VoxelDigest.of_nothing())
     if labels.array.size:
         yield from _fill(labelmap.voxels, labels, grid, obstacles)
         digests = yield from voxel_digests(labelmap.voxels, labelmap.geometry, digests)
-    freed = yield from _freed_labelmaps(segmentation, others, set(ids.values()))
-    return PreparedSegments(labelmap.image, labels.label_of_class, digests, ids, kept, freed)
+    freed = yield from _freed_labelmaps(segmentation, others, ours)
+    return PreparedSegments(labelmap.image, labels.label_of_class, digests, ids, kept, removed, freed)
 
 
 def segmentation_state(segmentation_node: Any | None, volume_node: Any) -> tuple[Any, ...]:

@@ -16,6 +16,7 @@ from .segment_preparation import PreparedSegments, takes_transform
 from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, SEGMENT_TAG, VOXELS_TAG, read_tag, set_tag
 from .terminology import StandardCodes
 from .volume import geometry_from_node, matrix_to_world
+from .written_segments import note_written
 
 REFERENCE_GEOMETRY = slicer.vtkSegmentationConverter.GetReferenceImageGeometryParameterName()
 
@@ -45,7 +46,9 @@ def check_writable(segmentation_node: Any, volume_node: Any) -> None:
 def write_prepared(
     prepared: PreparedSegments, segmentation_node: Any, volume_node: Any, looks: Mapping[str, ClassLook], codes: StandardCodes
 ) -> list[str]:
-    """Give each class its segment, which is made the first time. No other segment changes by a single voxel.
+    """Give each class its segment, which is made the first time, and remove those of classes that are gone.
+
+    No other segment changes by a single voxel.
 
     A segment keeps the name, colour and terminology that the user gave it in Slicer until the class is renamed or recoloured.
 
@@ -60,7 +63,8 @@ def write_prepared(
         The segments' IDs, in the order of the classes.
     """
     segmentation, ids = segmentation_node.GetSegmentation(), dict(prepared.ids)
-    others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ids.values()]
+    ours = {*ids.values(), *prepared.removed}
+    others = [segment_id for segment_id in segmentation.GetSegmentIDs() if segment_id not in ours]
     for image in {prepared.image, *prepared.freed.values()}:
         # The Segment Editor's undo takes voxels for those that it saved last where they are older than what it saved.
         image.Modified()
@@ -70,6 +74,8 @@ def write_prepared(
             _leave_to_user(segmentation.GetSegment(segment_id), class_id)
         for segment_id, image in prepared.freed.items():
             segmentation.GetSegment(segment_id).AddRepresentation(LABELMAP, image)
+        for segment_id in prepared.removed:
+            segmentation.RemoveSegment(segment_id)
         for class_id, label in prepared.labels.items():
             look = looks[class_id]
             new = class_id not in ids
@@ -84,6 +90,7 @@ def write_prepared(
         for class_id in prepared.labels:
             segmentation.InvokeEvent(segmentation.SourceRepresentationModified, ids[class_id])
             segmentation.InvokeEvent(segmentation.RepresentationModified, ids[class_id])
+        note_written(segmentation_node, prepared.labels)
     return [ids[class_id] for class_id in prepared.labels]
 
 

@@ -19,6 +19,7 @@ import vtk
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
 from ..core.annotated_class import AnnotatedClass
+from ..compute.requests import Labels
 from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
@@ -42,11 +43,12 @@ from .point_tour import PointTour
 from .problems import Problems
 from .regions import SceneRegions
 from .segment_output import SegmentOutput
-from .segment_tags import segments_of_classes
+from .segment_tags import CLASS_TAG, segments_of_classes
 from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
+from .written_segments import left_segments
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -336,6 +338,8 @@ class SceneSession:
     def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
         """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
 
+        Segments of classes that are gone are removed, unless they were corrected by hand.
+
         Args:
             corrections: what becomes of segments whose voxels were changed since they were written. "keep": they stay, and new
                 segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
@@ -343,7 +347,10 @@ class SceneSession:
         """
         self._problems.solve("segments")
         self._problems.solve("computing")
-        if self.phase != "ready" or not self._requests.requests:
+        if self.can_write_segments and not self._is_annotated:
+            nothing = np.zeros((0, 0, 0), dtype=np.uint8)
+            self._output.write(Labels(nothing, (0, 0, 0)), (), corrections="keep")
+        elif self.phase != "ready" or not self._requests.requests:
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
         elif self.volume_changed:
             self._report("The image has just changed. Wait until its features are ready, then create the segments.")
@@ -362,6 +369,22 @@ class SceneSession:
         else:
             self.parameters.set("rendering", "off")
         self._notify()
+
+    @property
+    def can_write_segments(self) -> bool:
+        """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
+        if self._is_annotated:
+            return self.phase == "ready"
+        return self.phase != "no volume" and bool(self._left_segments)
+
+    @property
+    def has_segments(self) -> bool:
+        """Whether the chosen segmentation has segments of classes, also of those that are gone."""
+        node = self.parameters.segmentation
+        if node is None:
+            return False
+        segmentation = node.GetSegmentation()
+        return any(segmentation.GetSegment(segment_id).HasTag(CLASS_TAG) for segment_id in segmentation.GetSegmentIDs())
 
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
@@ -498,6 +521,17 @@ class SceneSession:
             self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, *shown)])
             kept.append(segmentation)
         self._observers.keep_only(kept)
+
+    @property
+    def _is_annotated(self) -> bool:
+        """Whether there is a class that a segment can be made of."""
+        return any(state.positive for state in self.classes)
+
+    @property
+    def _left_segments(self) -> dict[str, str]:
+        """IDs of the segments that the next writing removes unless they were corrected, by class."""
+        node = self.parameters.segmentation
+        return left_segments(node, {state.id for state in self.classes if state.positive}) if node else {}
 
     def _show(self) -> None:
         self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)

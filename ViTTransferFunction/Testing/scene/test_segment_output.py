@@ -20,7 +20,11 @@ from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment
 
 SHAPE = (12, 512, 512)
-CLASSES = (ClassState("a", "liver", Appearance((1.0, 0.0, 0.0))), ClassState("b", "spleen", Appearance((0.0, 1.0, 0.0))))
+POINT = ((0.0, 0.0, 0.0),)
+CLASSES = (
+    ClassState("a", "liver", Appearance((1.0, 0.0, 0.0)), positive=POINT),
+    ClassState("b", "spleen", Appearance((0.0, 1.0, 0.0)), positive=POINT),
+)
 LABELS = np.zeros(SHAPE, dtype=np.uint8)
 LABELS[:, 10:200, 20:400] = 1
 LABELS[:, 300:400, 20:400] = 2

@@ -77,7 +77,7 @@ def test_voxels_of_other_segments_are_left_out(
     assert voxels_of(a_segmentation, ours) == positions_of(everywhere, a_volume)
 
 
-def test_the_segment_of_a_removed_class_counts_as_somebody_elses(a_segmentation: Any, a_volume: Any) -> None:
+def test_the_segment_of_a_class_that_was_never_here_counts_as_somebody_elses(a_segmentation: Any, a_volume: Any) -> None:
     (finished,) = write_segments(a_segmentation, a_volume, [output(block(1, 4), "old")], respect_others=True)
     (new,) = write_segments(a_segmentation, a_volume, [output(block(2, 6), "new")], respect_others=True)
     assert voxels_of(a_segmentation, finished) == positions_of(block(1, 4), a_volume)

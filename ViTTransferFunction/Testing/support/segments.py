@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +55,7 @@ def write_segments(
     app_logic: Any = None,
     corrections: Corrections = "keep",
     continued: Mapping[str, str] | None = None,
+    gone: Collection[str] = (),
 ) -> list[str]:
     """Write masks that do not overlap as a label map; returns the segments' IDs."""
     labels = np.zeros(outputs[0].mask.shape, dtype=np.uint16)
@@ -63,7 +64,7 @@ def write_segments(
     cropped = cropped_labels(labels, len(outputs))
     of_classes = ClassLabels(cropped.array, cropped.first, tuple(wanted.class_id for wanted in outputs))
     check_writable(node, volume)
-    prepared = finished(prepare_segments(node, volume, of_classes, respect_others, corrections, continued or {}))
+    prepared = finished(prepare_segments(node, volume, of_classes, respect_others, corrections, continued or {}, gone))
     looks = {wanted.class_id: ClassLook(wanted.name, wanted.color) for wanted in outputs}
     return write_prepared(prepared, node, volume, looks, StandardCodes(app_logic))
 
