@@ -78,6 +78,7 @@ class Actions:
             "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
             "write": lambda corrections="ask": app.write_segments(corrections),
+            "updateAndDownload": app.update_and_download,
             "notReadable": self._tell_of_unreadable_drop,
             "closeMessages": app.close_messages,
         }

@@ -92,11 +92,12 @@ class WebApp:
         self._replaced: list[str] = []
         self._news = asyncio.Event()
         self._stale = False
+        self._downloads_when_written = False
         self._opening: list[Path] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
         self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
-        self.server.state.update({"saving": None, "film": None, "film_ready": False})
+        self.server.state.update({"saving": None, "film": None, "film_ready": False, "download_due": False})
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, self._delays_3d)
         self.tool = AnnotationTool(
             self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
@@ -219,6 +220,11 @@ class WebApp:
         if corrections in ("ask", "keep", "overwrite"):
             self.session.write_segments(corrections)
 
+    def update_and_download(self) -> None:
+        """Have the segments written as the structures are now and then fetched by the page, unless nothing comes of it."""
+        self._downloads_when_written = True
+        self.write_segments("ask")
+
     def refresh(self) -> None:
         """Bring the page to what the session is now."""
         self._stale = False
@@ -238,9 +244,16 @@ class WebApp:
                 "message": "\n\n".join(self._messages.standing()),
                 "consent": self.extraction.question,
                 "pressed": self.extraction.pressed,
+                "download_due": state.download_due or self._is_written_for_download(),
                 "unsaved": self.session.classes not in ((), self._saved),
             })  # fmt: skip
         self.views.settle()
+
+    def _is_written_for_download(self) -> bool:
+        """Whether the segments are there now that were to be downloaded as soon as they are."""
+        awaited, written = self._downloads_when_written, self.session.take_written()
+        self._downloads_when_written = awaited and not written and bool(self.session.progress or self.server.state.corrected)
+        return awaited and written and self.session.has_segments
 
     def _is_solved(self, session: SceneSession, error: str) -> bool:
         return self.session is not session or error not in session.errors
@@ -395,6 +408,7 @@ class WebApp:
         self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
         self._messages.clear()
+        self._downloads_when_written = False
         self.scene.Clear(0)
 
     def _take_session(self, saved: bool = False) -> None:

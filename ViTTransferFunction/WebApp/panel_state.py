@@ -12,7 +12,15 @@ from ..Logic.scene.classes import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
 from ..Logic.scene.session import SceneSession
-from ..Logic.scene.wording import close_up_text, closer_look_text, progress_text, size_in_steps, threshold_text, volume_text
+from ..Logic.scene.wording import (
+    close_up_text,
+    closer_look_text,
+    outdated_text,
+    progress_text,
+    size_in_steps,
+    threshold_text,
+    volume_text,
+)
 from .look_state import NO_LOOK, look_state
 
 PARAMETERS = (
@@ -66,6 +74,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "annotated": any(state.positive for state in session.classes),
         "can_write": session.can_write_segments,
         "written": session.has_segments,
+        "outdated": outdated_text() if session.segments_outdated else "",
         "segments": _other_segments(session),
         "exported": _exported(session),
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},

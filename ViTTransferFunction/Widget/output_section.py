@@ -9,6 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.corrections import Corrections
+from ViTTransferFunction.Logic.scene.wording import outdated_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import in_menu
@@ -51,10 +52,13 @@ class OutputSection(Section):
         running = session.progress if session and ready and not session.looks_closer else None
         writable = session is not None and session.can_write_segments
         ours = session is not None and session.has_segments
+        outdated = session is not None and session.segments_outdated
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
         self.ui.writeSegmentsButton.enabled = writable
         self.ui.writeSegmentsButton.text = _("Update segments") if ours else _("Create segments")
+        self.ui.segmentsOutdatedLabel.visible = outdated
+        self.ui.segmentsOutdatedLabel.text = outdated_text() if outdated else ""
         self.ui.writeSegmentsButton.toolTip = (
             _("Write every structure as a segment, at full resolution.")
             if writable

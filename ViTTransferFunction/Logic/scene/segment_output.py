@@ -52,6 +52,7 @@ class SegmentOutput:
         self._then: Callable[[], None] = lambda: None
         self._corrected: tuple[str, ...] = ()
         self._notices: tuple[str, ...] = ()
+        self._written = False
 
     @property
     def busy(self) -> bool:
@@ -83,7 +84,12 @@ class SegmentOutput:
         notices, self._notices = self._notices, ()
         return notices
 
-    def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections) -> None:
+    def take_written(self) -> bool:
+        """Whether segments were written since the last call."""
+        written, self._written = self._written, False
+        return written
+
+    def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections, source: str) -> None:
         """Begin to turn labels into segments of the classes that are still there; a new segmentation is made if none is chosen.
 
         Segments of classes that are gone, or have no positive point any more, are removed unless they were corrected.
@@ -92,6 +98,7 @@ class SegmentOutput:
             labels: of the volume.
             class_ids: what its labels 1, 2, … stand for.
             corrections: what becomes of segments that were corrected by hand.
+            source: what the labels were made from (`source_digest`).
 
         Raises:
             InputError: they cannot be written there.
@@ -116,10 +123,11 @@ class SegmentOutput:
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys() and not gone & self._annotated():
-                empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes)
+                empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
+                self._written = True
                 self._notices = tuple(_about_empty(empty, wanted, looks))
             else:  # A class was removed meanwhile, or came back.
-                self.write(labels, class_ids, corrections)
+                self.write(labels, class_ids, corrections, source)
 
         self._work, self._then = writing, on_prepared
 
@@ -238,11 +246,13 @@ class _SegmentWriting:
             return False
         return True
 
-    def write(self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes) -> list[str]:
+    def write(
+        self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes, source: str
+    ) -> list[str]:
         """Write what is ready, at once, into a new segmentation where none was given; returns whose segments have no voxel."""
         prepared: PreparedSegments | None = self._preparation.result
         assert prepared is not None
-        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes)
+        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes, source)
         return prepared.empty
 
     @property

@@ -44,7 +44,12 @@ def check_writable(segmentation_node: Any, volume_node: Any) -> None:
 
 
 def write_prepared(
-    prepared: PreparedSegments, segmentation_node: Any, volume_node: Any, looks: Mapping[str, ClassLook], codes: StandardCodes
+    prepared: PreparedSegments,
+    segmentation_node: Any,
+    volume_node: Any,
+    looks: Mapping[str, ClassLook],
+    codes: StandardCodes,
+    source: str,
 ) -> list[str]:
     """Give each class its segment, which is made the first time, and remove those of classes that are gone.
 
@@ -58,6 +63,7 @@ def write_prepared(
         volume_node: the segmented volume.
         looks: of each class that was prepared, by its id.
         codes: for classes that are named like a known structure.
+        source: what the segments were made from (`source_digest`).
 
     Returns:
         The segments' IDs, in the order of the classes.
@@ -90,7 +96,7 @@ def write_prepared(
         for class_id in prepared.labels:
             segmentation.InvokeEvent(segmentation.SourceRepresentationModified, ids[class_id])
             segmentation.InvokeEvent(segmentation.RepresentationModified, ids[class_id])
-        note_written(segmentation_node, prepared.labels)
+        note_written(segmentation_node, prepared.labels, source)
     return [ids[class_id] for class_id in prepared.labels]
 
 

@@ -43,12 +43,12 @@ from .point_tour import PointTour
 from .problems import Problems
 from .regions import SceneRegions
 from .segment_output import SegmentOutput
-from .segment_tags import CLASS_TAG, segments_of_classes
+from .segment_tags import segments_of_classes
 from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .written_segments import left_segments
+from .written_segments import left_segments, source_digest, written_classes, written_source
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -94,6 +94,7 @@ class SceneSession:
         self._tour = PointTour(scene)
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
+        self._written_from = ""
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
@@ -348,8 +349,7 @@ class SceneSession:
         self._problems.solve("segments")
         self._problems.solve("computing")
         if self.can_write_segments and not self._is_annotated:
-            nothing = np.zeros((0, 0, 0), dtype=np.uint8)
-            self._output.write(Labels(nothing, (0, 0, 0)), (), corrections="keep")
+            self._remove_left_segments()
         elif self.phase != "ready" or not self._requests.requests:
             self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
         elif self.volume_changed:
@@ -357,7 +357,7 @@ class SceneSession:
         elif corrections == "ask":
             self._output.find_corrections(if_none=self.write_segments)
         else:
-            self._corrections = corrections
+            self._corrections, self._written_from = corrections, self._source_digest
             self._proxy.segment(self.parameters.refinement())
         self._notify()
 
@@ -381,10 +381,22 @@ class SceneSession:
     def has_segments(self) -> bool:
         """Whether the chosen segmentation has segments of classes, also of those that are gone."""
         node = self.parameters.segmentation
-        if node is None:
+        ids = {state.id for state in self.classes} | (written_classes(node) if node else set())
+        return node is not None and bool(segments_of_classes(node.GetSegmentation(), ids))
+
+    @property
+    def segments_outdated(self) -> bool:
+        """Whether those are not the segments of the classes as they are now, so that writing again would change them."""
+        node = self.parameters.segmentation
+        if node is None or self.phase == "no volume" or not self.has_segments:
             return False
-        segmentation = node.GetSegmentation()
-        return any(segmentation.GetSegment(segment_id).HasTag(CLASS_TAG) for segment_id in segmentation.GetSegmentIDs())
+        ids = {request.id for request in self._requests.requests}
+        missing = ids - segments_of_classes(node.GetSegmentation(), ids).keys()
+        return bool(missing or self._left_segments) or written_source(node) != self._source_digest
+
+    def take_written(self) -> bool:
+        """Whether segments were written since the last call."""
+        return self._output.take_written()
 
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
@@ -533,6 +545,19 @@ class SceneSession:
         node = self.parameters.segmentation
         return left_segments(node, {state.id for state in self.classes if state.positive}) if node else {}
 
+    @property
+    def _source_digest(self) -> str:
+        """Of what segments would be made from that were written now."""
+        return source_digest(self.classes, self._requests.requests, self.parameters)
+
+    def _remove_left_segments(self) -> None:
+        """Write that there are no structures any more, for which nothing has to be computed."""
+        nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
+        try:
+            self._output.write(nothing, (), "keep", self._source_digest)
+        except InputError as error:
+            self._report(str(error))
+
     def _show(self) -> None:
         self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)
 
@@ -571,7 +596,7 @@ class SceneSession:
         try:
             if arrived is not None:
                 labels, ids = arrived
-                self._output.write(labels, ids, self._corrections)
+                self._output.write(labels, ids, self._corrections, self._written_from)
             else:
                 self._output.advance()
             if notices := self._output.take_notices():

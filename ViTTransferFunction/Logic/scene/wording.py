@@ -95,6 +95,11 @@ def taken_text(names: Sequence[str]) -> str:
     ).format(names=_listing(names))
 
 
+def outdated_text() -> str:
+    """Of segments that are not those of the structures as they are now."""
+    return _("Not in the segments yet: the latest changes.")
+
+
 def left_behind_text(volume: str, names: Sequence[str]) -> str:
     """Of structures whose points stayed where they were when the volume was moved."""
     return _(

@@ -66,7 +66,7 @@ def write_segments(
     check_writable(node, volume)
     prepared = finished(prepare_segments(node, volume, of_classes, respect_others, corrections, continued or {}, gone))
     looks = {wanted.class_id: ClassLook(wanted.name, wanted.color) for wanted in outputs}
-    return write_prepared(prepared, node, volume, looks, StandardCodes(app_logic))
+    return write_prepared(prepared, node, volume, looks, StandardCodes(app_logic), source="")
 
 
 def everything_about(node: Any, segment_id: str) -> dict[str, Any]:

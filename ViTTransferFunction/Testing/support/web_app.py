@@ -23,7 +23,19 @@ ROOT = Path(__file__).parents[3]
 LONGEST_WAIT_S = 180.0
 """For anything that happens by itself. Nothing takes as long, except where other programs have the processors."""
 
-STATE = ("phase", "up_to_date", "busy", "progress", "classes", "message", "opening", "volume_name", "written", "settings")
+STATE = (
+    "phase",
+    "up_to_date",
+    "busy",
+    "progress",
+    "classes",
+    "message",
+    "opening",
+    "volume_name",
+    "written",
+    "outdated",
+    "settings",
+)
 """Names in the page's state that tests wait for."""
 
 _PROGRAM = """

@@ -176,6 +176,18 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     # The file has the axes i, j, k, and a crop of the volume at least as large as what was found.
     assert voxels.sum() > 500
 
+    assert page["outdated"].count() == 0
+    page.rename(0, "first ball")
+    page["outdated"].wait_for()
+    page.keep_picture("segments that are not up to date")
+    with page.page.expect_download() as download:
+        page["download-segmentation"].click()
+    download.value.save_as(tmp_path / "updated.seg.nrrd")
+    (segment,) = slicerio.read_segmentation(str(tmp_path / "updated.seg.nrrd"))["segments"]
+    assert segment["name"] == "first ball"
+    page["outdated"].wait_for(state="detached")
+    assert page.page.evaluate("trame.state.get('download_due')") is False
+
 
 def test_a_file_is_sent_by_the_browser_and_a_bad_one_gives_a_message(at_app: AppPage, folder: Path) -> None:
     page = at_app

@@ -21,6 +21,8 @@ pytest.importorskip("trame_slicer")
 import aiohttp
 from aiohttp import web
 
+from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.WebApp import routes
@@ -137,6 +139,31 @@ def test_an_app_that_is_ended_packs_no_further(opened: Callable[[Journey], None]
     async def journey(app: WebApp) -> None:
         async with browser_of(app) as browser:
             assert (await status_and_body(browser, "/download/session"))[0] == 503
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("succeeds", [False, True])
+def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_written(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, succeeds: bool
+) -> None:
+    writing = WorkProgress(0, 0, "Segmenting", None)
+
+    async def journey(app: WebApp) -> None:
+        monkeypatch.setattr(SceneSession, "write_segments", lambda self, corrections: None)
+        monkeypatch.setattr(SceneSession, "has_segments", True)
+        monkeypatch.setattr(SceneSession, "progress", writing)
+        app.actions("updateAndDownload")
+        app.refresh()
+        assert not app.server.state.download_due
+        monkeypatch.setattr(SceneSession, "progress", None)
+        monkeypatch.setattr(SceneSession, "take_written", lambda self: succeeds)
+        app.refresh()
+        assert app.server.state.download_due == succeeds
+        app.server.state.download_due = False  # As the page does.
+        monkeypatch.setattr(SceneSession, "take_written", lambda self: True)
+        app.refresh()
+        assert not app.server.state.download_due
 
     opened(journey)
 

@@ -101,6 +101,29 @@ def test_a_question_is_asked_once_and_only_where_something_was_corrected(
     assert segment_masks(node, session.parameters.volume)["sphere 1 (2)"].any()
 
 
+def test_segments_that_are_not_those_of_the_structures_are_said_to_be_so(ready: Any, spheres: Spheres) -> None:
+    ui, session = ready.ui, ready.panel.session
+    add_class(ready, "sphere 1")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: session.has_segments and not session.busy)
+    assert ui.segmentsOutdatedLabel.isHidden()
+    ui.largerButton.click()
+    assert not ui.segmentsOutdatedLabel.isHidden()
+    assert ui.segmentsOutdatedLabel.text().startswith("Not in the segments yet")
+    wait_until(lambda: not session.busy)
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: not session.busy)
+    assert ui.segmentsOutdatedLabel.isHidden()
+    session.annotations.remove_class(session.classes[0].id)
+    wait_until(lambda: not session.busy)
+    assert ui.writeSegmentsButton.isEnabled()
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: not session.busy)
+    assert names_in(session.parameters.segmentation) == []
+    assert not ui.writeSegmentsButton.isEnabled()
+
+
 @pytest.mark.parametrize(
     ("pressed", "answer"),
     [("Keep corrections", "keep"), ("Overwrite corrections", "overwrite"), ("Cancel", None), ("", "keep")],
