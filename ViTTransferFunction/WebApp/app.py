@@ -64,6 +64,11 @@ OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "o
 """Parameters that stay when another volume is opened."""
 
 
+Work = tuple[tuple[ClassState, ...], str]
+"""Structures, and what the segments were made from that were written of them."""
+NO_WORK: Work = ((), "")
+
+
 class WebApp:
     """One scene, one session, one page. To be made and used in a running asyncio loop.
 
@@ -105,7 +110,7 @@ class WebApp:
         self._wheel = slice_tools(self.views)
         self._wheel.start(self._size_wheel)
         self.session = self._new_session()
-        self._saved = self.session.classes
+        self._saved = self.work
         self.extraction = ExtractionButton(lambda: self.session)
         self.films = Films(self)
         self.series = SeriesQuestion(self.server.state)
@@ -245,7 +250,7 @@ class WebApp:
                 "consent": self.extraction.question,
                 "pressed": self.extraction.pressed,
                 "download_due": state.download_due or self._is_written_for_download(),
-                "unsaved": self.session.classes not in ((), self._saved),
+                "unsaved": self.work not in (NO_WORK, self._saved),
             })  # fmt: skip
         self.views.settle()
 
@@ -258,9 +263,14 @@ class WebApp:
     def _is_solved(self, session: SceneSession, error: str) -> bool:
         return self.session is not session or error not in session.errors
 
-    def mark_saved(self, classes: tuple[ClassState, ...]) -> None:
-        """These structures were saved: as long as they are what there is, the page may be closed without a question."""
-        self._saved = classes
+    @property
+    def work(self) -> Work:
+        """What would be lost with the page, unless it was saved."""
+        return self.session.classes, self.session.segments_source
+
+    def mark_saved(self, work: Work) -> None:
+        """This was saved: as long as it is what there is, the page may be closed without a question."""
+        self._saved = work
         self.refresh()
 
     def show_saving(self, name: str, share: float | None) -> None:
@@ -413,7 +423,7 @@ class WebApp:
 
     def _take_session(self, saved: bool = False) -> None:
         self.session = self._new_session(saved)
-        self._saved = self.session.classes
+        self._saved = self.work
         self.tool.session = self.session
         self.tool.end_unfinished()
         self.session.start_computing()

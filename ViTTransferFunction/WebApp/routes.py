@@ -80,11 +80,11 @@ class Routes:
         return await self._send(request, name, lambda staged: stage_segmentation(node, staged), gzip_nrrd)
 
     async def _download_session(self, request: web.Request) -> web.StreamResponse:
-        session, classes = self._app.session, self._app.session.classes
+        session, work = self._app.session, self._app.work
         name = f"{self._volume_name()}.mrb"
         response = await self._send(request, name, lambda staged: stage_session(self._app.scene, staged), zip_folder)
         if response.status == 200 and self._app.session is session:
-            self._app.mark_saved(classes)
+            self._app.mark_saved(work)
         return response
 
     async def _download_points(self, request: web.Request) -> web.StreamResponse:

@@ -392,7 +392,12 @@ class SceneSession:
             return False
         ids = {request.id for request in self._requests.requests}
         missing = ids - segments_of_classes(node.GetSegmentation(), ids).keys()
-        return bool(missing or self._left_segments) or written_source(node) != self._source_digest
+        return bool(missing or self._left_segments) or self.segments_source != self._source_digest
+
+    @property
+    def segments_source(self) -> str:
+        """What those were made from (`source_digest`), which is another text when others are written; empty: there are none."""
+        return written_source(self.parameters.segmentation) if self.has_segments else ""
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""

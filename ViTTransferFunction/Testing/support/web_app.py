@@ -34,6 +34,7 @@ STATE = (
     "volume_name",
     "written",
     "outdated",
+    "unsaved",
     "settings",
 )
 """Names in the page's state that tests wait for."""

@@ -162,8 +162,12 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     page.wait_for_state("settings.refine && up_to_date")
 
     page.rename(0, "bright ball")
+    with page.page.expect_download():
+        page["save-session"].click()
+    page.wait_for_state("!unsaved")
     page["write-segments"].click()
     page.wait_for_state("written && progress === null")
+    page.wait_for_state("unsaved")
     page.keep_picture("segments")
     with page.page.expect_download() as download:
         page["download-segmentation"].click()

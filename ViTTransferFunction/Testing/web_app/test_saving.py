@@ -114,6 +114,23 @@ def test_what_changes_while_it_is_saved_is_not_taken_for_saved(
     opened(journey)
 
 
+def test_segments_that_were_written_after_the_save_are_unsaved_until_they_are_saved_too(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        async with browser_of(app) as browser:
+            await status_and_body(browser, "/download/session")
+            assert not app.server.state.unsaved
+            monkeypatch.setattr(SceneSession, "segments_source", "another")
+            app.refresh()
+            assert app.server.state.unsaved
+            await status_and_body(browser, "/download/session")
+            assert not app.server.state.unsaved
+
+    opened(journey)
+
+
 def test_a_full_disk_is_told_and_nothing_is_taken_for_saved(
     opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,6 +169,7 @@ def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_wr
     async def journey(app: WebApp) -> None:
         monkeypatch.setattr(SceneSession, "write_segments", lambda self, corrections: None)
         monkeypatch.setattr(SceneSession, "has_segments", True)
+        monkeypatch.setattr(SceneSession, "segments_source", "any")
         monkeypatch.setattr(SceneSession, "progress", writing)
         app.actions("updateAndDownload")
         app.refresh()
