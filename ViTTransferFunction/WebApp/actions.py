@@ -79,6 +79,7 @@ class Actions:
             "window": self._set_window,
             "write": lambda corrections="ask": app.write_segments(corrections),
             "updateAndDownload": app.update_and_download,
+            "showSegments": self._show_segments,
             "notReadable": self._tell_of_unreadable_drop,
             "closeMessages": app.close_messages,
         }
@@ -254,6 +255,13 @@ class Actions:
         node = self._app.session.parameters.segmentation
         if node is not None and node.GetSegmentation().GetSegment(str(segment_id)) is not None:
             self._app.session.continue_segment(str(segment_id))
+
+    def _show_segments(self, visible: bool) -> None:
+        """Show or hide all segments, in all views."""
+        node = self._app.session.parameters.segmentation
+        if node is not None:
+            node.CreateDefaultDisplayNodes()
+            node.GetDisplayNode().SetVisibility(bool(visible))
 
     def _set_window(self, low: float | None, high: float | None) -> None:
         """Set both ends of the window, or one; None: as it is."""

@@ -76,6 +76,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "written": session.has_segments,
         "outdated": outdated_text() if session.segments_outdated else "",
         "segments": _other_segments(session),
+        "segments_visible": _segments_visible(session),
         "exported": _exported(session),
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
         "network_window": _network_window(session),
@@ -147,6 +148,12 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
 def _other_segments(session: SceneSession) -> list[dict[str, str]]:
     """Segments that a structure may begin with."""
     return [{"id": id_, "name": segment.GetName()} for id_, segment in _segments(session)]
+
+
+def _segments_visible(session: SceneSession) -> bool:
+    node = session.parameters.segmentation
+    display = node.GetDisplayNode() if node else None
+    return display is None or bool(display.GetVisibility())
 
 
 def _segments(session: SceneSession) -> list[tuple[str, Any]]:

@@ -240,6 +240,12 @@ def change_near(before: np.ndarray, after: np.ndarray, column: float, row: float
     return float(np.abs(after.astype(int) - before.astype(int))[ring].mean())
 
 
+def is_painted(picture: np.ndarray, column: float, row: float, radius: int = 8) -> bool:
+    """Whether something coloured lies over the grey image beside a pixel."""
+    beside = picture[int(row) - radius : int(row) + radius, int(column) + radius : int(column) + 2 * radius].astype(int)
+    return bool(np.ptp(beside, axis=2).mean() > 15)
+
+
 def changed_share(before: np.ndarray, after: np.ndarray) -> float:
     """The share of pixels whose colour changed so much that people see it."""
     return float((np.abs(after.astype(int) - before.astype(int)).max(axis=2) > 30).mean())

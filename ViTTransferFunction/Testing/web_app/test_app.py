@@ -92,6 +92,23 @@ def test_looks_and_surroundings_are_those_of_the_scene(opened: Callable[[Journey
     opened(journey)
 
 
+def test_segments_are_hidden_and_shown_by_their_node_which_sessions_keep(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("showSegments", False)
+        assert app.server.state.segments == []
+        node = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "segments")
+        node.GetSegmentation().AddEmptySegment()
+        app.session.set_segmentation(node)
+        app.refresh()
+        assert app.server.state.segments_visible
+        for shown in (False, True):
+            app.actions("showSegments", shown)
+            assert app.server.state.segments_visible == shown
+            assert node.GetDisplayNode().GetVisibility() == shown
+
+    opened(journey)
+
+
 def test_what_cannot_be_done_is_said_once_and_changes_nothing(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")

@@ -27,6 +27,7 @@ from ViTTransferFunction.Testing.support.web_app import (
     Server,
     change_near,
     changed_share,
+    is_painted,
     serving,
     still_running,
 )
@@ -179,6 +180,17 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     voxels = segmentation["voxels"] == segment["labelValue"]
     # The file has the axes i, j, k, and a crop of the volume at least as large as what was found.
     assert voxels.sum() > 500
+
+    for box in ("class-visible-0", "overlayVisible"):
+        page[box].uncheck()
+    page.wait_for_state("!classes[0].visible && !busy")
+    page.wait_for_drawing()
+    assert is_painted(page.picture("Red"), *pixel)
+    page["show-segments"].uncheck()
+    page.wait_for_picture("Red", lambda picture: not is_painted(picture, *pixel))
+    page.keep_picture("segments are hidden")
+    for box in ("show-segments", "class-visible-0", "overlayVisible"):
+        page[box].check()
 
     assert page["outdated"].count() == 0
     page.rename(0, "first ball")
