@@ -90,7 +90,12 @@ class ClassTable(Section):
         _set_text(self._item(row, THRESHOLD), threshold_text(state, chosen))
         volume = self._item(row, VOLUME)
         _set_text(volume, volume_text(self.session.volume_ml(state.id) if self.session else None))
-        volume.setToolTip(_("Volume in millilitres, by the points as they are: approximate until segments are created."))
+        volume.setToolTip(
+            _(
+                "Volume in millilitres, by the points as they are: roughly at once, exactly a moment later. What the segment "
+                "leaves to other segments is not taken off."
+            )
+        )
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""
