@@ -18,8 +18,8 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.annotated_class import AnnotatedClass
 from ..compute.requests import Labels
+from ..core.annotated_class import AnnotatedClass
 from ..core.class_map import is_near
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
