@@ -1,0 +1,112 @@
+"""The tables of accuracy in README and RESULTS say what was measured last: they are copies, and easily forgotten."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+CASES = {
+    "abdominal CT with contrast (AMOS 336), 7 organs": "amos_0336",
+    "AMOS 336, contrast CT, 7 organs": "amos_0336",
+    "torso CT, 7 organs": "torso_small",
+    "brain MR, 7 structures": "brain",
+    "the liver's box of the first CT, 4 organs": "amos_0336 liver crop",
+    "AMOS 336, the liver's box, 4 organs": "amos_0336 liver crop",
+    "torso, the liver's box, 5 organs": "torso_small liver crop",
+    "chest, the lungs' box": "chest lungs crop",
+    "chest CT in 10 mm slices: lungs, ribs, vertebrae": "chest",
+    "chest CT, 10 mm slices, lungs, ribs, vertebrae": "chest",
+    "abdominal MR, 11 structures": "abdomen MR",
+    "chest CT with a dissected aorta: aorta, heart, pulmonary artery": "aortic dissection",
+    "brain tumour in MR, 16 ml": "brain tumour 1",
+    "brain tumour in MR, 2 ml": "brain tumour 2",
+    "breast tumour in MR, 0.1 ml": "breast tumour",
+    "AMOS 336": "amos_0336",
+    "torso": "torso_small",
+    "brain": "brain",
+    "chest": "chest",
+}
+"""The scans' names in tables, and those in the results."""
+WAYS = {
+    "this": ("accuracy", "clicks alone"),
+    "this, with one size step": ("accuracy", "with one size step"),
+    "this, preset *Fine*": ("accuracy_fine", "clicks alone"),
+    "Slicer's *Grow from seeds*": ("accuracy", "Grow from seeds"),
+    "support vector machine on the same features": ("accuracy", "SVM on the network's features"),
+}
+PRESETS = {"*balanced*": "accuracy", "*fine*": "accuracy_fine"}
+CLICKS = ("1", "3", "5")
+
+
+def rows_of(document: str, header: str) -> Iterator[list[str]]:
+    """The rows of all tables with a header, as cells; where the first one is empty, with that of the row above."""
+    text = (ROOT / document).read_text(encoding="utf-8")
+    tables = re.findall(rf"^{re.escape(header)}\n\|[-|]+\n((?:\|.*\n)+)", text, re.MULTILINE)
+    assert tables, f"{document} has no table with the header {header}"
+    for table in tables:
+        first = ""
+        for line in table.splitlines():
+            cells = [cell.strip() for cell in line.strip("|").split("|")]
+            first = cells[0] or first
+            yield [first, *cells[1:]]
+
+
+def summary(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((ROOT / f"Benchmarks/results/{name}.json").read_text(encoding="utf-8"))["summary"]
+    return found
+
+
+def figure(mean: float, spread: float | None) -> str:
+    return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
+
+
+def test_readme_has_the_accuracy_that_was_measured_last() -> None:
+    results = {name: summary(name) for name in ("accuracy", "accuracy_fine")}
+    rows = list(rows_of("README.md", "| scan | method | 1 | 3 | 5 |"))
+    assert len(rows) > 30
+    for scan, way, *figures in rows:
+        name, column = WAYS[way]
+        of_cases, of_methods = results[name]["cases"][CASES[scan]], results[name]["methods"].get(CASES[scan], {})
+        measured = [of_cases[column][n]["dice"] if column in of_cases else of_methods[column][n] for n in CLICKS]
+        assert figures == [figure(*each) for each in measured], (scan, way)
+
+
+def test_readme_has_each_structures_accuracy_that_was_measured_last() -> None:
+    balanced, fine = summary("accuracy"), summary("accuracy_fine")
+    rows = list(rows_of("README.md", "| scan | structure | 1 click | 5 clicks |"))
+    assert len(rows) > 20
+    for scan, structure, *figures in rows:
+        measured = [
+            [of["cases"][CASES[scan]]["clicks alone"][n]["structures"][structure] for of in (balanced, fine)]
+            for n in ("1", "5")
+        ]
+        assert figures == [f"{figure(*of_balanced)} ({figure(*of_fine)})" for of_balanced, of_fine in measured], structure
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_results_have_the_accuracy_that_was_measured_last(preset: str) -> None:
+    cases = summary(PRESETS[preset])["cases"]
+    rows = list(rows_of("docs/RESULTS.md", "| volume | features | @1 | @3 | @5 | with one size step @1 | @3 |"))
+    for scan, _, *figures in (row for row in rows if row[1] == preset):
+        of_case = cases[CASES[scan]]
+        measured = [of_case["clicks alone"][n] for n in CLICKS] + [of_case["with one size step"][n] for n in ("1", "3")]
+        assert figures == [figure(*each["dice"]) for each in measured], scan
+
+
+def test_results_have_each_structures_accuracy_that_was_measured_last() -> None:
+    cases = [summary(name)["cases"] for name in PRESETS.values()]
+    scan, count = "", 0
+    for name, *figures in rows_of("docs/RESULTS.md", "| structure | *balanced* @1 | *fine* @1 | @3 | @3 | @5 | @5 |"):
+        if name.startswith("**"):
+            scan = CASES[name.strip("*")]
+            continue
+        measured = [of[scan]["clicks alone"][n]["structures"][name] for n in CLICKS for of in cases]
+        assert figures == [figure(*each) for each in measured], name
+        count += 1
+    assert count > 20
