@@ -258,7 +258,7 @@ class WebApp:
         """Whether the segments are there now that were to be downloaded as soon as they are."""
         awaited, written = self._downloads_when_written, self.session.take_written()
         self._downloads_when_written = awaited and not written and bool(self.session.progress or self.server.state.corrected)
-        return awaited and written and self.session.has_segments
+        return awaited and written and self.session.written.exist
 
     def _is_solved(self, session: SceneSession, error: str) -> bool:
         return self.session is not session or error not in session.errors
@@ -266,7 +266,7 @@ class WebApp:
     @property
     def work(self) -> Work:
         """What would be lost with the page, unless it was saved."""
-        return self.session.classes, self.session.segments_source
+        return self.session.classes, self.session.written.source
 
     def mark_saved(self, work: Work) -> None:
         """This was saved: as long as it is what there is, the page may be closed without a question."""

@@ -51,8 +51,8 @@ class OutputSection(Section):
         ready = session is not None and session.phase == "ready"
         running = session.progress if session and ready and not session.looks_closer else None
         writable = session is not None and session.can_write_segments
-        ours = session is not None and session.has_segments
-        outdated = session is not None and session.segments_outdated
+        ours = session is not None and session.written.exist
+        outdated = session is not None and session.written.outdated
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
         self.ui.writeSegmentsButton.enabled = writable

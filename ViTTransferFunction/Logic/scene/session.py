@@ -48,7 +48,7 @@ from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .written_segments import left_segments, source_digest, written_classes, written_source
+from .written_segments import WrittenSegments
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -71,6 +71,7 @@ class SceneSession:
         annotations: classes and points, and their undo and redo.
         regions: adds the points of regions that the user encloses.
         views: what is shown in the views, and how.
+        written: which segments there are of the classes, and whether they are of the classes as these are now.
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class SceneSession:
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
         self._written_from = ""
+        self.written = WrittenSegments(self.parameters, lambda: self.classes, lambda: self._requests.requests)
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
@@ -357,7 +359,7 @@ class SceneSession:
         elif corrections == "ask":
             self._output.find_corrections(if_none=self.write_segments)
         else:
-            self._corrections, self._written_from = corrections, self._source_digest
+            self._corrections, self._written_from = corrections, self.written.source_now
             self._proxy.segment(self.parameters.refinement())
         self._notify()
 
@@ -375,29 +377,7 @@ class SceneSession:
         """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
         if self._is_annotated:
             return self.phase == "ready"
-        return self.phase != "no volume" and bool(self._left_segments)
-
-    @property
-    def has_segments(self) -> bool:
-        """Whether the chosen segmentation has segments of classes, also of those that are gone."""
-        node = self.parameters.segmentation
-        ids = {state.id for state in self.classes} | (written_classes(node) if node else set())
-        return node is not None and bool(segments_of_classes(node.GetSegmentation(), ids))
-
-    @property
-    def segments_outdated(self) -> bool:
-        """Whether those are not the segments of the classes as they are now, so that writing again would change them."""
-        node = self.parameters.segmentation
-        if node is None or self.phase == "no volume" or not self.has_segments:
-            return False
-        ids = {request.id for request in self._requests.requests}
-        missing = ids - segments_of_classes(node.GetSegmentation(), ids).keys()
-        return bool(missing or self._left_segments) or self.segments_source != self._source_digest
-
-    @property
-    def segments_source(self) -> str:
-        """What those were made from (`source_digest`), which is another text when others are written; empty: there are none."""
-        return written_source(self.parameters.segmentation) if self.has_segments else ""
+        return self.phase != "no volume" and bool(self.written.left)
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""
@@ -544,22 +524,11 @@ class SceneSession:
         """Whether there is a class that a segment can be made of."""
         return any(state.positive for state in self.classes)
 
-    @property
-    def _left_segments(self) -> dict[str, str]:
-        """IDs of the segments that the next writing removes unless they were corrected, by class."""
-        node = self.parameters.segmentation
-        return left_segments(node, {state.id for state in self.classes if state.positive}) if node else {}
-
-    @property
-    def _source_digest(self) -> str:
-        """Of what segments would be made from that were written now."""
-        return source_digest(self.classes, self._requests.requests, self.parameters)
-
     def _remove_left_segments(self) -> None:
         """Write that there are no structures any more, for which nothing has to be computed."""
         nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
         try:
-            self._output.write(nothing, (), "keep", self._source_digest)
+            self._output.write(nothing, (), "keep", self.written.source_now)
         except InputError as error:
             self._report(str(error))
 

@@ -7,7 +7,7 @@ have no such note and are somebody else's; and segments that are as the structur
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 from urllib.parse import quote, unquote
 
@@ -28,6 +28,60 @@ DECIMALS = 3
 """Of millimetres and colours: a file and a transform there and back change the digits behind, and no voxel."""
 
 
+class WrittenSegments:
+    """The segments of a session's classes in the chosen segmentation, and the classes as they are now.
+
+    Args:
+        parameters: say which segmentation, and what segments follow from.
+        classes: of the session.
+        requests: what is asked for of them.
+    """
+
+    def __init__(
+        self,
+        parameters: SceneParameters,
+        classes: Callable[[], Sequence[ClassState]],
+        requests: Callable[[], Sequence[ClassRequest]],
+    ) -> None:
+        self._parameters = parameters
+        self._classes = classes
+        self._requests = requests
+
+    @property
+    def exist(self) -> bool:
+        """Whether there are any, also of classes that are gone."""
+        node = self._parameters.segmentation
+        return node is not None and bool(self._of({state.id for state in self._classes()} | written_classes(node)))
+
+    @property
+    def outdated(self) -> bool:
+        """Whether they are not those of the classes as they are now, so that writing again would change them."""
+        if self._parameters.volume is None or not self.exist:
+            return False
+        asked = {request.id for request in self._requests()}
+        return bool(asked - self._of(asked).keys() or self.left) or self.source != self.source_now
+
+    @property
+    def left(self) -> dict[str, str]:
+        """By class that is gone or has no point: IDs of segments that the next writing removes unless they were corrected."""
+        node = self._parameters.segmentation
+        present = {state.id for state in self._classes() if state.positive}
+        return self._of(written_classes(node) - present) if node else {}
+
+    @property
+    def source(self) -> str:
+        """What they were made from (`source_digest`), which is another text when others are written; empty: there are none."""
+        return self._parameters.segmentation.GetAttribute(SOURCE_ATTRIBUTE) or "" if self.exist else ""
+
+    @property
+    def source_now(self) -> str:
+        """What segments would be made from that were written now."""
+        return source_digest(self._classes(), self._requests(), self._parameters)
+
+    def _of(self, class_ids: Collection[str]) -> dict[str, str]:
+        return segments_of_classes(self._parameters.segmentation.GetSegmentation(), class_ids)
+
+
 def note_written(segmentation_node: Any, class_ids: Collection[str], source: str) -> None:
     """Note that classes were written, made from `source`."""
     ids = written_classes(segmentation_node) | set(class_ids)
@@ -38,16 +92,6 @@ def note_written(segmentation_node: Any, class_ids: Collection[str], source: str
 def written_classes(segmentation_node: Any) -> set[str]:
     """Ids of all classes that were ever written there."""
     return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
-
-
-def written_source(segmentation_node: Any) -> str:
-    """What its segments were made from when they were written last; empty: nobody noted it."""
-    return segmentation_node.GetAttribute(SOURCE_ATTRIBUTE) or ""
-
-
-def left_segments(segmentation_node: Any, present: Collection[str]) -> dict[str, str]:
-    """IDs of the segments that were written for classes which are not `present` any more, by class."""
-    return segments_of_classes(segmentation_node.GetSegmentation(), written_classes(segmentation_node) - set(present))
 
 
 def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:

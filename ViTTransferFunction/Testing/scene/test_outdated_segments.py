@@ -54,14 +54,14 @@ CHANGES: dict[str, Callable[[SceneSession, Spheres], Any]] = {
 def test_a_change_of_what_segments_follow_from_is_told_until_they_are_written_again(
     session: SceneSession, spheres: Spheres, change: Callable[[SceneSession, Spheres], Any]
 ) -> None:
-    assert not session.segments_outdated
+    assert not session.written.outdated
     write(session)
-    assert not session.segments_outdated
+    assert not session.written.outdated
     change(session, spheres)
-    assert session.segments_outdated
+    assert session.written.outdated
     session.wait()
     write(session)
-    assert not session.segments_outdated
+    assert not session.written.outdated
 
 
 def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSession) -> None:
@@ -72,7 +72,7 @@ def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSes
     session.parameters.set("overlayVisible", False)
     session.parameters.set("device", "cpu")
     session.wait()
-    assert not session.segments_outdated
+    assert not session.written.outdated
 
 
 def test_who_takes_a_change_back_has_the_segments_that_are_written(session: SceneSession, spheres: Spheres) -> None:
@@ -80,7 +80,7 @@ def test_who_takes_a_change_back_has_the_segments_that_are_written(session: Scen
     add_point(session, spheres)
     session.annotations.undo()
     session.wait()
-    assert not session.segments_outdated
+    assert not session.written.outdated
 
 
 def test_what_is_changed_while_segments_are_written_is_not_in_them(session: SceneSession, spheres: Spheres) -> None:
@@ -89,7 +89,7 @@ def test_what_is_changed_while_segments_are_written_is_not_in_them(session: Scen
     session.wait()
     assert session.take_written()
     assert not session.take_written()
-    assert session.segments_outdated
+    assert session.written.outdated
 
 
 def test_cancelled_segments_are_not_written(session: SceneSession) -> None:
@@ -100,7 +100,7 @@ def test_cancelled_segments_are_not_written(session: SceneSession) -> None:
     session.cancel()
     session.wait()
     assert not session.take_written()
-    assert session.segments_outdated
+    assert session.written.outdated
 
 
 def test_moving_volume_points_and_segments_together_changes_nothing(session: SceneSession) -> None:
@@ -110,7 +110,7 @@ def test_moving_volume_points_and_segments_together_changes_nothing(session: Sce
     for node in (*points, session.parameters.segmentation):
         node.SetAndObserveTransformNodeID(transform.GetID())
     session.wait()
-    assert not session.segments_outdated
+    assert not session.written.outdated
 
 
 def test_a_saved_scene_knows_it_when_it_is_opened_again(slicer_app: Any, session: SceneSession, tmp_path: Path) -> None:
@@ -118,10 +118,10 @@ def test_a_saved_scene_knows_it_when_it_is_opened_again(slicer_app: Any, session
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "tomorrow.mrb"))
     slicer_app.scene.Clear(False)
     session.wait()
-    assert not session.segments_outdated
+    assert not session.written.outdated
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "tomorrow.mrb"))
     session.wait()
-    assert session.has_segments
-    assert not session.segments_outdated
+    assert session.written.exist
+    assert not session.written.outdated
     session.annotations.step_size(session.classes[0].id, 1)
-    assert session.segments_outdated
+    assert session.written.outdated

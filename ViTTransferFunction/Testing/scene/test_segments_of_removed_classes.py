@@ -91,6 +91,7 @@ def test_a_corrected_one_stays_as_the_users_also_where_corrections_are_overwritt
         assert session.take_corrected() == ()
         np.testing.assert_array_equal(masks(session)["sphere 2"], corrected)
     assert session.segment_of(removed) is None
+    assert not session.written.outdated
 
 
 def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of_others(
@@ -104,12 +105,12 @@ def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of
         session.annotations.remove_class(state.id)
     session.wait()
     assert session.can_write_segments
-    assert session.has_segments
+    assert session.written.exist
     write(session)
     assert list(masks(session)) == ["bone"]
     assert everything_about(segmentation, "bone") == others
     assert not session.can_write_segments
-    assert not session.has_segments
+    assert not session.written.exist
 
 
 def test_a_class_without_points_is_as_good_as_gone(session: SceneSession) -> None:

@@ -23,6 +23,7 @@ from aiohttp import web
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.written_segments import WrittenSegments
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.WebApp import routes
@@ -122,7 +123,7 @@ def test_segments_that_were_written_after_the_save_are_unsaved_until_they_are_sa
         async with browser_of(app) as browser:
             await status_and_body(browser, "/download/session")
             assert not app.server.state.unsaved
-            monkeypatch.setattr(SceneSession, "segments_source", "another")
+            monkeypatch.setattr(WrittenSegments, "source", "another")
             app.refresh()
             assert app.server.state.unsaved
             await status_and_body(browser, "/download/session")
@@ -168,8 +169,9 @@ def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_wr
 
     async def journey(app: WebApp) -> None:
         monkeypatch.setattr(SceneSession, "write_segments", lambda self, corrections: None)
-        monkeypatch.setattr(SceneSession, "has_segments", True)
-        monkeypatch.setattr(SceneSession, "segments_source", "any")
+        monkeypatch.setattr(WrittenSegments, "exist", True)
+        monkeypatch.setattr(WrittenSegments, "source", "any")
+        monkeypatch.setattr(WrittenSegments, "outdated", False)
         monkeypatch.setattr(SceneSession, "progress", writing)
         app.actions("updateAndDownload")
         app.refresh()

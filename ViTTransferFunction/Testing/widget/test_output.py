@@ -106,7 +106,7 @@ def test_segments_that_are_not_those_of_the_structures_are_said_to_be_so(ready: 
     add_class(ready, "sphere 1")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     ui.writeSegmentsButton.click()
-    wait_until(lambda: session.has_segments and not session.busy)
+    wait_until(lambda: session.written.exist and not session.busy)
     assert ui.segmentsOutdatedLabel.isHidden()
     ui.largerButton.click()
     assert not ui.segmentsOutdatedLabel.isHidden()
