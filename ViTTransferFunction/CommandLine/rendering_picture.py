@@ -28,6 +28,7 @@ from ViTTransferFunction.Logic.core.camera import (
 )
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.intensity_window import looks_like_hounsfield_units
+from ViTTransferFunction.Logic.core.patient_sides import nearest_side
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, MOST_STRUCTURES, SURFACE
@@ -265,5 +266,4 @@ def _draw_letters(canvas: Canvas, camera: Camera) -> None:
 def _letter(outwards: np.ndarray) -> str:
     """R, L, A, P, S or I where a direction (3,) RAS is less than 40° away from it, nothing elsewhere."""
     shares = outwards / np.linalg.norm(outwards)
-    axis = int(abs(shares).argmax())
-    return "" if abs(shares[axis]) < np.cos(np.radians(40.0)) else ("RL", "AP", "SI")[axis][int(shares[axis] < 0)]
+    return "" if abs(shares).max() < np.cos(np.radians(40.0)) else nearest_side(outwards)

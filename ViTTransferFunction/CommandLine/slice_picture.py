@@ -23,6 +23,7 @@ from ViTTransferFunction.CommandLine.canvas import (
 )
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.patient_sides import SIDES
 from ViTTransferFunction.Logic.core.volume import Volume
 
 FILL = 0.35
@@ -60,8 +61,6 @@ _PLANES = (
     _Plane("Coronal", right=(_R, -1), up=(_S, +1), normal=_A),
     _Plane("Sagittal", right=(_A, -1), up=(_S, +1), normal=_R),
 )
-_LETTERS = (("L", "R"), ("P", "A"), ("I", "S"))
-"""Where each RAS axis begins and where it ends."""
 
 
 def draw_slices(
@@ -271,13 +270,13 @@ def _draw_point(canvas: Canvas, x: float, y: float, segment: PictureSegment, pos
 def _draw_letters(canvas: Canvas, panel: _Panel, text_size: int) -> None:
     """The patient's directions at the panel's edges, and which plane it is in the corner."""
     plane, margin = panel.plane, 0.9 * text_size
-    left, right = _LETTERS[plane.right[0]][:: plane.right[1]]
-    bottom, top = _LETTERS[plane.up[0]][:: plane.up[1]]
+    left, right = SIDES[plane.right[0]][:: plane.right[1]]
+    bottom, top = SIDES[plane.up[0]][:: plane.up[1]]
     canvas.label(margin, panel.height / 2, left, text_size, anchor="center")
     canvas.label(panel.width - margin, panel.height / 2, right, text_size, anchor="center")
     canvas.label(panel.width / 2, margin, top, text_size, anchor="center")
     canvas.label(panel.width / 2, panel.height - margin, bottom, text_size, anchor="center")
     position = panel.origin[plane.normal]
-    where = f"{_LETTERS[plane.normal][int(position > 0)]} {abs(position):.0f} mm"
+    where = f"{SIDES[plane.normal][int(position > 0)]} {abs(position):.0f} mm"
     canvas.label(0.6 * text_size, margin, plane.name, text_size)
     canvas.label(0.6 * text_size, 2.3 * margin, where, round(0.85 * text_size), FAINT_TEXT)

@@ -9,9 +9,9 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.errors import InputError
+from ..Logic.core.patient_sides import position_text
 from ..Logic.scene.view_mouse import ViewMouse
 from ..Logic.scene.volume import array_from_node, geometry_from_node, world_to_local
-from .patient_sides import position_text
 
 
 class DataProbe:

@@ -12,10 +12,10 @@ from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
 from trame_slicer.views.threed_view import ViewDirection
 from vtkmodules.vtkCommonCore import vtkCommand
 
+from ..Logic.core.patient_sides import sides
 from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
 from .data_probe import DataProbe
-from .patient_sides import sides
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}

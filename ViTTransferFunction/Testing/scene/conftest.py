@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, open_spheres
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
+from ViTTransferFunction.Testing.support.spheres import Spheres
+
+
+@pytest.fixture
+def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
+    """A session on the spheres, ready for clicks."""
+    session = open_spheres(slicer_app, spheres)
+    yield session
+    session.close()
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,17 +18,10 @@ from ViTTransferFunction.Logic.files.annotation_files import read_annotations, w
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up
-from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, open_spheres, put_under, segment_masks
+from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 RED = (1.0, 0.0, 0.0)
-
-
-@pytest.fixture
-def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
-    session = open_spheres(slicer_app, spheres)
-    yield session
-    session.close()
 
 
 def a_session_with_all_that_is_decided(session: SceneSession, spheres: Spheres) -> None:

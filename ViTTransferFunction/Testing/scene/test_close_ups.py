@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,15 +14,8 @@ from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import cache_known_close_up
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres, put_under, segment_masks
+from ViTTransferFunction.Testing.support.scenes import annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
-
-
-@pytest.fixture
-def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
-    session = open_spheres(slicer_app, spheres)
-    yield session
-    session.close()
 
 
 def know_close_up(session: SceneSession, spheres: Spheres) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,15 +11,8 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.classes import CLASS_ROLE, NEGATIVE_ROLE, class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
-from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres, segment_masks
+from ViTTransferFunction.Testing.support.scenes import annotate, segment_masks
 from ViTTransferFunction.Testing.support.spheres import centre_ras
-
-
-@pytest.fixture
-def session(slicer_app: Any, spheres: tuple[Volume, np.ndarray]) -> Iterator[SceneSession]:
-    session = open_spheres(slicer_app, spheres)
-    yield session
-    session.close()
 
 
 def reload(app: Any, session: SceneSession) -> None:

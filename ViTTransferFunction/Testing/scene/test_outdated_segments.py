@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,23 +11,15 @@ import pytest
 pytest.importorskip("slicer")
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, open_spheres, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, put_under, write_all
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
 @pytest.fixture
-def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
+def session(session: SceneSession, spheres: Spheres) -> SceneSession:
     """A session with three structures, one on each sphere."""
-    session = open_spheres(slicer_app, spheres)
     annotate(session, spheres)
-    yield session
-    session.close()
-
-
-def write(session: SceneSession) -> None:
-    session.write_segments("ask")
-    session.wait()
-    assert session.take_error() is None
+    return session
 
 
 def add_point(session: SceneSession, spheres: Spheres) -> None:
@@ -55,17 +47,17 @@ def test_a_change_of_what_segments_follow_from_is_told_until_they_are_written_ag
     session: SceneSession, spheres: Spheres, change: Callable[[SceneSession, Spheres], Any]
 ) -> None:
     assert not session.written.outdated
-    write(session)
+    write_all(session)
     assert not session.written.outdated
     change(session, spheres)
     assert session.written.outdated
     session.wait()
-    write(session)
+    write_all(session)
     assert not session.written.outdated
 
 
 def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSession) -> None:
-    write(session)
+    write_all(session)
     session.annotations.set_class(session.classes[0].id, opacity=0.3, visible=False)
     session.annotations.add_class()
     session.annotations.move_class(session.classes[0].id, 1)
@@ -76,7 +68,7 @@ def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSes
 
 
 def test_who_takes_a_change_back_has_the_segments_that_are_written(session: SceneSession, spheres: Spheres) -> None:
-    write(session)
+    write_all(session)
     add_point(session, spheres)
     session.annotations.undo()
     session.wait()
@@ -93,7 +85,7 @@ def test_what_is_changed_while_segments_are_written_is_not_in_them(session: Scen
 
 
 def test_cancelled_segments_are_not_written(session: SceneSession) -> None:
-    write(session)
+    write_all(session)
     assert session.take_written()
     session.annotations.step_size(session.classes[0].id, 1)
     session.write_segments()
@@ -104,7 +96,7 @@ def test_cancelled_segments_are_not_written(session: SceneSession) -> None:
 
 
 def test_moving_volume_points_and_segments_together_changes_nothing(session: SceneSession) -> None:
-    write(session)
+    write_all(session)
     transform = put_under(session.parameters.volume, MOVED)
     points = session.parameters.node.GetScene().GetNodesByClass("vtkMRMLMarkupsFiducialNode")
     for node in (*points, session.parameters.segmentation):
@@ -114,7 +106,7 @@ def test_moving_volume_points_and_segments_together_changes_nothing(session: Sce
 
 
 def test_a_saved_scene_knows_it_when_it_is_opened_again(slicer_app: Any, session: SceneSession, tmp_path: Path) -> None:
-    write(session)
+    write_all(session)
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "tomorrow.mrb"))
     slicer_app.scene.Clear(False)
     session.wait()

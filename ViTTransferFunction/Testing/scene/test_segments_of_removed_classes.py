@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ pytest.importorskip("slicer")
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.scene.test_corrections import paint
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, annotate, open_spheres, segment_masks
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, annotate, segment_masks, write_all
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,
     SHAPE,
@@ -27,19 +26,11 @@ from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
 @pytest.fixture
-def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
+def session(session: SceneSession, spheres: Spheres) -> SceneSession:
     """A session with three structures, one on each sphere, that were written as segments."""
-    session = open_spheres(slicer_app, spheres)
     annotate(session, spheres)
-    write(session)
-    yield session
-    session.close()
-
-
-def write(session: SceneSession) -> None:
-    session.write_segments("ask")
-    session.wait()
-    assert session.take_error() is None
+    write_all(session)
+    return session
 
 
 def masks(session: SceneSession) -> dict[str, np.ndarray]:
@@ -58,7 +49,7 @@ def test_the_segment_of_a_removed_class_goes_and_takes_no_voxel_before(session: 
     session.annotations.add_points(session.classes[0].id, centre_ras(spheres, 2), positive=True)
     session.wait()
     assert list(masks(session)) == ["sphere 1", "sphere 2", "sphere 3"]
-    write(session)
+    write_all(session)
     after = masks(session)
     assert list(after) == ["sphere 1", "sphere 3"]
     assert (after["sphere 1"] & before["sphere 2"]).sum() > 0.8 * before["sphere 2"].sum()
@@ -68,10 +59,10 @@ def test_undo_brings_the_class_back_and_the_next_writing_its_segment(session: Sc
     before = masks(session)
     session.annotations.remove_class(session.classes[1].id)
     session.wait()
-    write(session)
+    write_all(session)
     session.annotations.undo()
     session.wait()
-    write(session)
+    write_all(session)
     after = masks(session)
     assert set(after) == set(before)
     np.testing.assert_array_equal(after["sphere 2"], before["sphere 2"])
@@ -106,7 +97,7 @@ def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of
     session.wait()
     assert session.can_write_segments
     assert session.written.exist
-    write(session)
+    write_all(session)
     assert list(masks(session)) == ["bone"]
     assert everything_about(segmentation, "bone") == others
     assert not session.can_write_segments
@@ -116,7 +107,7 @@ def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of
 def test_a_class_without_points_is_as_good_as_gone(session: SceneSession) -> None:
     session.annotations.remove_last_point(session.classes[0].id)
     session.wait()
-    write(session)
+    write_all(session)
     assert list(masks(session)) == ["sphere 2", "sphere 3"]
 
 
@@ -126,7 +117,7 @@ def test_the_segment_of_a_removed_class_is_not_outside_of_the_others(session: Sc
     before = masks(session)
     session.parameters.set("otherSegmentsAreOutside", True)
     session.wait()
-    write(session)
+    write_all(session)
     for name, mask in masks(session).items():
         np.testing.assert_array_equal(mask, before[name])
 
@@ -150,7 +141,7 @@ def test_segments_of_a_file_are_somebody_elses_though_they_are_ours_of_another_s
     session.annotations.remove_class(removed)
     session.set_segmentation(loaded)
     session.wait()
-    write(session)
+    write_all(session)
     np.testing.assert_array_equal(masks(session)["sphere 2"], before["sphere 2"])
 
 

@@ -7,7 +7,6 @@ import os
 import signal
 import time
 import weakref
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,18 +31,10 @@ from ViTTransferFunction.Testing.support.scenes import (
     add_parameter_node,
     add_volume,
     annotate,
-    open_spheres,
     put_under,
     segment_masks,
 )
 from ViTTransferFunction.Testing.support.spheres import centre_ras
-
-
-@pytest.fixture
-def session(slicer_app: Any, spheres: tuple[Volume, np.ndarray]) -> Iterator[SceneSession]:
-    session = open_spheres(slicer_app, spheres)
-    yield session
-    session.close()
 
 
 def test_points_placed_in_a_view_count_as_those_placed_by_the_session(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.surface_points import REACH_MM, moved_inside
-from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres, put_under
+from ViTTransferFunction.Testing.support.scenes import annotate, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
 
@@ -60,13 +59,6 @@ def test_of_two_surfaces_the_nearer_one_has_the_point() -> None:
     placed = GRID.ijk_to_ras_points(np.array([[12.0 + RADIUS_VOXELS - 0.2, 15.0, 15.0]]))[0]
     for maps in ([A_BALL, other], [other, A_BALL]):
         assert from_middle_mm(moved_inside(placed, maps, np.eye(4))) < from_middle_mm(placed) - 4.0
-
-
-@pytest.fixture
-def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
-    session = open_spheres(slicer_app, spheres)
-    yield session
-    session.close()
 
 
 def start_placing(slicer_app: Any, session: SceneSession, id_: str, positive: bool) -> None:

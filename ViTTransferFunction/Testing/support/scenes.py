@@ -69,6 +69,13 @@ def annotate(session: SceneSession, spheres: Spheres) -> list[str]:
     return ids
 
 
+def write_all(session: SceneSession) -> None:
+    """Have the segments of all classes written, with nothing to be asked or told."""
+    session.write_segments("ask")
+    session.wait()
+    assert session.take_error() is None
+
+
 def put_under(node: Any, matrix: np.ndarray) -> Any:
     """Put a node under a new linear transform to its parent; returns the transform."""
     transform = node.GetScene().AddNewNodeByClass("vtkMRMLLinearTransformNode", "Registration")

@@ -28,6 +28,7 @@ from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.vittf import build_parser
 from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.patient_sides import position_text, sides
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.volume import array_from_node, geometry_from_node, numpy_matrix
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
@@ -37,7 +38,6 @@ from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
-from ViTTransferFunction.WebApp.patient_sides import position_text, sides
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 
