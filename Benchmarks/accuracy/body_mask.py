@@ -12,6 +12,6 @@ from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_sh
 def body_mask(volume: Volume) -> np.ndarray:
     """(K, J, I) bool: all but the cells that hold only the air around the body, as feature extraction finds them."""
     settings = FeatureSettings()
-    air = background_cells(volume.array, settings.windows_for(volume), grid_shape(volume.geometry, settings))
+    air = background_cells(volume.array, settings.channels_for(volume).background, grid_shape(volume.geometry, settings))
     nearest = [np.arange(voxels) * cells // voxels for cells, voxels in zip(air.shape, volume.shape, strict=True)]
     return ~air[np.ix_(*nearest)]

@@ -43,8 +43,8 @@ def _background(volume: Volume, features: FeatureVolume) -> np.ndarray:
     orientation = canonical_orientation(volume.geometry)
     shape = orientation.canonical_shape(features.geometry.shape)
     background = np.empty(features.geometry.shape, dtype=bool)
-    windows = FeatureSettings().windows_for(volume)
-    orientation.to_canonical(background)[...] = background_cells(orientation.to_canonical(volume.array), windows, shape)
+    window = FeatureSettings().channels_for(volume).background
+    orientation.to_canonical(background)[...] = background_cells(orientation.to_canonical(volume.array), window, shape)
     return background
 
 

@@ -47,9 +47,6 @@ class IntensityWindow:
         return shown
 
 
-ChannelWindows = tuple[IntensityWindow, IntensityWindow, IntensityWindow]
-"""One window for each of the network's colour channels."""
-
 CT_SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
 CT_LUNG = IntensityWindow(-1000.0, -200.0)
 CT_BONE = IntensityWindow(0.0, 1000.0)
@@ -83,19 +80,6 @@ def display_window(volume: Volume) -> IntensityWindow:
     if looks_like_hounsfield_units(volume):
         return CT_SOFT_TISSUE
     return percentile_window(volume)
-
-
-def network_windows(volume: Volume) -> ChannelWindows:
-    """Windows for the network's three colour channels.
-
-    One soft-tissue window shows lung and outside air alike and all bone as white, so a CT's channels are lung, soft
-    tissue and bone; elsewhere the three channels are equal, as in the paper. Parts of a volume have the windows of the whole.
-    """
-    volume = volume.whole
-    if looks_like_hounsfield_units(volume):
-        return CT_LUNG, CT_SOFT_TISSUE, CT_BONE
-    window = percentile_window(volume)
-    return window, window, window
 
 
 def percentile_window(volume: Volume, outside_percent: float = 0.5) -> IntensityWindow:

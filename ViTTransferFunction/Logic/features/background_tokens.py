@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from ..core.intensity_window import ChannelWindows
+from ..core.intensity_window import IntensityWindow
 
 BACKGROUND_LEVEL = 0.15
-"""Of each window's width, from below. A CT's lung window starts at −1000 HU, so that background ends at −880 HU,
+"""Of the window's width, from below. A CT's lung window starts at −1000 HU, so that background ends at −880 HU,
 below lung tissue."""
 BACKGROUND_STRIDE = 4
 """One patch in `BACKGROUND_STRIDE`² stands for background: 2 does not help the body's features, and leaves four times as
@@ -58,15 +58,15 @@ def select_tokens(background: np.ndarray) -> TokenSelection:
     return TokenSelection(places, np.bincount(representative, minlength=len(places)), representative)
 
 
-def background_cells(array: np.ndarray, windows: ChannelWindows, shape: tuple[int, int, int]) -> np.ndarray:
+def background_cells(array: np.ndarray, window: IntensityWindow, shape: tuple[int, int, int]) -> np.ndarray:
     """The cells that hold nothing but the background around the body.
 
-    Background is dark in every window, and reaches the volume's border: gas inside the body and dark tissue are none. Where
+    Background is dark, and reaches the volume's border: gas inside the body and dark tissue are none. Where
     the surroundings are bright, or textured, there is no background.
 
     Args:
         array: (K, J, I) intensities.
-        windows: in which the network sees them.
+        window: in which it is dark (`NetworkChannels`).
         shape: number of cells along (K, J, I).
 
     Returns:
@@ -74,13 +74,12 @@ def background_cells(array: np.ndarray, windows: ChannelWindows, shape: tuple[in
     """
     dark = np.empty(shape, dtype=bool)
     for layer, members in enumerate(cell_members(array.shape[0], shape[0])):
-        # Windows are increasing functions: the brightest voxel stays the brightest, and only it has to be shown in them.
+        # A window is an increasing function: the brightest voxel stays the brightest, and only it has to be shown in it.
         brightest = _brightest(array[members.start : members.stop])
         for axis in (0, 1):
             cells = cell_members(array.shape[1 + axis], shape[1 + axis])
             brightest = np.stack([_brightest(brightest.take(cell, axis=axis), axis) for cell in cells], axis=axis)
-        brightest = np.max([window.apply(brightest) for window in set(windows)], axis=0)
-        dark[layer] = brightest <= BACKGROUND_LEVEL
+        dark[layer] = window.apply(brightest) <= BACKGROUND_LEVEL
     components, _ = ndimage.label(dark)
     faces = [components.take(end, axis=axis) for axis in range(3) for end in (0, -1)]
     outside = np.unique(np.concatenate([face.ravel() for face in faces]))

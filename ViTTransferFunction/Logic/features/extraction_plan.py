@@ -59,7 +59,7 @@ class ExtractionPlan:
         self._array = self.orientation.to_canonical(volume.array)
         self._geometry = volume.geometry
         self._settings = settings
-        self._windows = settings.windows_for(volume)
+        self._channels = settings.channels_for(volume)
         stored_shape = self._patch_shape()
         self.shape = self.orientation.canonical_shape(stored_shape)
         self.patches_geometry = volume.geometry.resized(stored_shape)
@@ -72,7 +72,7 @@ class ExtractionPlan:
 
     def patches(self, patch_size: int, device: torch.device) -> list[SlicePatches]:
         """The patches of the slices across each axis."""
-        return [SlicePatches(self._array, self._windows, axis, self.shape, patch_size, device) for axis in range(3)]
+        return [SlicePatches(self._array, self._channels, axis, self.shape, patch_size, device) for axis in range(3)]
 
     def tokens_of_slices(self) -> list[int]:
         """Number of patches of every slice that is run."""
@@ -110,7 +110,7 @@ class ExtractionPlan:
     def _background(self, shape: tuple[int, int, int]) -> np.ndarray:
         """Which patches show nothing but background."""
         if self._settings.merge_background:
-            return background_cells(self._array, self._windows, shape)
+            return background_cells(self._array, self._channels.background, shape)
         return np.zeros(shape, dtype=bool)
 
 

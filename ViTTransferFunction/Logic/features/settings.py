@@ -10,16 +10,17 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.geometry import Geometry
-from ..core.intensity_window import ChannelWindows, full_range_window, network_windows
+from ..core.intensity_window import IntensityWindow, full_range_window
 from ..core.orientation import canonical_orientation
 from ..core.volume import Volume
+from .network_channels import NetworkChannels, network_channels
 from .precision import Precision, precision_name
 
 if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-FORMAT_VERSION = 7
+FORMAT_VERSION = 8
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 
 
@@ -37,8 +38,8 @@ class FeatureSettings:
             in the paper.
         every_slice: run every slice and average-pool, as in the paper; otherwise one slice through a layer's centre.
         merge_background: let a few tokens stand for the air around the body (`background_tokens`).
-        windows: intensity windows of the three colour channels: chosen from the volume ("robust", `network_windows`), from
-            its smallest to its largest value ("full range", as in the paper), or as given.
+        window: of intensities that the network sees: chosen from the volume ("robust", `network_channels`), from its smallest
+            to its largest value ("full range", as in the paper), or as given.
         precision: of the network; "device": the one that suits the device (`device_precision`).
 
     Raises:
@@ -52,7 +53,7 @@ class FeatureSettings:
     canonical: bool = True
     every_slice: bool = False
     merge_background: bool = True
-    windows: ChannelWindows | Literal["robust", "full range"] = "robust"
+    window: IntensityWindow | Literal["robust", "full range"] = "robust"
     precision: Precision | Literal["device"] = "device"
 
     def __post_init__(self) -> None:
@@ -62,13 +63,11 @@ class FeatureSettings:
         if self.layer_step < 1 or (self.every_slice and self.layer_step > 1):
             raise InputError(f"layer_step must be 1 or more, and 1 where every slice is run; got {self.layer_step}.")
 
-    def windows_for(self, volume: Volume) -> ChannelWindows:
-        """The windows to use for `volume`."""
-        if self.windows == "robust":
-            return network_windows(volume)
-        if self.windows == "full range":
-            return (full_range_window(volume.whole),) * 3
-        return self.windows
+    def channels_for(self, volume: Volume) -> NetworkChannels:
+        """The colour channels in which the network sees `volume`."""
+        if self.window == "robust":
+            return network_channels(volume)
+        return NetworkChannels.grey(full_range_window(volume.whole) if self.window == "full range" else self.window)
 
     def on(self, device: torch.device) -> FeatureSettings:
         """The same settings with the precision that they come to on `device`."""

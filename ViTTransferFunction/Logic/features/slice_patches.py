@@ -1,4 +1,4 @@
-"""Slices as the network reads them: windowed to three colour channels, resized to whole patches, normalised."""
+"""Slices as the network reads them: in three colour channels, resized to whole patches, normalised."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.intensity_window import ChannelWindows
 from ..core.torch_arrays import tensor_of
 from .background_tokens import TokenSelection
 from .line_resizing import resizing_matrix
+from .network_channels import NetworkChannels
 from .slice_sampling import slice_at
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class SlicePatches:
 
     Args:
         array: (K, J, I) intensities, as the network is to see them.
-        windows: of the colour channels.
+        channels: colours that intensities are shown in.
         axis: across which the slices run.
         shape: cells along (K, J, I); a patch for each cell of a slice.
         patch_size: of the network, pixels.
@@ -37,14 +37,14 @@ class SlicePatches:
     def __init__(
         self,
         array: np.ndarray,
-        windows: ChannelWindows,
+        channels: NetworkChannels,
         axis: int,
         shape: tuple[int, int, int],
         patch_size: int,
         device: torch.device,
     ) -> None:
 
-        self._array, self._windows, self._axis, self._patch_size = array, windows, axis, patch_size
+        self._array, self._colors, self._axis, self._patch_size = array, channels.colors, axis, patch_size
         across = [other for other in range(3) if other != axis]
         self.rows, self.columns = (shape[other] for other in across)
         self._to_rows, self._to_columns = (
@@ -66,10 +66,10 @@ class SlicePatches:
         return PatchTokens(of_places, self.rows, self.columns, places, multiplicity)
 
     def _channels(self, intensities: np.ndarray) -> np.ndarray:
-        """A slice in the three windows, (3, rows, columns) float32, normalised; resizing it keeps it so."""
-        shown = {window: window.apply(intensities) for window in set(self._windows)}
-        channels = zip(self._windows, CHANNEL_MEAN, CHANNEL_STD, strict=True)
-        return np.stack([(shown[window] - np.float32(mean)) / np.float32(std) for window, mean, std in channels])
+        """A slice in the three colours, (3, rows, columns) float32, normalised; resizing it keeps it so."""
+        shown = {color: color.apply(intensities) for color in set(self._colors)}
+        channels = zip(self._colors, CHANNEL_MEAN, CHANNEL_STD, strict=True)
+        return np.stack([(shown[color] - np.float32(mean)) / np.float32(std) for color, mean, std in channels])
 
     def spread(self, keys: Tensor, chosen: TokenSelection) -> Tensor:
         """Keys (T, C) of the chosen patches, in the places of all that they represent: (rows, columns, C)."""

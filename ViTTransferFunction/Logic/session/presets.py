@@ -47,7 +47,7 @@ PRESETS = {
             canonical=False,
             every_slice=True,
             merge_background=False,
-            windows="full range",
+            window="full range",
             precision="float32",
         ),
         statistics="none",

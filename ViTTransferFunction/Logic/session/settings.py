@@ -35,5 +35,5 @@ class SessionSettings:
         if self.grid is not None:
             settings = replace(settings, grid=self.grid)
         if self.window is not None:
-            settings = replace(settings, windows=(IntensityWindow(*self.window),) * 3)
+            settings = replace(settings, window=IntensityWindow(*self.window))
         return settings

@@ -9,10 +9,11 @@ import numpy as np
 
 from ..core.geometry import Geometry
 from ..core.intensity_cdf import IntensityCdf
-from ..core.intensity_window import display_window, network_windows
+from ..core.intensity_window import display_window
 from ..core.orientation import canonical_orientation
 from ..core.volume import Volume
 from ..features.background_tokens import background_cells
+from ..features.network_channels import network_channels
 from .connected_points import ConnectedPoints
 from .connectedness import Connectedness
 from .iso_value import edge_strength_at
@@ -72,7 +73,7 @@ def _connected_points(volume: Volume, cells: Geometry) -> ConnectedPoints:
 def _cells_of_body(connected: ConnectedPoints, volume: Volume) -> int:
     """How many cells hold more than the background around the body, by their mean intensities."""
     means = connected.cell_means()
-    return int(np.count_nonzero(~background_cells(means, network_windows(volume), means.shape)))
+    return int(np.count_nonzero(~background_cells(means, network_channels(volume).background, means.shape)))
 
 
 def _drawn(cells: Geometry) -> np.ndarray:

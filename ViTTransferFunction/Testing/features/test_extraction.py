@@ -57,7 +57,7 @@ def block_means(array: np.ndarray, size: int) -> np.ndarray:
 
 def test_pooling_every_slice_gives_the_mean_of_each_cell() -> None:
     array = np.random.default_rng(0).random((16, 24, 32)).astype(np.float32)
-    settings = FeatureSettings(grid=8, isotropic=False, every_slice=True, windows=(WINDOW,) * 3)
+    settings = FeatureSettings(grid=8, isotropic=False, every_slice=True, window=WINDOW)
     features = extract_features(volume_of(array), MeanIntensityNetwork(), settings)
     assert features.array.shape == (4, 6, 8, TINY_MODEL.embed_dim)
     np.testing.assert_allclose(features.array[..., 0], block_means(array, 4), atol=1e-3)
@@ -66,7 +66,7 @@ def test_pooling_every_slice_gives_the_mean_of_each_cell() -> None:
 def test_features_follow_the_axes_of_the_volume() -> None:
     ramps = np.meshgrid(*[np.linspace(0.0, 1.0, n) for n in (16, 24, 32)], indexing="ij")
     for axis, ramp in enumerate(ramps):
-        settings = FeatureSettings(grid=8, windows=(WINDOW,) * 3)
+        settings = FeatureSettings(grid=8, window=WINDOW)
         features = extract_features(volume_of(ramp.astype(np.float32)), MeanIntensityNetwork(), settings).array[..., 0]
         across = np.moveaxis(features, axis, 0).reshape(features.shape[axis], -1)
         assert (np.diff(across[:, 0].astype(float)) > 0.05).all()
@@ -106,7 +106,7 @@ def test_skipped_layers_are_interpolated_and_the_last_is_always_run() -> None:
 
 def test_fewer_patches_than_cells_give_the_same_features_on_the_same_cells() -> None:
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, 48, dtype=np.float32), (48, 48, 48))
-    settings = FeatureSettings(grid=24, windows=(WINDOW,) * 3, merge_background=False)
+    settings = FeatureSettings(grid=24, window=WINDOW, merge_background=False)
     fine = extract_features(volume_of(ramp), MeanIntensityNetwork(), settings)
     half = replace(settings, most_patches=3 * 12**3)
     assert ExtractionPlan(volume_of(ramp), half).shape == (12, 12, 12)
@@ -171,7 +171,7 @@ def test_progress_reaches_its_total_and_can_cancel(spheres: tuple[Volume, np.nda
 def test_features_do_not_depend_on_how_the_voxels_are_stored(order: list[int], mirrored: tuple[bool, bool, bool]) -> None:
     array = np.random.default_rng(0).random((8, 10, 12)).astype(np.float32)
     network = VisionTransformer(TINY_MODEL, random_state_dict(TINY_MODEL), "tiny")
-    settings = FeatureSettings(grid=4, windows=(WINDOW,) * 3)
+    settings = FeatureSettings(grid=4, window=WINDOW)
     geometry = Geometry(array.shape, np.diag([1.0, 1.0, 1.0, 1.0]))
     expected = extract_features(Volume(array, geometry), network, settings).array
 
@@ -205,7 +205,7 @@ OTHER_SETTINGS: list[dict[str, Any]] = [
     {"canonical": False},
     {"every_slice": True},
     {"merge_background": False},
-    {"windows": (WINDOW,) * 3},
+    {"window": WINDOW},
     {"precision": "float16"},
 ]
 
@@ -239,7 +239,7 @@ def turned(geometry: Geometry, degrees: float) -> Geometry:
 def test_a_volume_that_was_moved_has_the_same_features_and_key() -> None:
     volume = volume_of(np.random.default_rng(0).random((12, 16, 20)).astype(np.float32), (0.8, 0.7, 2.5))
     moved = Volume(volume.array, turned(volume.geometry, 20.0))
-    settings = FeatureSettings(grid=8, windows=(WINDOW,) * 3)
+    settings = FeatureSettings(grid=8, window=WINDOW)
     before, after = (extract_features(of, MeanIntensityNetwork(), settings) for of in (volume, moved))
     np.testing.assert_array_equal(before.array, after.array)
     assert before.key == after.key

@@ -13,8 +13,9 @@ from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window, network_windows
+from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features.network_channels import network_channels
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.session import segmentation_session
 from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, close_up_settings, largest_within
@@ -186,7 +187,7 @@ def test_a_part_is_looked_at_in_the_windows_of_its_whole() -> None:
     part = whole.part((slice(12, 28),) * 3)
     assert part.array.min() > -500.0
     assert display_window(part) == CT_SOFT_TISSUE == display_window(whole)
-    assert network_windows(part) == network_windows(whole)
+    assert network_channels(part) == network_channels(whole)
     assert part.digest != Volume(part.array, part.geometry).digest
 
 

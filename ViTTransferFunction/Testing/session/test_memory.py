@@ -67,7 +67,7 @@ def test_looking_at_a_volume_makes_no_copy_of_it(
         volume = Volume(array, organ[0].geometry)
         assert volume.digest
         display_window(volume)
-        background_cells(array, (IntensityWindow(0.0, 400.0),) * 3, (24, 30, 32))
+        background_cells(array, IntensityWindow(0.0, 400.0), (24, 30, 32))
 
     assert peak_bytes(look) < 0.25 * array.nbytes
 

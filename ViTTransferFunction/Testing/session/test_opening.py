@@ -12,6 +12,7 @@ import torch
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
@@ -63,7 +64,7 @@ def test_a_setting_that_cannot_be_used_is_refused_as_the_volume_is_opened(
 def test_settings_replace_those_of_the_preset_and_no_others() -> None:
     settings = SessionSettings(grid=20, window=(0.0, 100.0)).feature_settings()
     assert settings.grid == 20
-    assert {(window.low, window.high) for window in settings.windows} == {(0.0, 100.0)}  # type: ignore[union-attr]
+    assert settings.window == IntensityWindow(0.0, 100.0)
     assert SessionSettings().feature_settings() == PRESETS[DEFAULT_PRESET].features
 
 
