@@ -26,6 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run_on_any_console(arguments: list[str] | None) -> int:
     from ViTTransferFunction.CommandLine.console import unfailing_console
+    from ViTTransferFunction.Logic.core.closed_pipe import is_closed_pipe
 
     with unfailing_console() as output:
         try:
@@ -33,7 +34,7 @@ def _run_on_any_console(arguments: list[str] | None) -> int:
         except KeyboardInterrupt as interruption:
             code = _interrupted(interruption)
         output.flush()
-        if output.trouble is not None and not isinstance(output.trouble, BrokenPipeError):
+        if output.trouble is not None and not is_closed_pipe(output.trouble):
             print(f"error: The output could not be written: {output.trouble.strerror}.", file=sys.stderr)
             code = code or 2
     return code

@@ -154,7 +154,7 @@ class Server:
                     "try again."
                 )
                 write_message(self._replies, to_message(number, failed), self._files)
-            except BrokenPipeError:
+            except OSError:  # Nobody reads any more: a broken pipe, or in Windows' words an invalid argument.
                 self._leave()
 
 

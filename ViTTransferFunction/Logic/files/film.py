@@ -10,7 +10,7 @@ import math
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, Queue
@@ -20,6 +20,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from ..core.atomic_file import replacing
+from ..core.closed_pipe import is_closed_pipe
 from ..core.errors import Cancelled, InputError
 from ..core.progress import Progress, no_progress
 from ..core.stepped_work import ADVANCE_S, Steps
@@ -230,10 +231,14 @@ def _encoder(path: Path, width: int, height: int, frames_per_second: float) -> I
         "-f", "mp4", str(path),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as errors:
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors)
+        # No console window flashes up on Windows.
+        flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
+        process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors, creationflags=flags
+        )
         assert process.stdin is not None
         try:
-            with suppress(BrokenPipeError):  # It has ended early, and said why.
+            with _until_it_ends():
                 yield process.stdin
                 process.stdin.close()
             code = process.wait()
@@ -246,3 +251,13 @@ def _encoder(path: Path, width: int, height: int, frames_per_second: float) -> I
             raise InputError(
                 f"The film could not be written: {said[-1][:200]}. Is the disk full? A .gif is made without ffmpeg."
             )
+
+
+@contextmanager
+def _until_it_ends() -> Iterator[None]:
+    """Writes to a program within; where that has ended early, it has said why itself."""
+    try:
+        yield
+    except OSError as error:
+        if not is_closed_pipe(error):
+            raise

@@ -119,6 +119,24 @@ def test_a_reader_that_has_gone_away_is_no_error() -> None:
     assert (finished.returncode, finished.stderr) == (0, "")
 
 
+@pytest.mark.parametrize(("platform", "code"), [("win32", 0), ("linux", 2)])
+def test_windows_says_of_a_reader_that_has_gone_away_that_an_argument_is_invalid(
+    platform: str, code: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Unread(io.StringIO):
+        def write(self, _: str) -> int:
+            raise OSError(errno.EINVAL, "Invalid argument")
+
+        def fileno(self) -> int:
+            return os.open(os.devnull, os.O_WRONLY)
+
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(sys, "stdout", Unread())
+    monkeypatch.setattr(sys, "stderr", errors := io.StringIO())
+    assert main(["weights", "list"]) == code
+    assert bool(errors.getvalue()) == bool(code)
+
+
 @pytest.mark.slow
 def test_with_closed_streams_no_file_gets_what_is_printed(tmp_path: Path) -> None:
     program = (

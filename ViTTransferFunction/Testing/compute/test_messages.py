@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.messages import ArraysNotWritten, Message, read_message, write_message
+from ViTTransferFunction.Logic.compute.server import Server
 
 
 @pytest.fixture
@@ -85,3 +88,23 @@ def test_where_there_is_no_room_nothing_is_said(tmp_path: Path) -> None:
     with pytest.raises(ArraysNotWritten):
         write_message(stream, Message({"what": "maps"}, (np.ones(32),)), ArrayFiles(tmp_path / "gone"))
     assert stream.getvalue() == b""
+
+
+@pytest.mark.parametrize("code", [errno.EPIPE, errno.EINVAL], ids=["a broken pipe", "an invalid argument, as Windows says"])
+def test_where_nobody_reads_the_replies_any_more_no_voxel_is_left(
+    code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Unread(io.BytesIO):
+        def write(self, _: object) -> int:
+            raise OSError(code, os.strerror(code))
+
+    def exited(status: int) -> None:
+        raise SystemExit(status)
+
+    monkeypatch.setattr(os, "_exit", exited)
+    folder = tmp_path / "arrays"
+    folder.mkdir()
+    (folder / "1-0").write_bytes(b"voxels")
+    with pytest.raises(SystemExit) as ended:
+        Server(io.BytesIO(), Unread(), ArrayFiles(folder)).serve()
+    assert (ended.value.code, list(tmp_path.iterdir())) == (0, [])

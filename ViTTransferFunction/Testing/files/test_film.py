@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import subprocess
 import sys
 from pathlib import Path
 from threading import get_ident
@@ -147,6 +149,34 @@ def test_an_encoder_that_fails_is_an_input_error(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     with pytest.raises(InputError, match="could not be written"):
         # No encoder takes frames of no width.
+        write_film(FilmPlan(tmp_path / "film.mp4", frames=3, seconds=1.0), lambda number: plain(number, width=1))
+    assert not list(tmp_path.iterdir())
+
+
+def test_on_windows_an_encoder_gets_no_window_and_one_that_has_ended_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    no_window, start = 0x08000000, subprocess.Popen
+
+    class EndedPipe:
+        def write(self, _: bytes) -> int:
+            raise OSError(errno.EINVAL, "Invalid argument")
+
+        def close(self) -> None:
+            pass
+
+    def popen(*arguments: Any, creationflags: int = 0, **options: Any) -> Any:
+        assert creationflags == no_window
+        process = start(*arguments, **options)
+        process.stdin.close()
+        process.stdin = EndedPipe()
+        return process
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(subprocess, "CREATE_NO_WINDOW", no_window, raising=False)
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    with pytest.raises(InputError, match="could not be written"):
         write_film(FilmPlan(tmp_path / "film.mp4", frames=3, seconds=1.0), lambda number: plain(number, width=1))
     assert not list(tmp_path.iterdir())
 
