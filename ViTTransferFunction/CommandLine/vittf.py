@@ -49,10 +49,12 @@ def _run(arguments: list[str] | None) -> int:
 
     from ViTTransferFunction.CommandLine.console import unfailing_console
     from ViTTransferFunction.CommandLine.interruption import ending_on_request
+    from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
     from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
     from ViTTransferFunction.Logic.core.errors import InputError
     from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 
+    take_utf8_file_names()
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
     try:
         with ending_on_request():

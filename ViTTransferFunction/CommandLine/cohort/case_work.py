@@ -8,6 +8,7 @@ from threading import Lock
 
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
+from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
 from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.features.networks import Networks
@@ -21,6 +22,7 @@ _one_at_a_time = Lock()
 
 def segment_case(job: CaseJob) -> CaseOutcome:
     """Segment a case and write segmentation and record. Raises nothing: the outcome says what went wrong."""
+    take_utf8_file_names()
     try:
         with _one_at_a_time:
             return _segment(job)

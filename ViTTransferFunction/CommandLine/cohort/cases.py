@@ -13,6 +13,7 @@ from pathlib import Path
 from ViTTransferFunction.Logic.core.errors import InputError, shown
 from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
+from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS
 
 logger = logging.getLogger(__name__)
 
@@ -126,8 +127,7 @@ def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
 
 def _cases_in_folder(folder: Path) -> Iterator[Case]:
     volumes: dict[str, list[Path]] = {}
-    # Hidden files are nobody's cases: beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
-    visible = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
+    visible = [path for path in sorted(folder.iterdir()) if not _is_hidden(path)]
     for path in visible:
         if path.is_dir() and (path / FOLDER_ANNOTATIONS).is_file():
             yield Case(path.name, path, path / FOLDER_ANNOTATIONS)
@@ -145,6 +145,14 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
         yield Case(name, found[0], points)
     if volumes:
         logger.warning("%s: left out, without an annotations file: %s", folder, ", ".join(sorted(volumes)))
+
+
+def _is_hidden(path: Path) -> bool:
+    """Whether it is nobody's case, nor to be looked into.
+
+    Beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
+    """
+    return path.name.startswith(".") or path.name.lower() in FOLDERS_OF_SYSTEMS
 
 
 def _volume_ending(path: Path) -> str:

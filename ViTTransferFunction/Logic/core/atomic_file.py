@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .errors import InputError
-from .regular_file import mode_of, not_regular
+from .regular_file import check_length, mode_of, not_regular
 
 _FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 """No room: on the disk, in what this file may take, or in what this user may (which Windows does not know)."""
@@ -52,7 +52,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     _check_replaceable(path)
     # Its name is known before there is a file, which is removed wherever an interruption comes.
-    temporary = path.parent / f"{TEMPORARY}{secrets.token_hex(4)}{_ending(path)}"
+    temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         # While it is being written, only its owner may read it.
@@ -75,10 +75,19 @@ def check_writable(path: Path) -> None:
     _check_replaceable(path)
     folder = next(parent for parent in path.absolute().parents if mode_of(parent) is not None)
     try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        _make_and_remove_file(folder)
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def _make_and_remove_file(folder: Path) -> None:
+    if sys.platform == "win32":
+        # `tempfile` of Pythons before 3.11.8 and 3.12.2 tries other names for ever in a folder that may not be written to.
+        flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_TEMPORARY
+        os.close(os.open(_temporary(folder / "file"), flags, 0o600))
+        return
+    with tempfile.TemporaryFile(dir=folder):
+        pass
 
 
 def remove_leftovers(folder: Path, changed_before_s: float = math.inf) -> None:
@@ -135,6 +144,10 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
 
 def _check_replaceable(path: Path) -> None:
     """A rename would put a file in the place of a device, and fail late where a folder is."""
+    if sys.platform == "win32" and ":" in path.name:
+        # It is found out late: what follows a colon is the name of a part of the file.
+        raise InputError(f"Cannot write {path}: no name may hold a colon (:) on Windows. Choose another name.")
+    check_length(path, max(0, len(_temporary(path).name) - len(path.name)))
     mode = mode_of(path)
     if mode is None:
         return
@@ -145,6 +158,11 @@ def _check_replaceable(path: Path) -> None:
     if not os.access(path, os.W_OK):
         # Renaming would get round the protection, and on Windows fail.
         raise InputError(f"Cannot write {path}: the file is write-protected. Choose another name.")
+
+
+def _temporary(path: Path) -> Path:
+    """Where to write what is to take a path's place."""
+    return path.parent / f"{TEMPORARY}{secrets.token_hex(4)}{_ending(path)}"
 
 
 def _ending(path: Path) -> str:

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import stat
+import sys
 from pathlib import Path
 
 from .errors import InputError
+
+LONGEST_ON_WINDOWS = 259
+"""Characters of a path that Windows opens, unless it and the program were told to take longer ones."""
+_OF_ANY_LENGTH = "\\\\?\\"
+"""How paths begin that Windows takes as they are."""
 
 
 def check_regular_file(path: Path) -> None:
@@ -31,6 +37,7 @@ def mode_of(path: Path) -> int | None:
         InputError: it cannot be found out: the name is too long, links lead in a circle, a folder may not be entered. Or the
             name is no text, which ITK ends the program at.
     """
+    check_length(path)
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
@@ -45,6 +52,32 @@ def mode_of(path: Path) -> int | None:
         raise InputError(f"Cannot open {str(path)[:200]}: {error.strerror or error}. Check the path.") from error
     except ValueError as error:
         raise InputError(f"{str(path)[:200]!r} is no path: {error}.") from error
+
+
+def check_length(path: Path, further: int = 0) -> None:
+    """Raise InputError where Windows would say of a path that nothing is there, since it is too long.
+
+    Args:
+        path: of a file or folder, which need not be there.
+        further: characters by which another name in its folder is longer that is needed as well.
+    """
+    if sys.platform != "win32" or str(path).startswith(_OF_ANY_LENGTH):
+        return
+    length = len(str(path.absolute())) + further
+    if length > LONGEST_ON_WINDOWS and not _long_paths_are_enabled():
+        raise InputError(
+            f"{path} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the most that it "
+            "opens. Copy the folder to a place with a shorter path, C:\\scans say."
+        )
+
+
+def _long_paths_are_enabled() -> bool:
+    import ctypes
+
+    enabled = ctypes.windll.ntdll.RtlAreLongPathsEnabled  # type: ignore[attr-defined,unused-ignore]
+    # A byte; what lies beside it in a larger number may be anything.
+    enabled.restype = ctypes.c_ubyte
+    return bool(enabled())
 
 
 def not_regular(path: Path) -> InputError:

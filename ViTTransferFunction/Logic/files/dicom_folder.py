@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.regular_file import check_regular_file
+from ..core.regular_file import check_length, check_regular_file
 from .dicom_frames import LARGEST_TURN
 from .dicom_slice import DicomSlice, read_slice
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
@@ -23,7 +24,10 @@ NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4"
 """Endings, in small letters, of files that are no slices and may be written again and again beside a DICOM series: results, and
 what systems write where a folder is looked at."""
 
-_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
+_BESIDE_FILES_OF_MACS = "._"
+"""Beside each file that a Mac copies to a shared disk or a stick, it puts one that is called the same but for this."""
+
+FOLDERS_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
 """Folders, in small letters, that systems put on a disk and let nobody read; those of Macs are hidden."""
 
 
@@ -144,7 +148,11 @@ def _rank(series: DicomSeries) -> tuple[int, str]:
 
 def _entries(folder: Path) -> list[Path]:
     try:
-        return sorted(entry for entry in folder.iterdir() if entry.exists())
+        entries = sorted(folder.iterdir())
+        for entry in entries:
+            # It would not be there, and its slice be missing without a word.
+            check_length(entry)
+        return [entry for entry in entries if entry.exists() and not entry.name.startswith(_BESIDE_FILES_OF_MACS)]
     except OSError as error:
         raise InputError(f"Cannot read the folder {folder}: {error.strerror or error}.") from error
 
@@ -168,8 +176,14 @@ def _files_below(folder: Path) -> list[Path]:
 
 
 def _folders_among(entries: list[Path]) -> list[Path]:
-    folders = [entry for entry in entries if entry.is_dir() and not entry.is_symlink()]
-    return [entry for entry in folders if not entry.name.startswith(".") and entry.name.lower() not in _OF_SYSTEMS]
+    folders = [entry for entry in entries if entry.is_dir() and not entry.is_symlink() and not _is_junction(entry)]
+    return [entry for entry in folders if not entry.name.startswith(".") and entry.name.lower() not in FOLDERS_OF_SYSTEMS]
+
+
+def _is_junction(folder: Path) -> bool:
+    """Whether it is Windows' older kind of link, as *My Pictures* in *Documents* is, which nobody may look into."""
+    tag = getattr(folder.lstat(), "st_reparse_tag", 0)
+    return bool(tag) and tag == getattr(stat, "IO_REPARSE_TAG_MOUNT_POINT", None)
 
 
 def _is_dicom(path: Path) -> bool:

@@ -118,6 +118,21 @@ def test_a_folder_has_volumes_with_points_beside_them_and_dicom_folders_with_poi
     assert "left out, without an annotations file: labels" in caplog.text
 
 
+def test_the_folders_that_windows_has_at_the_top_of_a_disk_are_not_looked_into(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touch(tmp_path, "a.nii", "a.annotations.json", "System Volume Information/tracking.log", "$RECYCLE.BIN/desktop.ini")
+    is_file = Path.is_file
+
+    def refused(path: Path) -> bool:
+        if path.parent != tmp_path:
+            raise PermissionError(13, "Access is denied", str(path))
+        return is_file(path)
+
+    monkeypatch.setattr(Path, "is_file", refused)
+    assert [case.name for case in read_cases(tmp_path)] == ["a"]
+
+
 @pytest.mark.parametrize("volumes", [[], ["a.nii", "a.nrrd"]])
 def test_points_without_a_volume_or_with_two_are_refused(tmp_path: Path, volumes: list[str]) -> None:
     touch(tmp_path, "a.annotations.json", *volumes)

@@ -101,6 +101,36 @@ def test_windows_refuses_to_rename_what_a_scanner_has_open_for_a_moment(
     assert [entry.name for entry in tmp_path.iterdir()] == ["result.txt"]
 
 
+def test_on_windows_a_name_that_would_be_that_of_a_part_of_a_file_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "CT 12:30.nii.gz"
+    check_writable(path)
+    monkeypatch.setattr(sys, "platform", "win32")
+    for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
+        with pytest.raises(InputError, match=r"a colon \(:\)"):
+            attempt()
+
+
+def test_on_windows_a_folder_that_may_not_be_written_to_is_told_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There, `tempfile` of older Pythons takes the refusal for a folder of the name that it tries, and tries 2**31 names."""
+    asked = []
+
+    def refused(path: Path, flags: int, mode: int) -> int:
+        asked.append(flags)
+        raise PermissionError(errno.EACCES, "Access is denied", str(path))
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "O_TEMPORARY", 0x40, raising=False)
+    monkeypatch.setattr(os, "open", refused)
+    monkeypatch.setattr("tempfile.TemporaryFile", lambda **_: pytest.fail("it would try for ever"))
+    with pytest.raises(InputError, match=r"Access is denied\. Close other programs"):
+        check_writable(tmp_path / "result.txt")
+    assert [flags & 0x40 for flags in asked] == [0x40]
+
+
 @pytest.mark.parametrize(
     ("name", "ending"),
     [

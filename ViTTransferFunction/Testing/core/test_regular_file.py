@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.regular_file import check_regular_file
+from ViTTransferFunction.Logic.core.regular_file import LONGEST_ON_WINDOWS, check_regular_file, mode_of
 
 
 @pytest.mark.parametrize("name", ["\udcff.nii.gz", "scans \udcff/scan.nrrd"])
@@ -18,3 +21,53 @@ def test_names_that_are_no_text_are_refused_for_reading_and_writing(tmp_path: Pa
     with pytest.raises(InputError, match="no text"), replacing(tmp_path / name):
         pass
     assert not list(tmp_path.iterdir())
+
+
+def on_windows(monkeypatch: pytest.MonkeyPatch, long_paths: bool) -> None:
+    """Pretend to be on a Windows that opens longer paths, or does not."""
+
+    class AreEnabled:
+        def __call__(self) -> int:
+            # Windows answers by a byte; the other three of a number are left from something else.
+            return int(long_paths) if vars(self)["restype"] is ctypes.c_ubyte else 0x7FFF00 + long_paths
+
+    windll = SimpleNamespace(ntdll=SimpleNamespace(RtlAreLongPathsEnabled=AreEnabled()))
+    monkeypatch.setattr(ctypes, "windll", windll, raising=False)
+    monkeypatch.setattr(sys, "platform", "win32")
+
+
+def path_of(length: int, folder: Path, name: str = "scan.nrrd") -> Path:
+    """A path of so many characters, in a new folder."""
+    deep = folder
+    while (room := length - len(str(deep / name))) > 0:
+        deep /= "x" * (min(room, 101) - 1) if room != 102 else "x" * 50
+    deep.mkdir(parents=True)
+    assert len(str(deep / name)) == length
+    return deep / name
+
+
+@pytest.mark.parametrize("further", [0, 1])
+@pytest.mark.parametrize("long_paths", [False, True])
+def test_a_path_that_windows_does_not_open_is_told_from_one_with_nothing_there(
+    further: int, long_paths: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = path_of(LONGEST_ON_WINDOWS + further, tmp_path)
+    path.write_text("voxels")
+    assert mode_of(path)
+    on_windows(monkeypatch, long_paths)
+    if further and not long_paths:
+        with pytest.raises(InputError, match="260 characters, and 259 are the most"):
+            check_regular_file(path)
+    else:
+        check_regular_file(path)
+
+
+def test_an_output_whose_temporary_file_windows_could_not_open_is_refused_beforehand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = path_of(LONGEST_ON_WINDOWS, tmp_path, "a.nii")
+    check_writable(path)
+    on_windows(monkeypatch, long_paths=False)
+    for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
+        with pytest.raises(InputError, match="too long a path"):
+            attempt()

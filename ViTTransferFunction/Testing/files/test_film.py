@@ -168,7 +168,7 @@ def test_on_windows_an_encoder_gets_no_window_and_one_that_has_ended_says_why(
 
     def popen(*arguments: Any, creationflags: int = 0, **options: Any) -> Any:
         assert creationflags == no_window
-        process = start(*arguments, **options)
+        process: Any = start(*arguments, **options)
         process.stdin.close()
         process.stdin = EndedPipe()
         return process

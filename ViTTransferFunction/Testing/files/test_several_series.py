@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import os
+import stat
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.core import regular_file
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files import dicom_folder
@@ -182,6 +186,53 @@ def test_links_that_lead_in_a_circle_are_not_followed(tmp_path: Path) -> None:
     (tmp_path / "series" / "again").symlink_to(tmp_path, target_is_directory=True)
     (tmp_path / "again").symlink_to(tmp_path, target_is_directory=True)
     assert len(files_of(tmp_path)) == len(read(tmp_path)[0].array) == 4
+
+
+def test_windows_older_kind_of_link_is_not_followed_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_series(tmp_path / "series", "2", "Chest")
+    write_series(tmp_path / "My Pictures", "3", "Chest")
+    lstat, tag = Path.lstat, 0xA0000003
+
+    class OfJunction:
+        st_reparse_tag = tag
+
+        def __init__(self, status: os.stat_result) -> None:
+            self._status = status
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._status, name)
+
+    def status_of(path: Path) -> Any:
+        return OfJunction(lstat(path)) if path.name == "My Pictures" else lstat(path)
+
+    monkeypatch.setattr(stat, "IO_REPARSE_TAG_MOUNT_POINT", tag, raising=False)
+    monkeypatch.setattr(Path, "lstat", status_of)
+    assert {path.parent.name for path in files_of(tmp_path)} == {"series"}
+
+
+@pytest.mark.parametrize("where", [".", "below"])
+def test_what_a_mac_puts_beside_slices_is_not_among_them(tmp_path: Path, where: str) -> None:
+    write_series(tmp_path / where, "2", "Chest")
+    before = files_of(tmp_path)
+    for path in before:
+        # Attributes and resources; a preview of the picture may be among them.
+        path.with_name(f"._{path.name}").write_bytes(path.read_bytes())
+    assert files_of(tmp_path) == before
+    assert len(read(tmp_path)[0].array) == 4
+
+
+def test_a_series_is_not_read_without_the_slices_whose_paths_windows_does_not_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_series(tmp_path, "2", "Chest")
+    longest = max(len(str(path)) for path in files_of(tmp_path))
+    last = files_of(tmp_path)[-1]
+    last.rename(last.with_name(f"{last.name}1"))
+    monkeypatch.setattr(regular_file, "LONGEST_ON_WINDOWS", longest)
+    monkeypatch.setattr(regular_file, "_long_paths_are_enabled", lambda: False)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(InputError, match="too long a path"):
+        read(tmp_path)
 
 
 def test_a_folder_with_far_too_much_below_is_refused_before_anything_is_opened(
