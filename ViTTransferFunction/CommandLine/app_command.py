@@ -6,13 +6,17 @@ import argparse
 import os
 import signal
 import sys
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, add_settings_options, session_settings
 from ViTTransferFunction.Logic.core.errors import InputError
+
+if TYPE_CHECKING:
+    from ViTTransferFunction.WebApp.app import WebApp
 
 LOOP_TURNS_S = 0.01
 """In which the loop hears of signals that came before."""
@@ -99,15 +103,19 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
         print(f"note: {warning}", file=sys.stderr, flush=True)
 
     loop = asyncio.get_running_loop()
+    app: WebApp | None = None
     asked: list[int] = []
-    handled = [signal.SIGINT, signal.SIGTERM] if sys.platform != "win32" else []
-    if handled and signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:
-        # The terminal was closed; `nohup` has programs go on.
-        handled.append(signal.SIGHUP)
+
+    def hear(number: int) -> None:
+        asked.append(number)
+        if app is not None:
+            app.stop()
+
+    handled = {number: signal.getsignal(number) for number in _ending_signals()}
     for number in handled:
         # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while that is loaded, and
         # while the scene is made.
-        loop.add_signal_handler(number, asked.append, number)
+        _have_loop_hear(number, hear)
     try:
         from ViTTransferFunction.WebApp.app import WebApp
         from ViTTransferFunction.WebApp.volumes import sample_path
@@ -117,9 +125,30 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
             raise KeyboardInterrupt if asked[0] == signal.SIGINT else Terminated
         volume = sample_path() if args.sample else args.volume
         app = WebApp(settings)
-        for number in handled:
-            loop.add_signal_handler(number, app.stop)
         await app.start(args.host, args.port, volume, announce, warn, args.series)
     finally:
-        for number in handled:
-            loop.remove_signal_handler(number)
+        for number, before in handled.items():
+            if sys.platform == "win32":
+                signal.signal(number, before)
+            else:
+                loop.remove_signal_handler(number)
+
+
+def _ending_signals() -> list[int]:
+    if sys.platform == "win32":
+        return [signal.SIGINT, signal.SIGBREAK]
+    # The terminal was closed; `nohup` has programs go on.
+    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL else []
+    return [signal.SIGINT, signal.SIGTERM, *hang_up]
+
+
+def _have_loop_hear(number: int, hear: Callable[[int], object]) -> None:
+    """Have the running loop call `hear` in its turn when a signal comes, with its number."""
+    import asyncio
+
+    loop = asyncio.get_running_loop()
+    if sys.platform == "win32":
+        # Loops have no signals there. What Python calls instead, between any two of its instructions, only leaves a note.
+        signal.signal(number, lambda number, _: loop.call_soon_threadsafe(hear, number))
+    else:
+        loop.add_signal_handler(number, hear, number)

@@ -175,8 +175,9 @@ class WebApp:
                 if task.done():
                     task.result()  # Raises what ended it.
         except OSError as error:
-            reason = os.strerror(error.errno) if error.errno else str(error)
-            raise InputError(f"Nothing can listen at {host}, port {port}: {reason}. Choose another port or host.") from error
+            raise InputError(
+                f"Nothing can listen at {host}, port {port}: {_reason(error)}. Choose another port or host."
+            ) from error
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
@@ -465,6 +466,18 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
+
+
+def _reason(error: OSError) -> str:
+    """Why a port cannot be had, in the system's words."""
+    if not error.errno:
+        return str(error)
+    if sys.platform == "win32":
+        import ctypes
+
+        # What is wrong with sockets has numbers that the C library does not know.
+        return ctypes.FormatError(error.errno).rstrip(".")
+    return os.strerror(error.errno)
 
 
 def _tells_no_lost_connection(record: logging.LogRecord) -> bool:

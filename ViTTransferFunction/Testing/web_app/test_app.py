@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import os
 import random
 import shutil
@@ -13,7 +14,7 @@ import threading
 from argparse import Namespace
 from collections.abc import Callable, Coroutine
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -318,10 +319,35 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
 ON_ANY_PORT = Namespace(sample=False, volume=None, series=None, host="127.0.0.1", port=0, no_browser=True)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
+@pytest.fixture
+def pretended(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Pretends that `vittf app` runs on another system."""
+
+    def pretend(platform: str) -> None:
+        if platform == "win32":
+            monkeypatch.setattr(app_command, "sys", SimpleNamespace(platform=platform))
+            # Ctrl-Break, by any number that nobody uses.
+            monkeypatch.setattr(signal, "SIGBREAK", signal.SIGUSR1, raising=False)
+
+    return pretend
+
+
+def test_why_nothing_can_listen_is_told_in_the_words_of_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    said = {10048: "Only one usage of each socket address is normally permitted."}
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(ctypes, "FormatError", said.get, raising=False)
+    in_use = OSError(10048, "error while attempting to bind on address ('127.0.0.1', 80)")
+    assert app_module._reason(in_use) == "Only one usage of each socket address is normally permitted"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be sent a Ctrl-C there")
+@pytest.mark.parametrize("platform", ["as here", "win32"])
 def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends_the_app(
-    monkeypatch: pytest.MonkeyPatch,
+    platform: str, pretended: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    pretended(platform)
+
     class InterruptedApp:
         def __init__(self, settings: dict[str, Any]) -> None:
             self._stopped = asyncio.Event()
@@ -338,13 +364,26 @@ def test_an_interruption_while_the_scene_is_made_waits_until_it_is_and_then_ends
         asyncio.run(app_command._serve(ON_ANY_PORT, {}))
     except KeyboardInterrupt:
         pytest.fail("it came in the midst of making the scene")
+    assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="loops have no signals there")
-@pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be sent a Ctrl-C there")
+@pytest.mark.parametrize(
+    ("platform", "number", "raised"),
+    [
+        ("as here", signal.SIGINT, KeyboardInterrupt),
+        ("as here", signal.SIGTERM, Terminated),
+        ("win32", signal.SIGINT, KeyboardInterrupt),
+    ],
+)
 def test_an_interruption_while_slicers_code_is_loaded_waits_until_it_is_and_then_ends_the_command(
-    monkeypatch: pytest.MonkeyPatch, number: int, raised: type[BaseException]
+    platform: str,
+    number: int,
+    raised: type[BaseException],
+    pretended: Callable[[str], None],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    pretended(platform)
     loaded = []
 
     class InterruptedModule(ModuleType):
