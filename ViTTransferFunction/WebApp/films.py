@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from ..Logic.core.errors import InputError, shown
 from ..Logic.files.film import ENDINGS, FilmPlan, check_film_writer, film_steps
 from ..Logic.scene.filming import FRAMES_PER_SECOND, Filming
 from ..Logic.scene.wording import progress_text
-from .private_folder import private_folder
+from .private_folder import PrivateFolder, private_folder
 from .view_pictures import asked_size
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ class Films:
     def __init__(self, app: WebApp) -> None:
         self._app = app
         self._filming: Filming | None = None
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: PrivateFolder | None = None
         self.path: Path | None = None
 
     def start(self, width: Any, height: Any, seconds: Any, ending: Any) -> None:
@@ -103,7 +102,7 @@ class Films:
             state.film_ready = self.path is not None
 
 
-def _let_go(filming: Filming, folder: tempfile.TemporaryDirectory[str]) -> None:
+def _let_go(filming: Filming, folder: PrivateFolder) -> None:
     filming.cancel()
     folder.cleanup()
 

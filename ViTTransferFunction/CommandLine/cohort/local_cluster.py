@@ -12,9 +12,10 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
 from typing import Any, Literal
 
@@ -56,7 +57,9 @@ class ImpatientNanny(Nanny):
     async def close(self, *args: Any, **kwargs: Any) -> Literal["OK"]:  # type: ignore[override]
         """End the worker at once: what it has done is in files."""
         if self.pid:
-            os.kill(self.pid, signal.SIGTERM)
+            # It may have ended by itself: Windows refuses to end it once more.
+            with suppress(OSError):
+                os.kill(self.pid, signal.SIGTERM)
         return await super().close(*args, **kwargs)
 
 
@@ -74,7 +77,9 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
     security = _security()
     place = {"host": HOST, "protocol": "tls://", "security": security}
     with ExitStack() as stack:
-        scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix="vittf-cohort-"))
+        # Windows removes no file that a process had open a moment ago; there is nothing of patients in them.
+        folder = tempfile.TemporaryDirectory(prefix="vittf-cohort-", ignore_cleanup_errors=True)
+        scratch = stack.enter_context(folder)
         stack.enter_context(dask.config.set(_CONFIG))
         worker = {
             **place,
@@ -113,9 +118,18 @@ def _interrupts_held_back() -> Iterator[None]:
     """Threads and processes that are started within never get a Ctrl-C; this thread gets it afterwards.
 
     A terminal sends it to all processes. Workers would each print a traceback, while the one who leads them ends them anyway.
+    On Windows, a Ctrl-C that comes within is lost.
     """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
+    if sys.platform == "win32":
+        # Programs that are started within inherit that they do not hear it.
+        import ctypes
+
+        hear = ctypes.windll.kernel32.SetConsoleCtrlHandler
+        hear(None, True)
+        try:
+            yield
+        finally:
+            hear(None, False)
         return
     # It would be started within, and let Ctrl-C through again.
     resource_tracker.ensure_running()

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
+import ctypes
+import os
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -75,6 +80,34 @@ def test_workers_of_another_version_are_refused(client: Any, monkeypatch: pytest
     # The first answer is that of this computer.
     with pytest.raises(dispatch.InputError, match=r"version 0.9 of this program, and this computer 1.0"):
         dispatch.check_workers(client, "tls://there", patience_s=10.0)
+
+
+def test_on_windows_workers_inherit_that_they_do_not_hear_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ViTTransferFunction.CommandLine.cohort.local_cluster import _interrupts_held_back
+
+    told: list[tuple[object, bool]] = []
+    kernel = SimpleNamespace(SetConsoleCtrlHandler=lambda routine, ignored: told.append((routine, ignored)))
+    monkeypatch.setattr(ctypes, "windll", SimpleNamespace(kernel32=kernel), raising=False)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(InputError), _interrupts_held_back():
+        assert told == [(None, True)]
+        raise InputError("a package is missing")
+    assert told == [(None, True), (None, False)]
+
+
+def test_a_worker_that_has_ended_by_itself_is_closed_as_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ViTTransferFunction.CommandLine.cohort.local_cluster import ImpatientNanny
+
+    async def close(self: object) -> str:
+        return "OK"
+
+    def refused(pid: int, number: int) -> None:
+        raise PermissionError(13, "Access is denied")  # As Windows says of a process that is over.
+
+    monkeypatch.setattr(distributed.Nanny, "close", close)
+    monkeypatch.setattr(ImpatientNanny, "pid", 1234)
+    monkeypatch.setattr(os, "kill", refused)
+    assert asyncio.run(ImpatientNanny.close(object.__new__(ImpatientNanny))) == "OK"
 
 
 def test_an_encrypted_address_without_certificates_is_refused() -> None:
