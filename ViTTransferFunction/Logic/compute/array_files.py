@@ -98,7 +98,11 @@ def _content(path: Path) -> memoryview:
         if os.name == "posix" and path.stat().st_size:
             # Nothing is copied, and the name can go while the content is in use.
             return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
-        return memoryview(bytearray(file.readall()))
+        content = memoryview(np.empty(path.stat().st_size, np.uint8).data).cast("B")
+        done = 0
+        while done < len(content) and (count := file.readinto(content[done : done + _CALL_BYTES])):
+            done += count
+        return content[:done]
 
 
 def _array(content: memoryview, dtype: np.dtype[Any], shape: Sequence[int], start: int) -> np.ndarray:

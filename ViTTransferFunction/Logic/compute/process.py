@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, cast
@@ -45,6 +47,7 @@ _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
 """Slicer's Python is started by a launcher, which has the last word where the process was killed, and does not know why."""
 _PATIENCE_S = 0.3
 """How long the process may take to end by itself; most often it needs a hundredth of a second."""
+_REMOVING_S, _RETRY_S = 1.0, 0.02
 
 
 class ComputeProcess:
@@ -123,8 +126,11 @@ class ComputeProcess:
 
     def end(self) -> None:
         """End the process, whatever it is doing, and its launcher."""
-        # It ends itself when its input does. Killing a launcher first would leave what it had launched.
-        _close(self.requests)
+        # It ends itself when its input does. Killing a launcher first would leave what it had launched. By a thread: while
+        # another one still writes to a process that does not read, Windows closes nothing.
+        closing = threading.Thread(target=_close, args=(self.requests,), daemon=True)
+        closing.start()
+        closing.join(_PATIENCE_S)
         try:
             self._process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:
@@ -136,6 +142,11 @@ class ComputeProcess:
         _close(self.replies)
         _close(self._errors)
         shutil.rmtree(self.folder, ignore_errors=True)
+        # Windows keeps the files of a process that was killed for a moment more.
+        give_up = time.monotonic() + _REMOVING_S
+        while sys.platform == "win32" and self.folder.exists() and time.monotonic() < give_up:
+            time.sleep(_RETRY_S)
+            shutil.rmtree(self.folder, ignore_errors=True)
 
     def _kill(self) -> None:
         # It may end by itself in the meantime.

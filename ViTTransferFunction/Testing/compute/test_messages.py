@@ -6,10 +6,12 @@ import errno
 import io
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.compute import array_files
 from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.messages import ArraysNotWritten, Message, read_message, write_message
 from ViTTransferFunction.Logic.compute.server import Server
@@ -108,3 +110,25 @@ def test_where_nobody_reads_the_replies_any_more_no_voxel_is_left(
     with pytest.raises(SystemExit) as ended:
         Server(io.BytesIO(), Unread(), ArrayFiles(folder)).serve()
     assert (ended.value.code, list(tmp_path.iterdir())) == (0, [])
+
+
+def test_where_files_that_are_in_use_cannot_be_removed_they_are_read_instead(
+    files: ArrayFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on Windows."""
+    monkeypatch.setattr(array_files, "_CALL_BYTES", 100)
+    array = np.arange(300, dtype=np.float32).reshape(3, 100)
+    described = files.put([array, array[1]])
+    monkeypatch.setattr(array_files, "mmap", None)
+    monkeypatch.setattr(array_files, "os", SimpleNamespace(name="nt"))
+    first, second = files.take(described)
+    np.testing.assert_array_equal(first, array)
+    np.testing.assert_array_equal(second, array[1])
+    first[0] = 7.0
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "short").write_bytes(bytes(100))
+    with pytest.raises(OSError, match="ends after 100 of 1200 bytes"):
+        files.take({"file": "short", "arrays": [{"dtype": "<f4", "shape": [3, 100], "start": 0}]})
+    (tmp_path / "empty").touch()
+    (nothing,) = files.take({"file": "empty", "arrays": [{"dtype": "<f4", "shape": [0, 3], "start": 0}]})
+    assert nothing.shape == (0, 3)

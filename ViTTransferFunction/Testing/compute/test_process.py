@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -257,6 +258,49 @@ def test_arrays_stay_in_memory_where_there_is_room(
     assert process.folder.parent == tmp_path / where
     process.end()
     process.clean_up()
+
+
+NEVER_READS = "import time\nprint(flush=True)\ntime.sleep(600)\n"
+
+
+def test_a_process_is_ended_also_where_its_input_cannot_be_closed_while_somebody_writes_to_it(
+    executable: Callable[[str], Path],
+) -> None:
+    """On Windows, closing waits for a write that does not end, since nobody reads, until the process is no more."""
+    process = ComputeProcess(executable(NEVER_READS))
+    close = process.requests.close
+
+    def close_when_nobody_could_read() -> None:
+        process._process.wait()
+        close()
+
+    process.requests.close = close_when_nobody_could_read  # type: ignore[method-assign]
+    ending = threading.Thread(target=process.end, daemon=True)
+    ending.start()
+    ending.join(60.0)
+    assert not ending.is_alive()
+    assert not process.runs
+    process.clean_up()
+
+
+def test_files_that_windows_still_holds_for_a_killed_process_are_removed_a_moment_later(
+    executable: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = ComputeProcess(executable(NEVER_READS))
+    (process.folder / "1-0").write_bytes(b"voxels")
+    process.end()
+    rmtree, refusals = shutil.rmtree, [3]
+
+    def refused_at_first(folder: Path, ignore_errors: bool) -> None:
+        if refusals[0]:
+            refusals[0] -= 1
+        else:
+            rmtree(folder, ignore_errors=ignore_errors)
+
+    monkeypatch.setattr(shutil, "rmtree", refused_at_first)
+    monkeypatch.setattr(sys, "platform", "win32")
+    process.clean_up()
+    assert not process.folder.exists()
 
 
 @pytest.mark.slow
