@@ -125,6 +125,26 @@ def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: 
     assert download.value.suggested_filename == "noise.mrb"
 
 
+ASKED_BY = """(keys) => {
+    const asked = [], trigger = window.trame.trigger;
+    window.trame.trigger = (name, [action]) => asked.push(action);
+    for (const key of keys) {
+        document.body.dispatchEvent(new KeyboardEvent("keydown", {bubbles: true, ...key}));
+    }
+    window.trame.trigger = trigger;
+    return asked;
+}"""
+"""What the page asks for when keys are pressed."""
+
+
+def test_signs_may_be_on_altgr_as_windows_reports_it_or_on_option(page: AppPage) -> None:
+    on_windows = {"key": "[", "ctrlKey": True, "altKey": True}
+    on_a_mac = {"key": "]", "altKey": True}
+    assert page.page.evaluate(ASKED_BY, [on_windows, on_a_mac]) == ["smaller", "larger"]
+    others = [{"key": "[", "ctrlKey": True}, {"key": "a", "altKey": True}, {"key": "a", "ctrlKey": True, "altKey": True}]
+    assert page.page.evaluate(ASKED_BY, others) == []
+
+
 def test_the_selected_structure_is_in_sight_in_a_long_table(page: AppPage) -> None:
     for number in range(page.page.evaluate("window.trame.state.get('classes').length"), STRUCTURES + 4):
         page["add-class"].click()

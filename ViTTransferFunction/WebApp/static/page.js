@@ -7,10 +7,13 @@
   // Keys, by the table that all front ends share.
   const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
 
+  // Many keyboards have [ and ] on AltGr, which Windows reports as Ctrl with Alt, or, on a Mac, on Option, which is Alt.
+  const isSignByAlt = (event) => event.altKey && /^[^\p{L}\p{N}\s]$/u.test(event.key);
+
   function keyOf(event) {
     const key = PLAIN[event.key] || (event.key.length === 1 ? event.key.toUpperCase() : event.key);
     const isLetter = /^[A-Z]$/.test(key);
-    return (event.altKey ? "Alt+" : "") + (event.shiftKey && isLetter ? "Shift+" : "") + key;
+    return (event.altKey && !isSignByAlt(event) ? "Alt+" : "") + (event.shiftKey && isLetter ? "Shift+" : "") + key;
   }
 
   function isTyping(element) {
@@ -32,7 +35,7 @@
 
   window.addEventListener("keydown", (event) => {
     if (!window.trame) return;
-    if (event.ctrlKey || event.metaKey) return withControl(event);
+    if ((event.ctrlKey || event.metaKey) && !isSignByAlt(event)) return withControl(event);
     const key = keyOf(event);
     const inDialog = document.querySelector(".backdrop");
     if (key === "Esc" && (inDialog || state("asking_help"))) {
