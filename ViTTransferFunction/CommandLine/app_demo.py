@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from ViTTransferFunction.CommandLine import vittf
+from ViTTransferFunction.CommandLine.console import unfailing_console
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -14,12 +15,13 @@ from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_w
 
 def main(arguments: list[str]) -> int:
     """Run `vittf app` on the sample CT, or on the volume among `arguments`; returns its exit code."""
-    try:
-        with ProgressBar() as progress:
-            model = _model(progress)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    with unfailing_console():
+        try:
+            with ProgressBar() as progress:
+                model = _model(progress)
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 2
     # An option's value may look like a volume; whoever gives a volume gives it first.
     sample = [] if arguments and not arguments[0].startswith("-") else ["--sample"]
     return vittf.main(["app", *arguments, *sample, "--model", model])

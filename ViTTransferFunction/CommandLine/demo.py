@@ -9,7 +9,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+from ViTTransferFunction.CommandLine.console import unfailing_console
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
+from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
 from ViTTransferFunction.CommandLine.library_output import silenced_libraries
 from ViTTransferFunction.CommandLine.options import load_features
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
@@ -37,15 +39,18 @@ GRID = 40
 
 def main() -> int:
     """Run the demo; returns the exit code."""
-    try:
-        check_writable(SEGMENTATION)
-        check_writable(PICTURE)
-        check_writable(rendering_path(PICTURE))
-        with silenced_libraries():
-            run()
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    take_utf8_file_names()
+    with unfailing_console():
+        try:
+            check_writable(SEGMENTATION)
+            check_writable(PICTURE)
+            check_writable(rendering_path(PICTURE))
+            # Within as well, since silencing makes another error stream.
+            with silenced_libraries(), unfailing_console():
+                run()
+        except InputError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 2
     return 0
 
 

@@ -165,9 +165,9 @@ def _watch(process: subprocess.Popen[bytes], folder: Path, progress: Progress) -
 
 def _largest_wheel(folder: Path) -> int:
     largest = 0
-    for path in folder.rglob("*.whl"):
-        # pip moves and deletes its files while we look.
-        with contextlib.suppress(FileNotFoundError):
+    # pip moves and deletes its files while we look; Windows lets nobody look at one that is being deleted.
+    with contextlib.suppress(OSError):
+        for path in folder.rglob("*.whl"):
             largest = max(largest, path.stat().st_size)
     return largest
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -76,7 +77,9 @@ class Shortcuts:
 def shortcuts_table() -> str:
     """The list of keys, as rich text."""
     rows = [_row(shortcut.key, meanings()[shortcut.action]) for shortcut in SHORTCUTS]
-    wheel = _row(_("Ctrl+wheel"), _("over the structure in a slice: smaller or larger; elsewhere it zooms"))
+    # What Qt calls Ctrl is the command key there.
+    key = _("Cmd+wheel") if sys.platform == "darwin" else _("Ctrl+wheel")
+    wheel = _row(key, _("over the structure in a slice: smaller or larger; elsewhere it zooms"))
     of_table = [_row(key, meanings()[action]) for action, key in TABLE_KEYS.items()]
     of_mouse = [_heading(_("With the mouse:")), wheel]
     return f"<table>{''.join([*rows, *of_mouse, _heading(_('In the table of structures:')), *of_table])}</table>"

@@ -25,8 +25,9 @@ class PositionTable:
     def resized(self, rows: int, columns: int) -> Tensor:
         """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
         if (rows, columns) not in self._resized:
-            table = interpolate_position_table(self._table.float(), rows, columns)[0]
-            self._resized[rows, columns] = table.to(self._dtype)
+            # On the processor: before version 2.8, PyTorch cannot do this on Apple's graphics processors.
+            table = interpolate_position_table(self._table.cpu().float(), rows, columns)[0]
+            self._resized[rows, columns] = table.to(self._table.device, self._dtype)
         return self._resized[rows, columns]
 
 

