@@ -44,7 +44,7 @@ def available_memory_bytes(root: Path = Path("/"), with_swap: bool = True) -> in
     if not meminfo.is_file():
         # macOS does not tell what is free in a word; more than all there is, there never is.
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") if "SC_PHYS_PAGES" in os.sysconf_names else None
-    fields = dict(line.split(":") for line in meminfo.read_text().splitlines() if ":" in line)
+    fields = dict(line.split(":") for line in _text(meminfo).splitlines() if ":" in line)
     names = ("MemAvailable", "SwapFree") if with_swap else ("MemAvailable",)
     of_system = sum(1024 * int(fields[name].split()[0]) for name in names if name in fields)
     return min([of_system, *_of_control_groups(root)])
@@ -56,7 +56,7 @@ def _of_control_groups(root: Path) -> list[int]:
     if not membership.is_file():
         return []
     left = []
-    for line in membership.read_text().splitlines():
+    for line in _text(membership).splitlines():
         _, controllers, path = line.split(":", 2)
         if controllers not in ("", "memory"):
             continue
@@ -76,14 +76,18 @@ def _of_control_groups(root: Path) -> list[int]:
 def _number(path: Path) -> int | None:
     """The number in a file; None where there is none, as for "max"."""
     try:
-        return int(path.read_text())
+        return int(_text(path))
     except (OSError, ValueError):
         return None
 
 
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
 def _reclaimable(path: Path) -> int:
     try:
-        fields = dict(line.split() for line in path.read_text().splitlines())
+        fields = dict(line.split() for line in _text(path).splitlines())
         return int(fields.get("active_file", 0)) + int(fields.get("inactive_file", 0))
     except (OSError, ValueError):
         return 0

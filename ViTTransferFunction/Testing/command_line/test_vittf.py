@@ -359,13 +359,11 @@ def test_the_demo_segments_and_draws_three_structures(
     assert "Seconds" in capsys.readouterr().out
 
 
-def test_the_demo_goes_on_where_a_code_page_has_no_multiplication_sign(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_demo_goes_on_where_a_code_page_has_no_multiplication_sign(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As the Russian one of Windows, where output goes to a file."""
 
     def refused() -> None:
-        print("CTChest4: 512×512×139 voxels")
+        sys.stdout.write("CTChest4: 512×512×139 voxels\n")
         raise InputError("512×512")
 
     shown = io.TextIOWrapper(io.BytesIO(), encoding="cp1251"), io.TextIOWrapper(io.BytesIO(), encoding="cp1251")
