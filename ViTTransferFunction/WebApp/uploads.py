@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import unicodedata
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
@@ -13,6 +14,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from ..Logic.core.errors import InputError, shown
 from ..Logic.core.file_names import LONGEST_NAME_BYTES, is_device
+from ..Logic.files.dicom_folder import is_of_system
 from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
 from .points_file import POINTS_ENDING, are_points
 
@@ -38,8 +40,9 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
         folder: where to: one that only the user can enter (`tempfile`). Nothing in it is overwritten.
 
     Returns:
-        The files, in the order in which they were sent. Names are kept as far as they are harmless. What lies beside slices of
-        DICOM, as viewers, notes and `.DS_Store` do, is passed over; so are points, which are sent by themselves.
+        The files, in the order in which they were sent. Names are kept as far as they are harmless. What systems write where a
+        folder is looked at, as `.DS_Store`, is passed over; so are points, which are sent by themselves, and what lies beside
+        slices of DICOM, as viewers and notes do.
 
     Raises:
         InputError: not a multipart request, too large, too many, a file that is no image where there are no slices, or a header
@@ -55,7 +58,7 @@ async def receive_files(request: web.Request, folder: Path) -> list[Path]:
             _check_voxels_are_inside(path, folder)
     except BaseException as error:
         for path in received:
-            path.unlink(missing_ok=True)
+            _remove(path)
         if isinstance(error, OSError):
             raise InputError(f"The files cannot be kept: {error.strerror or error}. Make room, and send them again.") from error
         raise
@@ -67,7 +70,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
     try:
         reader = await request.multipart()
         while (part := await reader.next()) is not None:
-            if not isinstance(part, BodyPartReader) or not part.filename:
+            if not isinstance(part, BodyPartReader) or not part.filename or is_of_system(_last_part(part.filename)):
                 continue
             if len(received) == MOST_FILES:
                 raise InputError(f"More than {MOST_FILES} files at once; send one series alone.")
@@ -82,7 +85,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
                     file.write(chunk)
             if not _is_known(path, start):
                 foreign = foreign or part.filename
-                received.pop().unlink()
+                _remove(received.pop())
             has_slices = has_slices or is_dicom_start(start)
     except InputError:
         raise
@@ -92,7 +95,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
         for path in [path for path in received if are_points([path])]:
             foreign = foreign or path.name
             received.remove(path)
-            path.unlink()
+            _remove(path)
     if foreign and not has_slices:
         raise InputError(
             f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
@@ -100,6 +103,12 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
         )
     if not received:
         raise InputError("No file was sent.")
+
+
+def _remove(path: Path) -> None:
+    """Remove a file that is not wanted; where Windows refuses, since a virus scanner has it, it goes with its folder."""
+    with suppress(OSError):
+        path.unlink()
 
 
 def _check_size(size: int, folder: Path) -> None:
@@ -126,12 +135,16 @@ def _create(folder: Path, name: str) -> tuple[BinaryIO, Path]:
 def _harmless(name: str) -> str:
     """The last part of a name, of letters, digits, `.`, `_` and `-` alone; no hidden file, none of Windows' devices."""
     # Macs send a letter and its accent apart.
-    last = unicodedata.normalize("NFC", PurePosixPath(name.replace("\\", "/")).name)
+    last = unicodedata.normalize("NFC", _last_part(name))
     plain = "".join(character if character.isalnum() or character in "._-" else "_" for character in last).strip(".")
     plain = plain.encode()[-LONGEST_NAME_BYTES:].decode(errors="ignore").lstrip(".-")
     if not plain or is_device(unicodedata.normalize("NFKC", plain)):
         return f"file_{plain}"
     return plain
+
+
+def _last_part(name: str) -> str:
+    return PurePosixPath(name.replace("\\", "/")).name
 
 
 def _candidates(name: str) -> Iterator[str]:

@@ -20,12 +20,11 @@ MOST_ENTRIES = 50_000
 """Files and folders below a folder that is looked through. A disk that a patient brings has some thousands; whoever names a
 whole computer by mistake is told at once."""
 
-NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4", ".ds_store", "thumbs.db", "desktop.ini")
-"""Endings, in small letters, of files that are no slices and may be written again and again beside a DICOM series: results, and
-what systems write where a folder is looked at."""
+NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4")
+"""Endings, in small letters, of results, which are no slices and may be written again and again beside a DICOM series."""
 
-_BESIDE_FILES_OF_MACS = "._"
-"""Beside each file that a Mac copies to a shared disk or a stick, it puts one that is called the same but for this."""
+_FILES_OF_SYSTEMS = (".ds_store", "thumbs.db", "desktop.ini")
+"""What systems write where a folder is looked at, in small letters."""
 
 FOLDERS_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
 """Folders, in small letters, that systems put on a disk and let nobody read; those of Macs are hidden."""
@@ -120,6 +119,14 @@ def read_content(folder: Path) -> FolderContent:
     return FolderContent(sorted(map(_stacked, by_uid.values()), key=_rank), unread)
 
 
+def is_of_system(name: str) -> bool:
+    """Whether a file of this name is none of the user's.
+
+    Beside each file that a Mac copies to a shared disk or a stick, it puts one that is called the same but for `._` in front.
+    """
+    return name.startswith("._") or name.lower() in _FILES_OF_SYSTEMS
+
+
 def heights(slices: Sequence[DicomSlice]) -> np.ndarray:
     """Where slices lie along the normal of the first, (N,), millimetres."""
     return np.array([each.position for each in slices]) @ slices[0].directions[:, 2]
@@ -152,7 +159,7 @@ def _entries(folder: Path) -> list[Path]:
         for entry in entries:
             # It would not be there, and its slice be missing without a word.
             check_length(entry)
-        return [entry for entry in entries if entry.exists() and not entry.name.startswith(_BESIDE_FILES_OF_MACS)]
+        return [entry for entry in entries if entry.exists() and not is_of_system(entry.name)]
     except OSError as error:
         raise InputError(f"Cannot read the folder {folder}: {error.strerror or error}.") from error
 

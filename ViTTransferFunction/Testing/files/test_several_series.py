@@ -211,12 +211,11 @@ def test_windows_older_kind_of_link_is_not_followed_either(tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("where", [".", "below"])
-def test_what_a_mac_puts_beside_slices_is_not_among_them(tmp_path: Path, where: str) -> None:
+def test_what_systems_put_beside_slices_is_not_among_them(tmp_path: Path, where: str) -> None:
     write_series(tmp_path / where, "2", "Chest")
     before = files_of(tmp_path)
-    for path in before:
-        # Attributes and resources; a preview of the picture may be among them.
-        path.with_name(f"._{path.name}").write_bytes(path.read_bytes())
+    for name in (".DS_Store", "Thumbs.db", "desktop.ini", *(f"._{path.name}" for path in before)):
+        (before[0].parent / name).write_bytes(before[0].read_bytes())
     assert files_of(tmp_path) == before
     assert len(read(tmp_path)[0].array) == 4
 

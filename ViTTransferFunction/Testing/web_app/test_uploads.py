@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.WebApp import uploads
 
 DICOM = b"\0" * 128 + b"DICM" + b"slice"
+NRRD = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\n\0"
 BOUNDARY = "----edge"
 
 
@@ -145,6 +146,23 @@ def test_what_lies_beside_slices_of_dicom_is_passed_over(send: Send, folder: Pat
     sent = [(".DS_Store", b"\0\0\0\1Bud1"), ("IM1", DICOM), ("viewer.exe", b"MZ"), ("readme.txt", b"a note"), ("IM2", DICOM)]
     assert send(*sent) == [folder / "IM1", folder / "IM2"]
     assert sorted(path.name for path in folder.iterdir()) == ["IM1", "IM2"]
+
+
+@pytest.mark.parametrize("name", ["._scan.nrrd", ".DS_Store", "sub/Thumbs.db", "desktop.ini", "scans\\._scan.nrrd"])
+def test_what_systems_put_into_a_folder_is_passed_over(send: Send, folder: Path, name: str) -> None:
+    assert send((name, b"icons"), ("scan.nrrd", NRRD)) == [folder / "scan.nrrd"]
+    assert [path.name for path in folder.iterdir()] == ["scan.nrrd"]
+
+
+def test_a_file_that_windows_does_not_remove_goes_with_its_folder(
+    send: Send, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(13, "The process cannot access the file", str(path))
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    assert send(("notes.txt", b"notes"), ("slice", DICOM)) == [folder / "slice"]
+    assert "of no known format" in send(("notes.txt", b"notes"))
 
 
 def test_files_that_are_too_large_are_refused_before_they_are_read(
