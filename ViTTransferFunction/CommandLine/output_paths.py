@@ -65,7 +65,8 @@ def _keys(path: Path) -> list[Key]:
         status = path.stat()
     except OSError:
         return keys  # It is not there yet.
-    return [*keys, (status.st_dev, status.st_ino)]
+    # Some disks number no files, on Windows: each would be taken for the other.
+    return [*keys, (status.st_dev, status.st_ino)] if status.st_ino else keys
 
 
 def _name_key(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -138,9 +139,19 @@ def view_windows() -> list[Any]:
 
 def ask_path_to_write(title: str, name: str, kinds: str, parent: Any) -> str:
     """Have the user choose a file to write, `name` unless they say otherwise; "" where they cancel."""
-    return str(qt.QFileDialog.getSaveFileName(parent, title, name, kinds))
+    return str(qt.QFileDialog.getSaveFileName(parent, title, _in_start_folder(name), kinds))
 
 
 def ask_path_to_read(title: str, kinds: str, parent: Any) -> str:
     """Have the user choose a file to read; "" where they cancel."""
-    return str(qt.QFileDialog.getOpenFileName(parent, title, "", kinds))
+    return str(qt.QFileDialog.getOpenFileName(parent, title, _in_start_folder(""), kinds))
+
+
+def _in_start_folder(name: str) -> str:
+    """The name of a file in the folder that a dialog begins in; "": the folder.
+
+    Where Slicer is started by a click, on Windows and Macs, the working folder is its own, or the whole disk. The scene has the
+    user's documents, or where it was saved to.
+    """
+    root = slicer.mrmlScene.GetRootDirectory()
+    return Path(root, name).as_posix() if sys.platform in ("win32", "darwin") and root else name

@@ -33,6 +33,9 @@ SMALLEST_EXTENT_MM = 2.0
 LARGEST_EXTENT_MM = 1e5
 """A mouse in micrometres is about as long."""
 
+UNNAMED = "volume"
+"""What a volume is called that has no name."""
+
 _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 """In ITK's words where they are not as many as a header's directions in space have numbers."""
 
@@ -250,5 +253,6 @@ def _alone(axes: int) -> str:
 
 
 def _name(path: Path) -> str:
-    name = path.resolve().name
+    # What lies at the top of a disk, as on a patient's, has no name.
+    name = path.resolve().name or UNNAMED
     return name[: -len(".nii.gz")] if name.lower().endswith(".nii.gz") else (name if path.is_dir() else path.stem)

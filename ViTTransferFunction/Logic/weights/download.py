@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import http.client
 import os
+import sys
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -105,7 +106,10 @@ def _open(url: str) -> Iterator[http.client.HTTPResponse]:
     try:
         response = urllib.request.build_opener(_CheckedRedirects).open(request, timeout=_TIMEOUT_S)
     except (OSError, http.client.HTTPException) as error:
-        raise DownloadFailed(f"{url} could not be opened ({str(error).strip('<>')})") from error
+        reason = str(error).strip("<>")
+        if sys.platform == "darwin" and "CERTIFICATE_VERIFY_FAILED" in reason:
+            reason += "; Python from python.org needs 'Install Certificates.command' of its folder in Applications once"
+        raise DownloadFailed(f"{url} could not be opened ({reason})") from error
     with response:
         # A hospital's or hotel's network answers with its own page and status 200.
         if response.headers.get_content_type() == "text/html":

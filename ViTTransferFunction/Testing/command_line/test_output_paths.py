@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from ViTTransferFunction.CommandLine.output_paths import check_apart
 from ViTTransferFunction.CommandLine.vittf import main
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.file_names import file_stem
 
 VOXELS = np.random.default_rng(0).integers(1, 1000, (8, 9, 10)).astype(np.int16)
@@ -89,6 +92,18 @@ def test_an_output_that_is_an_input_or_another_output_is_refused(
 ) -> None:
     (folder / "left.nii.gz").write_bytes((folder / "scan.nii.gz").read_bytes())
     assert "would be written over" in refusal(arguments, folder, capsys)
+
+
+def test_files_of_a_disk_that_numbers_none_are_told_apart_by_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On Windows, of network shares."""
+    for name in ("scan.nrrd", "out.nrrd"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(Path, "stat", lambda _: SimpleNamespace(st_dev=7, st_ino=0))
+    check_apart({"the segmentation": tmp_path / "out.nrrd"}, {"the volume": [tmp_path / "scan.nrrd"]})
+    with pytest.raises(InputError, match="would be written over"):
+        check_apart({"the segmentation": tmp_path / "Scan.nrrd"}, {"the volume": [tmp_path / "scan.nrrd"]})
 
 
 def test_two_classes_whose_maps_would_be_one_file_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,7 @@ from ViTTransferFunction.Logic.core.intensity_window import (
 )
 from ViTTransferFunction.Logic.core.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
-from ViTTransferFunction.Logic.files.volume_files import read_volume
+from ViTTransferFunction.Logic.files.volume_files import _name, read_volume
 from ViTTransferFunction.Testing.attack.scans import meta, meta_fields, nrrd, nrrd_fields
 from ViTTransferFunction.Testing.files.test_dicom_series import stack
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
@@ -376,3 +376,8 @@ def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> Non
 def test_a_window_needs_two_increasing_bounds(bounds: tuple[float, float]) -> None:
     with pytest.raises(InputError, match="lower first"):
         IntensityWindow(*bounds)
+
+
+def test_what_lies_at_the_top_of_a_disk_has_a_name_all_the_same() -> None:
+    """A patient's disk is D: on Windows."""
+    assert _name(Path(Path.cwd().anchor)) == "volume"

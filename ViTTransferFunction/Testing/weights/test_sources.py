@@ -7,7 +7,10 @@ import errno
 import hashlib
 import http.server
 import logging
+import ssl
+import sys
 import threading
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +20,7 @@ import pytest
 
 from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights import download as download_module
+from ViTTransferFunction.Logic.weights.download import DownloadFailed, download
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
@@ -396,3 +400,19 @@ class TestCache:
     def test_an_unknown_model_is_answered_with_the_known_ones(self, call: Callable[[str], object]) -> None:
         with pytest.raises(InputError, match="Unknown model 'resnet50'; expected one of dino_vits8"):
             call("resnet50")
+
+
+@pytest.mark.parametrize("platform", ["darwin", "linux"])
+def test_on_a_mac_whose_python_has_no_certificates_it_is_told_where_they_are(
+    platform: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Opener:
+        def open(self, *_: object, **__: object) -> None:
+            reason = "[SSL: CERTIFICATE_VERIFY_FAILED] certificate verify failed: unable to get local issuer certificate"
+            raise urllib.error.URLError(ssl.SSLCertVerificationError(1, reason))
+
+    monkeypatch.setattr(urllib.request, "build_opener", lambda _: Opener())
+    monkeypatch.setattr(sys, "platform", platform)
+    with pytest.raises(DownloadFailed, match="unable to get local issuer certificate") as failed:
+        download("https://example.org/weights.pth", tmp_path / "weights.pth")
+    assert ("Install Certificates.command" in str(failed.value)) == (platform == "darwin")

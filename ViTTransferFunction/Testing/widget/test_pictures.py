@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,29 @@ def files(widget: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     renderer().ResetCamera()
     yield answers
     renderer().RemoveActor(actor)
+
+
+@pytest.mark.parametrize(("platform", "start"), [("win32", "D:/patients"), ("darwin", "D:/patients"), ("linux", "")])
+def test_dialogs_begin_in_the_scenes_folder_where_the_working_folder_is_slicers_own(
+    widget: Any, platform: str, start: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ViTTransferFunction.Widget import pictures_section
+
+    asked: list[str] = []
+
+    def ask(parent: Any, title: str, path: str, kinds: str) -> str:
+        asked.append(path)
+        return ""
+
+    dialogs = SimpleNamespace(getSaveFileName=ask, getOpenFileName=ask)
+    monkeypatch.setattr(pictures_section, "qt", SimpleNamespace(QFileDialog=dialogs))
+    monkeypatch.setattr(sys, "platform", platform)
+    before = slicer.mrmlScene.GetRootDirectory()
+    slicer.mrmlScene.SetRootDirectory("D:/patients")
+    pictures_section.ask_path_to_write("Save picture", "view.png", "*.png", None)
+    pictures_section.ask_path_to_read("Load camera", "*.json", None)
+    slicer.mrmlScene.SetRootDirectory(before)
+    assert asked == [f"{start}/view.png" if start else "view.png", start]
 
 
 def renderer() -> Any:
