@@ -160,8 +160,8 @@ class Routes:
 
 
 def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
-    """Send what was staged."""
-    staged.replace(path)
+    """Send what was staged; not renamed, which Windows refuses while a virus scanner looks at what is new."""
+    path.write_bytes(staged.read_bytes())
 
 
 async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:

@@ -61,7 +61,8 @@ class VisionTransformer:
         self._weights = {name: tensor.to(self.device, self.dtype) for name, tensor in _masked(state_dict).items()}
         self._table = None if model.rotary_positions else PositionTable(self._weights["pos_embed"], self.dtype)
         periods = state_dict.get("rope_embed.periods")
-        self._rotary = None if periods is None else RotaryPositions(periods.to(self.device))
+        # As float32 first: Apple's graphics processors have no bfloat16 before macOS 14.
+        self._rotary = None if periods is None else RotaryPositions(periods.float().to(self.device))
 
     def converted(self, device: torch.device | str, dtype: torch.dtype) -> VisionTransformer:
         """The same network on another device or in another precision; this one where both are its own."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import pytest
 import torch
 
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.packed_slices import PackedSlices, PatchTokens
 from ViTTransferFunction.Logic.features.rotary_positions import RotaryPositions, rotate
+from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
+from ViTTransferFunction.Testing.support.tiny_model import TINY_ROTARY_MODEL, random_state_dict
 
 PREFIX = 3
 PERIODS = 100.0 ** (torch.arange(4) / 4)
@@ -89,3 +93,16 @@ def test_prefix_tokens_and_padding_are_not_turned() -> None:
     assert (cosines[~turned] == 1.0).all()
     assert (sines[~turned] == 0.0).all()
     assert (sines[turned].abs().sum(dim=1) > 0.0).all()
+
+
+def test_periods_go_to_a_device_as_float32_since_some_have_no_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
+    state, to = random_state_dict(TINY_ROTARY_MODEL), torch.Tensor.to
+    state["rope_embed.periods"] = state["rope_embed.periods"].bfloat16()
+
+    def refused(tensor: torch.Tensor, *wanted: Any) -> torch.Tensor:
+        if tensor.dtype == torch.bfloat16 and not any(isinstance(one, torch.dtype) for one in wanted):
+            raise TypeError("BFloat16 is not supported on MPS")
+        return to(tensor, *wanted)
+
+    monkeypatch.setattr(torch.Tensor, "to", refused)
+    VisionTransformer(TINY_ROTARY_MODEL, state, "random")

@@ -10,7 +10,11 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("trame_slicer")
+
+from ViTTransferFunction.Logic.core.progress import no_progress
 from ViTTransferFunction.WebApp.private_folder import private_folder
+from ViTTransferFunction.WebApp.routes import _as_it_is
 
 
 def test_a_folder_goes_with_all_that_is_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,3 +44,16 @@ def test_a_file_that_windows_does_not_remove_while_it_is_open_goes_at_the_end(mo
     (remove,) = at_the_end
     remove()
     assert not Path(folder).exists()
+
+
+def test_what_is_sent_as_it_is_is_not_renamed_while_a_virus_scanner_looks_at_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(path: Path, target: Path) -> None:
+        raise PermissionError(13, "The process cannot access the file", str(path))
+
+    for name in ("replace", "rename"):
+        monkeypatch.setattr(Path, name, refused)
+    (tmp_path / "staged").write_bytes(b"points")
+    _as_it_is(tmp_path / "staged", tmp_path / "scan.annotations.json", no_progress)
+    assert (tmp_path / "scan.annotations.json").read_bytes() == b"points"
