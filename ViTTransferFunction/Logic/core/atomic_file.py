@@ -82,7 +82,7 @@ def check_writable(path: Path) -> None:
 
 def _make_and_remove_file(folder: Path) -> None:
     if sys.platform == "win32":
-        # `tempfile` of Pythons before 3.11.8 and 3.12.2 tries other names for ever in a folder that may not be written to.
+        # Where nothing may be written, `tempfile` of Python 3.12 and before takes each name for taken, and tries 2**31 of them.
         flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_TEMPORARY
         os.close(os.open(_temporary(folder / "file"), flags, 0o600))
         return
