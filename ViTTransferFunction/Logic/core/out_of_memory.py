@@ -24,9 +24,16 @@ _SIGNS = (
 """Only Python, NumPy and CUDA have exceptions of their own for it. Apple's devices, PyTorch on processors, SimpleITK, and the
 system where it loads a library or makes room for a thread's stack, raise another that says so."""
 
+_PAGING_FILE_TOO_SMALL = 1455
+"""Windows' number of what it says in the user's language."""
+
 
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether the error says that memory ran out, on whatever device."""
-    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+    if isinstance(error, MemoryError):
+        return True
+    if isinstance(error, OSError) and error.errno == errno.ENOMEM:
+        return True
+    if getattr(error, "winerror", None) == _PAGING_FILE_TOO_SMALL:
         return True
     return any(sign in str(error).lower() for sign in _SIGNS)

@@ -35,6 +35,13 @@ def test_what_others_raise_is_recognised(error: Exception) -> None:
     assert is_out_of_memory(error)
 
 
+def test_what_windows_says_in_german_is_recognised_by_its_number() -> None:
+    error = OSError(errno.EINVAL, "Die Auslagerungsdatei ist zu klein, um diesen Vorgang durchzuführen. Error loading c10.dll")
+    assert not is_out_of_memory(error)
+    error.winerror = 1455  # type: ignore[attr-defined,unused-ignore]
+    assert is_out_of_memory(error)
+
+
 @pytest.mark.parametrize("error", [ValueError("shapes do not fit"), OSError(errno.ENOENT, "No such file"), RuntimeError()])
 def test_other_errors_are_not_taken_for_it(error: Exception) -> None:
     assert not is_out_of_memory(error)
