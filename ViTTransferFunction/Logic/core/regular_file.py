@@ -67,7 +67,7 @@ def check_length(path: Path, further: int = 0) -> None:
     if length > LONGEST_ON_WINDOWS and not _long_paths_are_enabled():
         raise InputError(
             f"{path} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the most that it "
-            "opens. Copy the folder to a place with a shorter path, C:\\scans say."
+            "opens. Use a folder with a shorter path, C:\\scans say."
         )
 
 
