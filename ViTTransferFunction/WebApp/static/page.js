@@ -7,7 +7,8 @@
   // Keys, by the table that all front ends share.
   const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
 
-  // Many keyboards have [ and ] on AltGr, which Windows reports as Ctrl with Alt, or, on a Mac, on Option, which is Alt.
+  // Many keyboards have [ and ] on AltGr, which some browsers of Windows report as Ctrl with Alt, or, on a Mac, on Option,
+  // which is Alt.
   const isSignByAlt = (event) => event.altKey && /^[^\p{L}\p{N}\s]$/u.test(event.key);
 
   function keyOf(event) {
