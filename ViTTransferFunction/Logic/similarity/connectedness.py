@@ -17,6 +17,7 @@ from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow
 from ..core.torch_arrays import array_of, tensor_of
 from ..core.volume import Volume
+from .block_cubes import BlockCubes
 from .flood_fill import FloodFill
 
 SIGMA = 0.05
@@ -53,6 +54,7 @@ class Connectedness:
         self._per_cell = blocks_per_cell if fits else 1
         k, j, i = (self._per_cell * count for count in cells.shape)
         self._blocks = _in_units(block_means(volume.array, (k, j, i)), window)
+        self._flooded = FloodedBlocks(self._blocks, self._per_cell)
         self._cells, self._window = cells, window
 
     def from_point(self, point_ras: np.ndarray) -> np.ndarray:
@@ -67,7 +69,7 @@ class Connectedness:
             (cells,) uint8.
         """
         (block,) = self._cells.nearest_voxels(point_ras[None], self._per_cell)
-        return tolerances_too_small(self._blocks, block, TOLERANCES, self._per_cell).ravel()
+        return self._flooded.tolerances_too_small(block, TOLERANCES).ravel()
 
     def seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
         """Where a class's negative points are best looked at: there, or at the block that is typical of their cell.
@@ -105,7 +107,7 @@ class Connectedness:
         return units
 
     def cell_units(self) -> np.ndarray:
-        """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `tolerances_too_small` takes them."""
+        """Mean intensity of each cell (K, J, I), int16 in `UNITS_PER_WINDOW`, as `FloodedBlocks` takes them."""
         per_cell = self._per_cell
         total, count = np.zeros((2, *self._cells.shape), dtype=np.int32)
         # One block of every cell after the other: six times as fast as sums along three of six axes.
@@ -125,35 +127,45 @@ class Connectedness:
         return known
 
 
-def tolerances_too_small(units: np.ndarray, block: np.ndarray, tolerances: np.ndarray, blocks_per_cell: int = 1) -> np.ndarray:
-    """How many tolerances are too small to join each cell to a block by intensities, (K, J, I) of the cells uint8.
+class FloodedBlocks:
+    """The blocks of a volume, to find out what intensities like a block's own join to it.
 
     Args:
         units: intensities of all blocks (K, J, I), int16, in `UNITS_PER_WINDOW`.
-        block: which block, (3,) its index along K, J, I.
-        tolerances: from small to large, in widths of the window.
         blocks_per_cell: along each axis; a cell is joined where one of its blocks is.
     """
-    k, j, i = block.tolist()
-    difference = _differences_from(units, (k, j, i))
-    flood = FloodFill(difference.shape, (k, j, i))
-    shape = [count // blocks_per_cell for count in units.shape]
-    too_small = np.full(shape, len(tolerances), dtype=np.uint8)
-    for tolerance in tolerances:
-        flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
-        too_small -= flood.cells(blocks_per_cell)
-    return too_small
 
+    def __init__(self, units: np.ndarray, blocks_per_cell: int = 1) -> None:
+        k, j, i = units.shape
+        self._units, self._per_cell = units, blocks_per_cell
+        self._cubes = BlockCubes((k, j, i))
+        self._in_cubes = self._cubes.arranged(units, _UNKNOWN)
 
-def _differences_from(units: np.ndarray, block: tuple[int, int, int]) -> np.ndarray:
-    """How far the intensities of all blocks (K, J, I) int16 are from that around one of them, int16."""
-    around = units[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
-    known = around[around != _UNKNOWN]
-    difference: np.ndarray = units - np.int16(np.median(known) if known.size else 0)
-    np.abs(difference, out=difference)
-    # The clicked block belongs to itself, be it brighter than those around it.
-    difference[block] = 0
-    return difference
+    def tolerances_too_small(self, block: np.ndarray, tolerances: np.ndarray) -> np.ndarray:
+        """How many tolerances are too small to join each cell to a block by intensities, (K, J, I) of the cells uint8.
+
+        Args:
+            block: which block, (3,) its index along K, J, I.
+            tolerances: from small to large, in widths of the window, less than ten.
+        """
+        k, j, i = block.tolist()
+        difference = self._differences_from((k, j, i))
+        flood = FloodFill(self._cubes, (k, j, i))
+        too_small = np.full(len(difference), len(tolerances), dtype=np.uint8)
+        for tolerance in tolerances:
+            flood.through(difference <= np.int16(UNITS_PER_WINDOW * tolerance))
+            too_small -= flood.reached(self._per_cell)
+        return self._cubes.restored(too_small, self._per_cell)
+
+    def _differences_from(self, block: tuple[int, int, int]) -> np.ndarray:
+        """How far the intensities of all blocks are from that around one of them, int16, arranged in cubes."""
+        around = self._units[tuple(slice(max(index - 1, 0), index + 2) for index in block)]
+        known = around[around != _UNKNOWN]
+        difference: np.ndarray = self._in_cubes - np.int16(np.median(known) if known.size else 0)
+        np.abs(difference, out=difference)
+        # The clicked block belongs to itself, be it brighter than those around it.
+        difference[self._cubes.place(block)] = 0
+        return difference
 
 
 def block_means(array: np.ndarray, blocks: tuple[int, int, int]) -> np.ndarray:

@@ -1,118 +1,141 @@
 """What can be reached from a block of a volume through blocks that are allowed, by steps along the axes.
 
-Blocks are bits, 64 along I to a word: a word is filled from those beside it in a few operations, whatever is in it, and as many
-words at once as have changed. That is twice as fast as to label all components of the volume, of which one is wanted, and many
-times as fast where that one is small; and where more blocks are allowed later, it goes on from what is reached already.
+Blocks are bits, a cube of 4³ to a word (`block_cubes`): a few operations fill as many words at once as have something beside
+them that was reached. NumPy takes a quarter of a microsecond for each of them, however little it is about, and ways wind: what
+counts is in how few steps they are gone. Of cubes these are a third as many as of words along rows of blocks. Where more blocks
+are allowed later, it goes on from what is reached already.
 """
 
 from __future__ import annotations
 
-from functools import reduce
-
 import numpy as np
 
-WORD_BITS = 64
+from .block_cubes import BLOCKS_OF_CUBE, EDGE, BlockCubes
+
 _WORD = np.dtype("<u8")
-_BITS = np.unpackbits(np.arange(2**16, dtype="<u2").view(np.uint8), bitorder="little")
-_MIRRORED_BYTES = np.packbits(_BITS).view("<u2")
-"""Two bytes, the bits of each in reverse order: to look up two at once takes half the time."""
-_TO_FIRST_BIT = np.uint64(WORD_BITS - 1)
+_ROUNDS = 3
+"""How often what was reached in a cube spreads along each axis and back before it goes on to the cubes beside it. Most are
+filled then; those that are not come again."""
+
+
+def _number(value: int) -> np.ndarray:
+    """A word that arrays are combined with. NumPy takes one that is an array for half as long as one that is a number."""
+    return np.array(value, dtype=_WORD)
+
+
+def _layers(axis: int) -> tuple[int, int]:
+    """The bits of a cube that are the first along an axis, and those that are the last."""
+    index = np.indices((EDGE,) * 3)[axis].ravel().tolist()
+    first, last = (sum(1 << bit for bit, at in enumerate(index) if at == layer) for layer in (0, EDGE - 1))
+    return first, last
+
+
+_ALL_BITS = (1 << BLOCKS_OF_CUBE) - 1
+_AXES = [(EDGE ** (2 - axis), *_layers(axis)) for axis in (2, 1, 0)]
+"""From I to K: by how many bits a step along the axis goes, the bits of the first layer, and those of the last."""
+_STEPS = [
+    step
+    for bits, first, last in _AXES
+    for step in (
+        (np.left_shift, _number(bits), _number(_ALL_BITS ^ first)),
+        (np.right_shift, _number(bits), _number(_ALL_BITS ^ last)),
+    )
+]
+"""Within a cube, along each axis and back: which way bits go, by how many, and to which ones they may."""
+_ENTRIES = [
+    entry
+    for bits, first, last in _AXES
+    for entry in (
+        (np.right_shift, _number(bits * (EDGE - 1)), _number(first)),
+        (np.left_shift, _number(bits * (EDGE - 1)), _number(last)),
+    )
+]
+"""The same from the cube before, and from the one after."""
 
 
 class FloodFill:
     """The blocks reached so far.
 
     Args:
-        shape: (K, J, I) of the blocks.
+        cubes: how the blocks are arranged.
         start: the block (k, j, i) to start from.
     """
 
-    def __init__(self, shape: tuple[int, int, int], start: tuple[int, int, int]) -> None:
-        self._shape = shape
-        k, j, i = shape
-        # Words along I, K, J, and around them a layer that nothing reaches, so that every word has neighbours.
-        self._padded = (-(-i // WORD_BITS) + 2, k + 2, j + 2)
-        row, plane = self._padded[2], self._padded[1] * self._padded[2]
-        words = int(np.prod(self._padded))
+    def __init__(self, cubes: BlockCubes, start: tuple[int, int, int]) -> None:
+        words = int(np.prod(cubes.counts))
+        row, plane = cubes.counts[2], cubes.counts[1] * cubes.counts[2]
         reached, changed = np.zeros(words, dtype=_WORD), np.zeros(words, dtype=bool)
 
         def shifted(array: np.ndarray, steps: int) -> np.ndarray:
-            """For each word but the outermost planes', that many words further."""
+            """For each cube but the outermost planes', what is so many further."""
             return array[plane + steps : words - plane + steps]
 
-        self._all_reached = reached
-        self._reached = shifted(reached, 0)
-        self._beside = [shifted(reached, steps) for steps in (-1, 1, -row, row)]
-        self._before, self._after = shifted(reached, -plane), shifted(reached, plane)
-        self._due = shifted(changed, 0)
-        self._due_beside = [shifted(changed, steps) for steps in (-1, 1, -row, row, -plane, plane)]
-        first = np.zeros(shape, dtype=bool)
-        first[start] = True
-        self._reached |= self._packed(first)
+        beside = [sign * steps for steps in (1, row, plane) for sign in (-1, 1)]
+        self._all_reached, self._inner = reached, slice(plane, words - plane)
+        self._reached, self._changed = shifted(reached, 0), shifted(changed, 0)
+        self._reached_beside = [shifted(reached, steps) for steps in beside]
+        self._changed_beside = [shifted(changed, steps) for steps in beside]
+        self._due = np.zeros(len(self._changed), dtype=bool)
+        cube, bit = divmod(cubes.place(start), BLOCKS_OF_CUBE)
+        reached[cube] = 1 << bit
 
     def through(self, allowed: np.ndarray) -> None:
-        """Go on through blocks (K, J, I) bool, among which are all that were allowed before."""
-        words = self._packed(allowed)
-        mirrored = _mirrored(words)
-        changed = np.flatnonzero(self._reached)
-        self._reached[changed] = _filled(self._reached[changed], words[changed], mirrored[changed])
-        unfinished = self._reached != words
-        while changed.size:
-            places = self._beside_of(changed, unfinished)
-            allowed_here, before = words[places], self._reached[places]
-            seeds = before | self._before[places] >> _TO_FIRST_BIT | self._after[places] << _TO_FIRST_BIT
-            for beside in self._beside:
-                seeds |= beside[places]
-            seeds &= allowed_here
-            new = np.flatnonzero(seeds != before)
-            changed, allowed_there = places[new], allowed_here[new]
-            filled = _filled(seeds[new], allowed_there, mirrored[changed])
-            self._reached[changed] = filled
-            unfinished[changed] = filled != allowed_there
+        """Go on through blocks, (cubes · `BLOCKS_OF_CUBE`,) bool, among which are all that were allowed before."""
+        words = np.packbits(allowed, bitorder="little").view(_WORD)[self._inner]
+        reached, changed = self._reached, self._changed
+        unfinished = reached != words
+        np.not_equal(reached, 0, changed)
+        while (places := self._due_of(unfinished)).size:
+            before, allowed_here = reached.take(places), words.take(places)
+            found = self._entered(places)
+            found |= before
+            found &= allowed_here
+            _spread(found, allowed_here)
+            new = np.flatnonzero(found != before)
+            places, found = places.take(new), found.take(new)
+            reached[places] = found
+            unfinished[places] = found != allowed_here.take(new)
+            changed.fill(False)
+            changed[places] = True
 
-    def cells(self, per_cell: int) -> np.ndarray:
-        """Which cells of per_cell³ blocks hold one that is reached, (K / per_cell, …) uint8; per_cell divides `WORD_BITS`."""
-        words = self._all_reached.reshape(self._padded)[1:-1, 1:-1, 1:-1]
-        parts = [words[:, row::per_cell, column::per_cell] for row, column in np.ndindex(per_cell, per_cell)]
-        words = reduce(np.bitwise_or, parts)
-        for bit in range(1, per_cell):
-            words = words | (words >> np.uint64(bit))
-        rows = np.ascontiguousarray(np.moveaxis(words, 0, -1)).view(np.uint8)
-        return np.unpackbits(rows, axis=2, count=self._shape[2], bitorder="little")[:, :, ::per_cell]
+    def reached(self, blocks_per_cell: int = 1) -> np.ndarray:
+        """Which blocks are reached, (cubes · `BLOCKS_OF_CUBE`,) uint8.
 
-    def _packed(self, blocks: np.ndarray) -> np.ndarray:
-        """Blocks (K, J, I) bool as words, all but the outermost planes."""
-        k, j, _ = blocks.shape
-        bits = np.packbits(blocks, axis=2, bitorder="little")
-        rows = np.zeros((k, j, (self._padded[0] - 2) * WORD_BITS // 8), dtype=np.uint8)
-        rows[:, :, : bits.shape[2]] = bits
-        words = np.zeros((self._padded[0] - 2, *self._padded[1:]), dtype=_WORD)
-        words[:, 1:-1, 1:-1] = np.moveaxis(rows.view(_WORD), -1, 0)
-        return words.ravel()
+        Args:
+            blocks_per_cell: along each axis, divides `EDGE`; the first block of a cell tells whether any of its blocks is.
+        """
+        words = self._all_reached
+        for bits, _, _ in _AXES:
+            for _ in range(blocks_per_cell - 1):
+                words = words | (words >> _number(bits))
+        return np.unpackbits(words.view(np.uint8), bitorder="little")
 
-    def _beside_of(self, changed: np.ndarray, unfinished: np.ndarray) -> np.ndarray:
-        """The unfinished words beside those at some places, each once: their places."""
-        for beside in self._due_beside:
-            beside[changed] = True
-        self._due &= unfinished
-        places = np.flatnonzero(self._due)
-        self._due[places] = False
-        return places
+    def _due_of(self, unfinished: np.ndarray) -> np.ndarray:
+        """The unfinished cubes that have changed, and those beside such: their places."""
+        due = self._due
+        np.copyto(due, self._changed)
+        for beside in self._changed_beside:
+            np.logical_or(due, beside, due)
+        np.logical_and(due, unfinished, due)
+        return due.nonzero()[0]
 
-
-def _filled(seeds: np.ndarray, allowed: np.ndarray, allowed_mirrored: np.ndarray) -> np.ndarray:
-    """All runs of allowed bits in which there is a seed; seeds are allowed."""
-    upwards = _filled_upwards(seeds, allowed)
-    return _mirrored(_filled_upwards(_mirrored(upwards), allowed_mirrored))
+    def _entered(self, places: np.ndarray) -> np.ndarray:
+        """What those beside some cubes would reach in these, were all of it allowed."""
+        entered = np.zeros(len(places), dtype=_WORD)
+        for beside, (shift, bits, layer) in zip(self._reached_beside, _ENTRIES, strict=True):
+            entering = beside.take(places)
+            shift(entering, bits, entering)
+            np.bitwise_and(entering, layer, entering)
+            np.bitwise_or(entered, entering, entered)
+        return entered
 
 
-def _filled_upwards(seeds: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Seeds, and the allowed bits above them: the sum carries from the lowest seed to the end of its run, and clears it."""
-    filled: np.ndarray = seeds | (allowed & ~(allowed + seeds))
-    return filled
-
-
-def _mirrored(words: np.ndarray) -> np.ndarray:
-    """Words with their bits in reverse order."""
-    mirrored: np.ndarray = _MIRRORED_BYTES[words.byteswap().view("<u2")].view(_WORD)
-    return mirrored
+def _spread(found: np.ndarray, allowed: np.ndarray) -> None:
+    """Reach on within cubes, in place, from found blocks through allowed ones."""
+    steps = [(shift, bits, allowed & entered) for shift, bits, entered in _STEPS]
+    moved = np.empty_like(found)
+    for _ in range(_ROUNDS):
+        for shift, bits, allowed_there in steps:
+            shift(found, bits, moved)
+            np.bitwise_and(moved, allowed_there, moved)
+            np.bitwise_or(found, moved, found)

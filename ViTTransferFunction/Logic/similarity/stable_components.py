@@ -20,7 +20,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.geometry import Geometry
 from ..core.progress import Between, nothing_between
-from .connectedness import tolerances_too_small
+from .connectedness import FloodedBlocks
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)
 """In widths of the display window."""
@@ -50,7 +50,7 @@ class StableComponents:
     """
 
     def __init__(self, units: np.ndarray, cells: Geometry, some: np.ndarray, count_body: Callable[[], int]) -> None:
-        self._units, self._cells, self._some = units, cells, some
+        self._flooded, self._cells, self._some = FloodedBlocks(units), cells, some
         self._body = cache(count_body)
         self._faces = _at_faces(units.shape)
         self._of_point: dict[bytes, _AroundPoint] = {}
@@ -108,7 +108,7 @@ class StableComponents:
             if key not in self._of_point:
                 between()
                 (cell,) = self._cells.nearest_voxels(point[None])
-                steps = tolerances_too_small(self._units, cell, _FLOODED).ravel()
+                steps = self._flooded.tolerances_too_small(cell, _FLOODED).ravel()
                 self._of_point[key] = _AroundPoint(steps, self._some, self._closed(steps))
         known = self._of_group
         self._of_group = {
