@@ -100,7 +100,7 @@ class KernelRidge:
         share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
         weights, without_negatives = self._weights(annotated, points, keys, joined, share)
 
-        def rows_of(index: int) -> np.ndarray:
+        def rows_of(index: int) -> tuple[np.ndarray, np.ndarray]:
             between()
             return self._rows_of(points.subset(np.array([index])), keys[index])
 
@@ -167,10 +167,10 @@ class KernelRidge:
         cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
         return cells
 
-    def _rows_of(self, point: Places, key: bytes) -> np.ndarray:
-        """Kernel of one point with all cells, and the same times their connectedness, (2, cells) float32."""
+    def _rows_of(self, point: Places, key: bytes) -> tuple[np.ndarray, np.ndarray]:
+        """Kernel of one point with all cells, and their connectedness, (cells,) float32 each."""
         (row,), (joined,) = self._with_cells.of(point), self._connected.at([key])
-        return np.stack([row, row * joined])
+        return row, joined
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""

@@ -25,7 +25,7 @@ ROWS_OF_POINT = 2
 """A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
 ROWS_OF_ROOM = 128
 """Points' rows come to further rooms of so many, a multiple of `ROWS_OF_POINT`: to move all to a larger one keeps a click
-waiting for half a second. A room takes memory where it is used."""
+waiting for half a second. A room takes memory where it is written to: to clear one first would take a tenth of a second."""
 
 
 class KernelRows:
@@ -78,33 +78,42 @@ class KernelRows:
                 yield room[:used], weights[:, first : first + used]
             first += len(room)
 
-    def indices(self, keys: Sequence[bytes], compute: Callable[[int], np.ndarray]) -> np.ndarray:
-        """The rows of points, (points, 2), where there are none yet by `compute`, from the point's index in `keys`.
+    def indices(self, keys: Sequence[bytes], compute: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """The rows of points, (points, 2): a kernel, and the same times something else.
+
+        Where there are none yet, `compute` gives both, (cells,) float32 each, from the point's index in `keys`.
 
         Rows of a key that does not come again are forgotten; `compute` may raise `Cancelled`, and those that it made are kept.
         """
+        import torch
+
         for gone in self._row_of_key.keys() - set(keys):
             del self._row_of_key[gone]
         taken = set(self._row_of_key.values())
         for index, key in enumerate(keys):
             if key not in self._row_of_key:
-                made = compute(index)
+                kernel, factors = map(tensor_of, compute(index))
                 row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
                 taken.add(row)
                 room, within = divmod(row - self._background, ROWS_OF_ROOM)
                 while len(self._rooms) < room + 2:
                     self._rooms.append(self._room(ROWS_OF_ROOM))
-                self._rooms[room + 1][within : within + ROWS_OF_POINT] = tensor_of(made)
+                own, times = self._rooms[room + 1][within : within + ROWS_OF_POINT]
+                own.copy_(kernel)
+                torch.mul(kernel, factors, out=times)
                 self._row_of_key[key] = row
         self.count = max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
 
     def _room(self, rows: int) -> Tensor:
-        """Rows of zeros, (rows, cells): weights of 0 do not cancel what is no number."""
+        """Rows (rows, cells) of whatever the memory holds: each is written before it is among the first `count`.
+
+        Those of points that are gone stay among them, but are numbers, which weights of 0 cancel.
+        """
         import torch
 
-        return torch.zeros((rows, -(-self._cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))[:, : self._cells]
+        return torch.empty((rows, -(-self._cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))[:, : self._cells]
 
 
 def _add_products(sums: Tensor, factors: Tensor, rows: Tensor) -> None:

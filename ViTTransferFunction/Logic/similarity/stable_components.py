@@ -170,8 +170,8 @@ def _at_faces(shape: tuple[int, ...]) -> np.ndarray:
 
 def component_sizes(steps: np.ndarray, tolerances: int = len(TOLERANCES)) -> np.ndarray:
     """How many cells components have, (tolerances,), by their steps at these cells, uint8."""
-    sizes: np.ndarray = np.bincount(steps, minlength=tolerances + 1)[:-1].cumsum()
-    return sizes
+    # Bytes are compared so fast that to count them all in one go takes twice as long.
+    return np.array([np.count_nonzero(steps <= step) for step in range(tolerances)])
 
 
 def stability(sizes: np.ndarray, whole: int) -> np.ndarray:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-from ViTTransferFunction.Logic.similarity.kernel_rows import CELLS_AT_ONCE, FEW_SUMS, KernelRows
+from ViTTransferFunction.Logic.similarity.kernel_rows import CELLS_AT_ONCE, FEW_SUMS, ROWS_OF_ROOM, KernelRows
 
 
 @pytest.mark.parametrize("sums", [1, FEW_SUMS, FEW_SUMS + 3])
@@ -13,13 +14,14 @@ from ViTTransferFunction.Logic.similarity.kernel_rows import CELLS_AT_ONCE, FEW_
 def test_sums_are_those_of_the_rows_that_were_given(cells: int, sums: int) -> None:
     rng = np.random.default_rng(0)
     background = rng.random((3, cells), dtype=np.float32)
-    of_point = {key: rng.random((2, cells), dtype=np.float32) for key in (b"a", b"b", b"c")}
+    given = {key: rng.random((2, cells), dtype=np.float32) for key in (b"a", b"b", b"c")}
+    of_point = {key: np.stack([kernel, kernel * factors]) for key, (kernel, factors) in given.items()}
     rows = KernelRows(3, cells)
     for start in range(0, cells, 100):
         rows.put_background(start, background[:, start : start + 100])
-    rows.indices([b"a", b"b"], lambda index: of_point[(b"a", b"b")[index]])
+    rows.indices([b"a", b"b"], lambda index: tuple(given[(b"a", b"b")[index]]))
     # The second point goes, and another one comes in its place.
-    indices = rows.indices([b"a", b"c"], lambda index: of_point[(b"a", b"c")[index]])
+    indices = rows.indices([b"a", b"c"], lambda index: tuple(given[(b"a", b"c")[index]]))
     weights = np.zeros((sums, rows.count), dtype=np.float32)
     of_background, of_a, of_c = (rng.normal(size=(sums, count)).astype(np.float32) for count in (3, 2, 2))
     weights[:, :3], weights[:, indices[0]], weights[:, indices[1]] = of_background, of_a, of_c
@@ -29,3 +31,17 @@ def test_sums_are_those_of_the_rows_that_were_given(cells: int, sums: int) -> No
     np.testing.assert_allclose(found, expected, atol=1e-5)
     some = np.array([0, cells - 1, cells // 2])
     np.testing.assert_allclose(rows.weighted_at(weights[-1], some), expected[-1][some], atol=1e-5)
+
+
+def test_what_the_memory_held_before_is_in_no_sum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch, "empty", lambda shape: torch.full(shape, torch.nan))
+    kernel, factors = np.full((2, 5), 2.0, dtype=np.float32)
+    rows = KernelRows(1, 5)
+    rows.put_background(0, kernel[None])
+    keys = [bytes([number]) for number in range(ROWS_OF_ROOM)]
+    rows.indices(keys, lambda _: (kernel, factors))
+    # All but the last one, which is in the second room, are gone.
+    ((first, second),) = rows.indices(keys[-1:], lambda _: (kernel, factors)).tolist()
+    weights = np.zeros((1, rows.count), dtype=np.float32)
+    weights[0, [first, second]] = 1.0
+    np.testing.assert_array_equal(rows.weighted(weights), np.full((1, 5), 6.0))
