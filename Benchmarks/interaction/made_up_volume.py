@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import feature_key, grid_shape
+from ViTTransferFunction.Logic.features.whitening import normalised_features
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 
@@ -59,4 +60,5 @@ def cache_features(volume: Volume) -> None:
     model = pretrained_model(PRESETS[DEFAULT_PRESET].model)
     key = feature_key(volume, model.name, model.sha256 or "", settings, choose_device("auto"))
     cells = volume.geometry.resized(grid_shape(volume.geometry, settings))
-    FeatureCache().put(FeatureVolume(array, patches, key, cells))
+    features = FeatureVolume(array, patches, key, cells)
+    FeatureCache().put(normalised_features(features, PRESETS[DEFAULT_PRESET].statistics).source)

@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from ..core.geometry import Geometry
-from .feature_volume import FeatureVolume
+from .feature_volume import FeatureVolume, Moments
 
 _BLOCK_BYTES = 1 << 20
 _TYPES = {np.dtype(name) for name in ("float16", "float32", "float64")}
@@ -45,6 +45,9 @@ def write_features(file: IO[bytes], features: FeatureVolume) -> None:
         "cells": np.array(features.cells.shape, dtype=np.float64),
         "cells_to_ras": features.cells.ijk_to_ras,
     }
+    if features.moments is not None:
+        # They take as long to find out as the features to read.
+        arrays |= {"mean": features.moments.mean, "covariance": features.moments.covariance}
     # `numpy.savez` of NumPy 2.0 does not close the archive where the disk is full, which then complains on the console.
     with zipfile.ZipFile(file, "w") as archive:
         for name, array in arrays.items():
@@ -63,7 +66,8 @@ def read_features(path: Path, key: str) -> FeatureVolume:
         array = _read_array(archive, "features")
         geometry = Geometry(array.shape[:3], _read_array(archive, "ijk_to_ras"))
         k, j, i = _read_array(archive, "cells").astype(int).tolist()
-        return FeatureVolume(array, geometry, key, Geometry((k, j, i), _read_array(archive, "cells_to_ras")))
+        cells = Geometry((k, j, i), _read_array(archive, "cells_to_ras"))
+        return FeatureVolume(array, geometry, key, cells, _read_moments(archive, array.shape[3]))
 
 
 @contextmanager
@@ -74,6 +78,16 @@ def _archive(file: IO[bytes]) -> Iterator[zipfile.ZipFile]:
             yield archive
     except _DAMAGED as error:
         raise ValueError(str(error) or type(error).__name__) from error
+
+
+def _read_moments(archive: zipfile.ZipFile, channels: int) -> Moments | None:
+    """None where the file has none."""
+    if "mean.npy" not in archive.namelist():
+        return None
+    moments = Moments(_read_array(archive, "mean"), _read_array(archive, "covariance"))
+    if moments.mean.shape != (channels,) or moments.covariance.shape != (channels, channels):
+        raise ValueError(f"the moments are not of {channels} channels")
+    return moments
 
 
 def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:

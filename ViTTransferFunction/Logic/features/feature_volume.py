@@ -10,6 +10,19 @@ from ..core.geometry import Geometry
 
 
 @dataclass(frozen=True, eq=False)
+class Moments:
+    """How feature vectors are spread, over patches all through the volume.
+
+    Attributes:
+        mean: (C,) float64.
+        covariance: (C, C) float64.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class FeatureVolume:
     """Features on the grid of the network's patches, and where these lie.
 
@@ -18,12 +31,14 @@ class FeatureVolume:
         geometry: the patches' grid; their borders coincide with voxel borders at the faces of the volume's box.
         key: names the content: equal for features of the same voxels, model and settings, and for no others (`feature_key`).
         compared_on: the cells that features are interpolated to where they are compared, of the same box; None: the patches.
+        moments: of the vectors; None where nobody has asked for them yet.
     """
 
     array: np.ndarray
     geometry: Geometry
     key: str
     compared_on: Geometry | None = None
+    moments: Moments | None = None
 
     def __post_init__(self) -> None:
         if self.array.ndim != 4 or self.array.shape[:3] != self.geometry.shape:

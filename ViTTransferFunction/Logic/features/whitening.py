@@ -6,7 +6,7 @@ tells cells apart is how they differ from the volume's mean, measured against ho
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.resampling import sample_by
 from ..core.torch_arrays import array_of, tensor_of
-from .feature_volume import FeatureVolume
+from .feature_volume import FeatureVolume, Moments
 from .layer_interpolation import interpolated_layers
 
 Statistics = Literal["none", "centred", "whitened"]
@@ -64,7 +64,7 @@ class NormalisedFeatures:
     Attributes:
         array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
         transform: what was applied before normalising.
-        source: the features as extracted.
+        source: the features as extracted, with their moments where these were needed.
     """
 
     array: np.ndarray
@@ -92,7 +92,9 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     Raises:
         InputError: the features are to be whitened, and do not vary or are not finite.
     """
-    transform = _fit_transform(features.array, statistics)
+    if statistics != "none" and features.moments is None:
+        features = replace(features, moments=_moments(features.array))
+    transform = _fit_transform(features, statistics)
     array = np.empty((*features.cells.shape, transform.channels), dtype=np.float32)
     # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
     # layer, so that no full-size float32 copy of the raw features is ever made.
@@ -109,11 +111,11 @@ def unit_vectors(vectors: np.ndarray) -> np.ndarray:
     return unit
 
 
-def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransform:
-    channels = array.shape[-1]
+def _fit_transform(features: FeatureVolume, statistics: Statistics) -> FeatureTransform:
     if statistics == "none":
-        return FeatureTransform(np.zeros(channels, dtype=np.float32), None)
-    mean, covariance = _moments(array)
+        return FeatureTransform(np.zeros(features.channels, dtype=np.float32), None)
+    assert features.moments is not None
+    mean, covariance = features.moments.mean, features.moments.covariance
     if statistics == "centred":
         return FeatureTransform(mean.astype(np.float32), None)
     if not np.isfinite(covariance).all():
@@ -122,7 +124,8 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
             "this network: get them again."
         )
     variances, directions = np.linalg.eigh(covariance)
-    count = min(WHITENED_COMPONENTS, max(1, array.size // channels // PATCHES_PER_COMPONENT))
+    patches = features.array.size // features.channels
+    count = min(WHITENED_COMPONENTS, max(1, patches // PATCHES_PER_COMPONENT))
     order = np.argsort(variances)[::-1][:count]
     # Directions that do not vary (fewer cells than channels, say) carry nothing and would only be divided by zero.
     order = order[variances[order] > variances[order[0]] * 1e-6]
@@ -135,8 +138,8 @@ def _fit_transform(array: np.ndarray, statistics: Statistics) -> FeatureTransfor
     return FeatureTransform(mean.astype(np.float32), projection.astype(np.float32))
 
 
-def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (C,) and covariance (C, C) over evenly spread patches, at most `STATISTICS_PATCHES`, in float64."""
+def _moments(array: np.ndarray) -> Moments:
+    """Of features (…, C), over evenly spread patches, at most `STATISTICS_PATCHES`."""
     cells = array.reshape(-1, array.shape[-1])
     cells = cells[:: -(-len(cells) // STATISTICS_PATCHES)]
     blocks = [cells[start : start + MOMENTS_BLOCK] for start in range(0, len(cells), MOMENTS_BLOCK)]
@@ -147,7 +150,7 @@ def _moments(array: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for block in blocks:
         centred = tensor_of(_as_single(block) - middle)
         covariance += array_of(centred.T @ centred)
-    return mean, covariance / len(cells)
+    return Moments(mean, covariance / len(cells))
 
 
 def _as_single(vectors: np.ndarray) -> np.ndarray:

@@ -163,11 +163,13 @@ class FeatureSource:
         self._cache.check_room(self._size_bytes)
         if coarse_first:
             for features in progressive_features(self._volume, network, self._settings, progress):
-                yield normalised_features(features, self._statistics)
+                normalised = normalised_features(features, self._statistics)
+                yield normalised
         else:
             features = extract_features(self._volume, network, self._settings, progress)
-            yield normalised_features(features, self._statistics)
-        self._cache.put(features)
+            normalised = normalised_features(features, self._statistics)
+            yield normalised
+        self._cache.put(normalised.source)
 
     def _cached(self, key: str) -> NormalisedFeatures | None:
         """The features out of the cache; None where it has none of them, or others in their place."""

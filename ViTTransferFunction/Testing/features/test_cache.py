@@ -13,6 +13,7 @@ import time
 import zipfile
 from collections import namedtuple
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.feature_file import write_features
-from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume, Moments
 
 
 def key(name: str) -> str:
@@ -57,6 +58,35 @@ def test_what_was_stored_comes_back_exactly(cache: FeatureCache) -> None:
     assert found.cells.shape == stored.cells.shape
     np.testing.assert_array_equal(found.cells.ijk_to_ras, stored.cells.ijk_to_ras)
     assert cache.get(key("b")) is None
+
+
+def with_moments(features: FeatureVolume) -> FeatureVolume:
+    mean, covariance = np.random.default_rng(1).random(8), np.random.default_rng(2).random((8, 8))
+    return replace(features, moments=Moments(mean, covariance))
+
+
+def test_moments_come_back_exactly_where_they_were_known(cache: FeatureCache) -> None:
+    stored = with_moments(features_named("a"))
+    cache.put(stored)
+    cache.put(features_named("b"))
+    found, without = cache.get(key("a")), cache.get(key("b"))
+    assert found is not None
+    assert found.moments is not None
+    assert stored.moments is not None
+    np.testing.assert_array_equal(found.moments.mean, stored.moments.mean)
+    np.testing.assert_array_equal(found.moments.covariance, stored.moments.covariance)
+    assert without is not None
+    assert without.moments is None
+
+
+@pytest.mark.parametrize("change", [{"mean": np.ones(7)}, {"covariance": np.ones((8, 7))}, {"mean": np.full(8, np.nan)}])
+def test_features_whose_moments_are_not_theirs_are_not_used(cache: FeatureCache, change: dict[str, np.ndarray]) -> None:
+    cache.put(with_moments(features_named("a")))
+    path = cache.folder / f"{key('a')}.npz"
+    with np.load(path) as content:
+        np.savez(path, **{**content, **change})
+    assert cache.get(key("a")) is None
+    assert not path.exists()
 
 
 def test_stored_features_hold_no_pickles(cache: FeatureCache) -> None:
@@ -97,7 +127,7 @@ def with_a_flipped_bit(path: Path) -> Iterator[None]:
 
 
 def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: FeatureCache) -> None:
-    stored = features_named("a")
+    stored = with_moments(features_named("a"))
     cache.put(stored)
     lost = 0
     for _ in with_a_flipped_bit(cache.folder / f"{key('a')}.npz"):
@@ -106,6 +136,9 @@ def test_whatever_bit_of_a_file_flips_no_other_features_come_back(cache: Feature
         if found is not None:
             np.testing.assert_array_equal(found.array, stored.array)
             np.testing.assert_array_equal(found.geometry.ijk_to_ras, stored.geometry.ijk_to_ras)
+            if found.moments is not None:
+                assert stored.moments is not None
+                np.testing.assert_array_equal(found.moments.covariance, stored.moments.covariance)
     assert lost > 800
 
 

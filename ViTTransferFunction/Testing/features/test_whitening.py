@@ -12,7 +12,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.resampling import sample_at
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.whitening import normalised_features, unit_vectors
+from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features, unit_vectors
 
 OBLIQUE = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -49,6 +49,17 @@ def test_whitened_features_have_no_mean_and_equal_uncorrelated_directions() -> N
     whitened = features.transform.apply(array).reshape(-1, 8)
     np.testing.assert_allclose(whitened.mean(axis=0), 0.0, atol=1e-3)
     np.testing.assert_allclose(np.cov(whitened.T), np.eye(8), atol=0.01)
+
+
+@pytest.mark.parametrize("statistics", ["centred", "whitened"])
+def test_moments_that_are_known_are_not_found_out_again(statistics: Statistics) -> None:
+    array = np.random.default_rng(0).normal(size=(5, 6, 7, 4)).astype(np.float32)
+    first = normalised_features(feature_volume(array), statistics)
+    again = normalised_features(first.source, statistics)
+    assert again.source.moments is first.source.moments is not None
+    np.testing.assert_array_equal(again.array, first.array)
+    elsewhere = replace(first.source, moments=replace(first.source.moments, mean=first.source.moments.mean + 1.0))
+    np.testing.assert_allclose(normalised_features(elsewhere, statistics).transform.mean, first.transform.mean + 1.0, rtol=1e-6)
 
 
 @pytest.mark.filterwarnings("error")

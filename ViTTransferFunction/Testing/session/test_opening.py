@@ -15,6 +15,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features import networks as networks_module
+from ViTTransferFunction.Logic.features import whitening
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
@@ -116,6 +117,18 @@ def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres,
     assert (computed.cached, cached.cached) == (False, True)
     assert computed.precision == cached.precision == precision_name(torch.device("cpu"))
     assert computed.weights.model is TINY_MODEL
+
+
+@pytest.mark.parametrize("coarse_first", [False, True])
+def test_features_out_of_the_cache_are_normalised_as_they_were_without_looking_at_how_they_are_spread(
+    spheres: Spheres, tiny_weights: SessionSettings, coarse_first: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions = [open_session(spheres[0], tiny_weights) for _ in range(2)]
+    sessions[0].load_features(on_coarse=(lambda: None) if coarse_first else None)
+    looked = Calls(monkeypatch, whitening, "_moments")
+    assert sessions[1].load_features().cached
+    assert looked.count == 0
+    np.testing.assert_array_equal(sessions[1].features.array, sessions[0].features.array)
 
 
 def test_a_volume_that_was_moved_finds_its_features_where_it_is_now(
