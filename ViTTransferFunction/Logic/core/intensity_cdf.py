@@ -12,7 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from .geometry import Geometry
-from .intensity_window import finite_sample
+from .intensity_window import finite_sample, quantiles
 from .volume import Volume
 
 _LEVELS = 512
@@ -28,7 +28,7 @@ class IntensityCdf:
 
     def __init__(self, volume: Volume) -> None:
         self._volume = volume
-        self._levels = np.unique(np.quantile(finite_sample(volume), np.linspace(0.0, 1.0, _LEVELS + 1)))
+        self._levels = np.unique(quantiles(finite_sample(volume), np.linspace(0.0, 1.0, _LEVELS + 1)))
 
     def at(self, points_ras: np.ndarray) -> np.ndarray:
         """The CDF, in [0, 1], of interpolated intensities at world points (N, 3), (N,) float32; 0 where they are NaN."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core import intensity_window
-from ViTTransferFunction.Logic.core.intensity_window import finite_sample
+from ViTTransferFunction.Logic.core.intensity_window import finite_sample, quantiles
 from ViTTransferFunction.Logic.core.orientation import Orientation
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
@@ -42,3 +42,25 @@ def test_percentiles_are_the_same_whatever_kind_of_numbers_voxels_are(kind):
     np.testing.assert_array_equal(
         np.percentile(finite_sample(volume_of(array)), percents), np.percentile(array.astype(np.float64), percents)
     )
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int16, np.uint16])
+@pytest.mark.parametrize("count", [1, 2, 7, 1000, 60_001])
+def test_quantiles_of_whole_numbers_are_those_of_numpy_to_the_last_bit(count: int, dtype: type) -> None:
+    generator = np.random.default_rng(count)
+    limits = np.iinfo(dtype)
+    shares = np.concatenate([np.linspace(0.0, 1.0, 513), generator.random(200)])
+    for values in (
+        generator.integers(limits.min, limits.max, count, dtype=dtype, endpoint=True),
+        np.clip(generator.normal(40.0, 20.0, count), limits.min, limits.max).astype(dtype),
+        np.full(count, limits.min),
+    ):
+        sample = values.astype(np.int32)
+        np.testing.assert_array_equal(quantiles(sample, shares), np.quantile(sample, shares))
+        np.testing.assert_array_equal(quantiles(sample, np.array([0.5, 99.5]) / 100.0), np.percentile(sample, (0.5, 99.5)))
+
+
+def test_quantiles_of_fractions_are_those_of_numpy() -> None:
+    sample = np.random.default_rng(0).normal(size=1001)
+    shares = np.linspace(0.0, 1.0, 33)
+    np.testing.assert_array_equal(quantiles(sample, shares), np.quantile(sample, shares))
