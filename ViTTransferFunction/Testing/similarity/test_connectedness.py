@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
@@ -18,6 +19,7 @@ from ViTTransferFunction.Logic.similarity.connected_points import (
     LARGEST_SHARE,
     ConnectedPoints,
     between_points,
+    joined_by_chains,
     point_factors,
     shares,
 )
@@ -235,6 +237,22 @@ def test_factors_between_points_keep_their_own_weight_and_never_exceed_it(
     np.testing.assert_array_equal(factors, factors.T)
     assert factors.min() >= 0.0
     assert factors.max() <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize("points", [1, 2, 3, 7, 40])
+def test_a_chain_joins_as_well_as_the_weakest_of_its_links(points: int) -> None:
+    generator = np.random.default_rng(points)
+    # Few pairs are joined well, so that chains are long.
+    weak = generator.choice(len(SIMILARITIES), (points, points), p=[0.03, 0.03, 0.04, 0.1, 0.2, 0.6])
+    between = between_points(SIMILARITIES[weak])
+    expected = np.zeros_like(between)
+    for similarity in SIMILARITIES[::-1]:
+        _, groups = connected_components(between >= similarity, directed=False)
+        expected[groups[:, None] == groups] = similarity
+    np.fill_diagonal(expected, 1.0)
+    found = joined_by_chains(between)
+    assert found.dtype == between.dtype
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_points_that_are_joined_by_way_of_a_third_leave_the_kernel_positive_semidefinite() -> None:
