@@ -25,6 +25,7 @@ from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.choices import choices, make_possible
 from ..Logic.scene.classes import ClassState
 from ..Logic.scene.messages import Messages
+from ..Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_wheel import SizeWheel
 from ..Logic.scene.volume_window import set_window
@@ -344,6 +345,7 @@ class WebApp:
             self._slicer.app_logic,
             parameter_node(self.scene),
             windows_3d=lambda: [self.views.view_3d.render_window()],
+            points_3d=lambda: [self.views.view_3d.get_displayable_manager_by_class(MARKUPS_MANAGER)],
         )
         self._replaced = make_possible(session.parameters, choices())
         for name, value in self._settings.items():

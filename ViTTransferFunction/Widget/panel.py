@@ -22,7 +22,7 @@ from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
-from ViTTransferFunction.Widget.pictures_section import PicturesSection, view_windows
+from ViTTransferFunction.Widget.pictures_section import PicturesSection, points_of_3d_views, view_windows
 from ViTTransferFunction.Widget.points_section import PointsSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
@@ -99,7 +99,9 @@ class Panel:
         """Show the state that a parameter node holds."""
         self.close()
         app_logic = slicer.app.applicationLogic()
-        self.session = SceneSession(slicer.mrmlScene, app_logic, parameter_node, windows_3d=view_windows)
+        self.session = SceneSession(
+            slicer.mrmlScene, app_logic, parameter_node, windows_3d=view_windows, points_3d=points_of_3d_views
+        )
         self.session.add_observer(self.refresh)
         self._start_due = True
         for section in self._sections:

@@ -51,6 +51,7 @@ class SceneAnnotations:
         parameter_node: refers to the classes.
         on_change: called after any class or point has changed.
         settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie: itself, or elsewhere.
+        on_displayed: called with a list of points that is new, or displayed otherwise.
 
     Attributes:
         classes: as they are now, in order.
@@ -62,11 +63,13 @@ class SceneAnnotations:
         parameter_node: slicer.vtkMRMLScriptedModuleNode,
         on_change: Callable[[], None],
         settle: Callable[[np.ndarray], np.ndarray] = lambda point_ras: point_ras,
+        on_displayed: Callable[[slicer.vtkMRMLMarkupsFiducialNode], None] = lambda points: None,
     ) -> None:
         self._scene = scene
         self._parameter_node = parameter_node
         self._on_change = on_change
         self._settle = settle
+        self._on_displayed = on_displayed
         self._observers = SceneObservers()
         self._paused = 0
         self._last_grown: dict[str, str] = {}
@@ -248,6 +251,7 @@ class SceneAnnotations:
         lists = [*positive, *negative]
         for node in lists:
             self._observers.observe(node, self._reactions())
+            self._on_displayed(node)
         self._observers.keep_only(lists)
         self._counts = {node: (node.GetNumberOfControlPoints(), node.GetNumberOfDefinedControlPoints()) for node in lists}
         self._begin_anew_where_moved(lists)
@@ -272,14 +276,12 @@ class SceneAnnotations:
     def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
         markups = slicer.vtkMRMLMarkupsNode
         steps = (markups.PointStartInteractionEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
-        passing = (
-            "ModifiedEvent",
-            slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent,
-            slicer.vtkMRMLTransformableNode.TransformModifiedEvent,
-        )
+        displayed = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent
+        passing = ("ModifiedEvent", displayed, slicer.vtkMRMLTransformableNode.TransformModifiedEvent)
         return [
             (markups.PointPositionDefinedEvent, self._on_placed),
             (markups.PointModifiedEvent, self._on_moved),
+            (displayed, lambda caller, event: self._on_displayed(caller)),
             *((event, self._on_step) for event in steps),
             *((event, self._on_passing) for event in passing),
         ]

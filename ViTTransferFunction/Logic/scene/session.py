@@ -40,6 +40,7 @@ from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_lists import Point
 from .point_tour import PointTour
+from .points_in_3d import hold_in_3d
 from .problems import Problems
 from .regions import SceneRegions
 from .segment_output import SegmentOutput
@@ -65,6 +66,7 @@ class SceneSession:
         parameter_node: holds the parameters and refers to the classes; it may come from a saved scene.
         python_executable: the Python that has PyTorch; the running one unless given.
         windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
+        points_3d: the displayable managers of points of all 3D views; see `hold_in_3d`.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
@@ -81,6 +83,7 @@ class SceneSession:
         parameter_node: slicer.vtkMRMLScriptedModuleNode,
         python_executable: str | Path | None = None,
         windows_3d: Callable[[], Iterable[Any]] = tuple,
+        points_3d: Callable[[], Iterable[Any]] = tuple,
     ) -> None:
         self._scene = scene
         self._app_logic = app_logic
@@ -100,7 +103,9 @@ class SceneSession:
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
-        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled)
+        self.annotations = SceneAnnotations(
+            scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
+        )
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)

@@ -106,6 +106,22 @@ def pixel_3d(view: Any, ras: np.ndarray) -> tuple[int, int]:
     return round(y), round(x)
 
 
+def drag(view: Any, point_ras: Any, button: str = "Left") -> None:
+    """Move the mouse to where a view shows a point, press the button, move on, and release it."""
+    find = pixel_3d if hasattr(view, "get_camera_node") else slice_pixel
+    find(view, point_ras)
+    for _ in range(2):  # Which points are seen, Slicer finds by the picture before.
+        pixels(view)
+    interactor, (row, column) = view.interactor(), find(view, point_ras)
+    interactor.SetEventInformation(column, row)
+    interactor.MouseMoveEvent()
+    getattr(interactor, f"{button}ButtonPressEvent")()
+    for step in range(1, 6):
+        interactor.SetEventInformation(column + 3 * step, row + 2 * step)
+        interactor.MouseMoveEvent()
+    getattr(interactor, f"{button}ButtonReleaseEvent")()
+
+
 def ball(shape: tuple[int, int, int], centre_kji: tuple[float, float, float], radius: float, width: float = 2.0) -> np.ndarray:
     """A map (K, J, I) float32: 0.5 on a sphere, 1 well within it, 0 well outside; `width` voxels from 0 to 1."""
     kji = np.indices(shape, dtype=np.float32)

@@ -34,6 +34,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.volume import array_from_node, geometry_from_node, numpy_matrix
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
+from ViTTransferFunction.Testing.support.views import drag
 from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import packing, scene_files
@@ -64,6 +65,20 @@ def test_the_page_shows_what_its_actions_did(opened: Callable[[Journey], None]) 
         assert state.selected == first
         app.actions("undo")
         assert len(state.classes) == 2
+
+    opened(journey)
+
+
+def test_a_drag_in_the_3d_view_that_begins_on_a_point_moves_no_point(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        middle = np.array(app.views.view_3d.get_camera_node().GetFocalPoint())
+        app.session.annotations.add_points(app.session.classes[0].id, middle[None], positive=True)
+        app.tool.put_down()
+        before, camera = app.session.classes, app.views.view_3d.get_camera_node().GetPosition()
+        drag(app.views.view_3d, middle)
+        assert app.session.classes == before
+        assert app.views.view_3d.get_camera_node().GetPosition() != camera
 
     opened(journey)
 

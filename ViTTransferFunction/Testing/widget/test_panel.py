@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QDialog, QLabel, QLineEdit, QProgressBar, QWidget
 
+from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
@@ -390,3 +392,11 @@ def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
     QTest.qWait(10)
     assert widget.panel.session.classes[0].name == "aorta"
     assert widget.panel.tools.tool is None
+
+
+def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready: Any) -> None:
+    asked: list[Any] = []
+    slicer.app.layoutManager().threeDWidget(0).managers[MARKUPS_MANAGER] = SimpleNamespace(GetWidget=asked.append)
+    add_class(ready)
+    session = ready.panel.session
+    assert session.annotations.points_node(session.classes[0].id, positive=True).GetDisplayNode() in asked

@@ -99,6 +99,7 @@ class ThreeDWidget(QWidget):
         self._window.SetOffScreenRendering(True)
         self._window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
         self._window.AddRenderer(vtk.vtkRenderer())
+        self.managers: dict[str, Any] = {}
 
     def threeDView(self) -> ThreeDWidget:  # noqa: N802
         """The view."""
@@ -107,6 +108,10 @@ class ThreeDWidget(QWidget):
     def renderWindow(self) -> Any:  # noqa: N802
         """What it is drawn in."""
         return self._window
+
+    def displayableManagerByClassName(self, name: str) -> Any:  # noqa: N802
+        """What shows nodes of a kind in the view: nothing, except in tests that set `managers`."""
+        return self.managers.get(name)
 
 
 class SliceWidget(QWidget):
