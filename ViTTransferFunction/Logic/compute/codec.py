@@ -22,6 +22,7 @@ _TYPES: dict[str, type] = {
     kind.__name__: kind
     for kind in (
         requests.TakeVolume,
+        requests.Taken,
         requests.ReleaseVolume,
         requests.Prepare,
         requests.Extract,

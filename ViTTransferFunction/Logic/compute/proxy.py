@@ -42,6 +42,7 @@ from .requests import (
     Render,
     RenderingMode,
     SegmentClasses,
+    Taken,
     TakeVolume,
     Volumes,
 )
@@ -77,6 +78,7 @@ class SegmentationProxy:
 
     Attributes:
         phase: how far the volume is.
+        voxels: the digest of the volume's (`Taken`); empty until known.
         usable: whether maps can be had: once features are ready, or while they still become finer.
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
@@ -106,7 +108,7 @@ class SegmentationProxy:
         self._started_s = 0.0
         self._error: str | None = None
         self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
-            (TakeVolume, Done): lambda request, reply: set(),
+            (TakeVolume, Taken): self._on_taken,
             (ReleaseVolume, Done): lambda request, reply: set(),
             (Prepare, FeatureEstimate): self._on_estimate,
             (Extract, Done): self._on_features,
@@ -121,6 +123,7 @@ class SegmentationProxy:
 
     def _reset(self) -> None:
         self.phase: Phase = "no volume" if self._volume is None else "no features"
+        self.voxels = ""
         self.usable = False
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
@@ -378,6 +381,10 @@ class SegmentationProxy:
             self.phase, self.progress, self._refused = "no features", None, True
         if isinstance(reply, Failed):
             self._error = reply.message
+        return {"state"}
+
+    def _on_taken(self, request: TakeVolume, reply: Taken) -> set[Event]:
+        self.voxels = reply.digest
         return {"state"}
 
     def _on_estimate(self, request: Prepare, reply: FeatureEstimate) -> set[Event]:

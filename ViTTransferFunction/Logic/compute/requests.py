@@ -32,7 +32,7 @@ class Refinement:
 
 @dataclass(frozen=True, eq=False)
 class TakeVolume:
-    """Take a volume; everything that follows is about it. Replied to by `Done`.
+    """Take a volume; everything that follows is about it. Replied to by `Taken`.
 
     Attributes:
         array: voxels (K, J, I), unchecked.
@@ -43,6 +43,13 @@ class TakeVolume:
     array: np.ndarray
     geometry: Geometry
     name: str
+
+
+@dataclass(frozen=True)
+class Taken:
+    """The volume can be segmented. `digest`: hexadecimal, of its voxels, by which they are known again (`Volume.digest`)."""
+
+    digest: str
 
 
 @dataclass(frozen=True)

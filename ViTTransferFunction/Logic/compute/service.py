@@ -43,6 +43,7 @@ from .requests import (
     ReleaseVolume,
     Render,
     SegmentClasses,
+    Taken,
     TakeVolume,
     Volumes,
 )
@@ -118,11 +119,11 @@ class SegmentationService:
             with suppress(Exception):
                 session.prepare_clicks()
 
-    def _take_volume(self, request: TakeVolume) -> Done:
+    def _take_volume(self, request: TakeVolume) -> Taken:
         # First, since a volume that is refused leaves none.
         self._forget()
         self._volume = Volume(request.array, request.geometry, request.name)
-        return Done()
+        return Taken(self._volume.digest.hex())
 
     def _release_volume(self, request: ReleaseVolume) -> Done:
         self._forget()

@@ -98,7 +98,7 @@ class SegmentOutput:
             labels: of the volume.
             class_ids: what its labels 1, 2, … stand for.
             corrections: what becomes of segments that were corrected by hand.
-            source: what the labels were made from (`source_digest`).
+            source: what the labels were made from (`WrittenSegments.source_now`).
 
         Raises:
             InputError: they cannot be written there.

@@ -99,7 +99,9 @@ class SceneSession:
         self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
         self._corrections: Corrections = "keep"
         self._written_from = ""
-        self.written = WrittenSegments(self.parameters, lambda: self.classes, lambda: self._requests.requests)
+        self.written = WrittenSegments(
+            self.parameters, lambda: self.classes, lambda: self._requests.requests, lambda: self._proxy.voxels
+        )
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()

@@ -21,7 +21,7 @@ from .segment_tags import segments_of_classes
 CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
 """Ids of all classes that were ever written there, percent-encoded, with spaces between."""
 SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
-"""What the segments were made from when they were written last (`source_digest`)."""
+"""What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
 DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
 """Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
 DECIMALS = 3
@@ -35,6 +35,7 @@ class WrittenSegments:
         parameters: say which segmentation, and what segments follow from.
         classes: of the session.
         requests: what is asked for of them.
+        voxels: a digest of those of the volume; empty where it is not known.
     """
 
     def __init__(
@@ -42,10 +43,12 @@ class WrittenSegments:
         parameters: SceneParameters,
         classes: Callable[[], Sequence[ClassState]],
         requests: Callable[[], Sequence[ClassRequest]],
+        voxels: Callable[[], str],
     ) -> None:
         self._parameters = parameters
         self._classes = classes
         self._requests = requests
+        self._voxels = voxels
 
     @property
     def exist(self) -> bool:
@@ -59,7 +62,7 @@ class WrittenSegments:
         if self._parameters.volume is None or not self.exist:
             return False
         asked = {request.id for request in self._requests()}
-        return bool(asked - self._of(asked).keys() or self.left) or self.source != self.source_now
+        return bool(asked - self._of(asked).keys() or self.left) or not _are_alike(self.source, self.source_now)
 
     @property
     def left(self) -> dict[str, str]:
@@ -70,13 +73,13 @@ class WrittenSegments:
 
     @property
     def source(self) -> str:
-        """What they were made from (`source_digest`), which is another text when others are written; empty: there are none."""
+        """What they were made from (see `source_now`), which is another text when others are written; empty: there are none."""
         return self._parameters.segmentation.GetAttribute(SOURCE_ATTRIBUTE) or "" if self.exist else ""
 
     @property
     def source_now(self) -> str:
-        """What segments would be made from that were written now."""
-        return source_digest(self._classes(), self._requests(), self._parameters)
+        """What segments would be made from now: `source_digest`, and the digest of the volume's voxels where that is known."""
+        return f"{source_digest(self._classes(), self._requests(), self._parameters)} {self._voxels()}".rstrip()
 
     def _of(self, class_ids: Collection[str]) -> dict[str, str]:
         return segments_of_classes(self._parameters.segmentation.GetSegmentation(), class_ids)
@@ -111,6 +114,12 @@ def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest]
     settings = [parameters.get(name) for name in DECISIVE]
     volume = parameters.volume.GetID() if parameters.volume else ""
     return hashlib.sha256(repr((of_classes, window, settings, volume)).encode()).hexdigest()
+
+
+def _are_alike(source: str, other: str) -> bool:
+    """Whether the same segments follow from both; voxels of which nothing is known (yet) are taken to be the same."""
+    (classes, _, voxels), (other_classes, _, other_voxels) = source.partition(" "), other.partition(" ")
+    return classes == other_classes and (not voxels or not other_voxels or voxels == other_voxels)
 
 
 def _values(request: ClassRequest) -> tuple[Any, ...]:

@@ -30,6 +30,7 @@ SPLEEN = ClassRequest("b", np.array([[4.0, 5.0, 6.0]]), negative=np.array([[7.0,
 REFINEMENT = requests.Refinement("guided", only_annotated_components=False)
 BODIES = [
     requests.TakeVolume(ARRAY, GEOMETRY, "CT"),
+    requests.Taken("0f"),
     requests.ReleaseVolume(),
     requests.Prepare(SessionSettings(grid=16, window=(-100.0, 200.0), weights_path="/a b/c.pt")),
     requests.Extract(),

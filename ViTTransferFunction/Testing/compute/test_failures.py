@@ -19,7 +19,7 @@ from ViTTransferFunction.Logic.compute.codec import to_message
 from ViTTransferFunction.Logic.compute.messages import read_line, write_message
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
-from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Done, Failed, GivenUp, Prepare, Progressed, TakeVolume
+from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Failed, GivenUp, Prepare, Progressed, Taken, TakeVolume
 from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
@@ -197,7 +197,7 @@ def test_an_answer_that_was_given_up_may_be_late_for_its_volume(
 ) -> None:
     client = start(stub_executable(tmp_path, ANSWERS_CLICKS_LATE.format(root=str(ROOT))))
     client.request(TakeVolume(spheres[0].array, spheres[0].geometry, "spheres"))
-    assert final_reply(client) == Done()
+    assert final_reply(client) == Taken(spheres[0].digest.hex())
     click = client.request(ComputeMaps(requests_of(spheres)))
     polls_until(lambda: any(isinstance(reply, Progressed) for _, reply in client.replies()) or not client.alive)
     client.cancel([click])

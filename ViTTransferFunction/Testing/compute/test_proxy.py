@@ -31,6 +31,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     ReleaseVolume,
     Render,
     SegmentClasses,
+    Taken,
     TakeVolume,
     Volumes,
 )
@@ -103,7 +104,7 @@ def proxy(client: Client, monkeypatch: pytest.MonkeyPatch) -> SegmentationProxy:
     monkeypatch.setattr(proxy_module, "REFINE_AFTER_S", 0.0)
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
-    client.answer(TakeVolume, Done())
+    client.answer(TakeVolume, Taken("0f"))
     client.answer(Prepare, COSTLY)
     proxy.poll()
     return proxy
@@ -139,7 +140,7 @@ def test_the_process_lets_go_of_a_volume_that_is_closed_and_is_asked_for_that_on
 def test_cached_features_load_at_once(client: Client) -> None:
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
-    client.answer(TakeVolume, Done())
+    client.answer(TakeVolume, Taken("0f"))
     client.answer(Prepare, FeatureEstimate(True, None, 1))
     proxy.poll()
     assert client.asked[-1] == Extract()
@@ -535,7 +536,7 @@ def test_a_refused_setting_is_reported_once_and_sent_again_with_the_next_extract
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]
     proxy.open(VOLUME, SETTINGS)
     proxy.extract()
-    client.answer(TakeVolume, Done())
+    client.answer(TakeVolume, Taken("0f"))
     client.answer(Prepare, Failed("There is no weights file."))
     client.answer(Extract, Failed("The volume's settings cannot be used."))
     proxy.poll()

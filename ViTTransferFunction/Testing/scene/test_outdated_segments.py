@@ -10,7 +10,10 @@ import pytest
 
 pytest.importorskip("slicer")
 
+import slicer
+
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.written_segments import SOURCE_ATTRIBUTE
 from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, put_under, write_all
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
@@ -102,6 +105,27 @@ def test_moving_volume_points_and_segments_together_changes_nothing(session: Sce
     for node in (*points, session.parameters.segmentation):
         node.SetAndObserveTransformNodeID(transform.GetID())
     session.wait()
+    assert not session.written.outdated
+
+
+def test_segments_of_a_volume_that_got_other_voxels_are_told_until_it_has_its_own_again(session: SceneSession) -> None:
+    write_all(session)
+    voxels = slicer.util.arrayFromVolume(session.parameters.volume)
+    before = voxels.copy()
+    voxels[5:10, 5:10, 5:10] += 7
+    slicer.util.arrayFromVolumeModified(session.parameters.volume)
+    session.wait()
+    assert session.written.outdated
+    voxels[:] = before
+    slicer.util.arrayFromVolumeModified(session.parameters.volume)
+    session.wait()
+    assert not session.written.outdated
+
+
+def test_segments_that_were_written_before_voxels_were_noted_are_not_outdated_for_that(session: SceneSession) -> None:
+    write_all(session)
+    classes_alone, _, _ = session.written.source.partition(" ")
+    session.parameters.segmentation.SetAttribute(SOURCE_ATTRIBUTE, classes_alone)
     assert not session.written.outdated
 
 
