@@ -88,9 +88,9 @@ class Routes:
         return response
 
     async def _download_points(self, request: web.Request) -> web.StreamResponse:
-        session, volume = self._app.session, self._app.session.parameters.volume
+        session = self._app.session
         # As `vittf cohort` looks for it.
-        name = kept_name(volume.GetName() if volume else "") + ANNOTATIONS_ENDING
+        name = f"{self._volume_name()}{ANNOTATIONS_ENDING}"
         return await self._send(request, name, lambda staged: save_points(session, staged), _as_it_is)
 
     async def _download_picture(self, request: web.Request) -> web.StreamResponse:
@@ -118,15 +118,16 @@ class Routes:
         return await _sent(request, path, f"{self._volume_name()}{path.suffix}")
 
     def _volume_name(self) -> str:
-        """The volume's name, as far as it may be part of a file's."""
+        """The volume's name, as files are called after it."""
         volume = self._app.session.parameters.volume
-        return re.sub(r"[^A-Za-z0-9._-]+", "_", volume.GetName() if volume else "").strip("._-") or "volume"
+        return kept_name((volume.GetName() if volume else "") or "volume")
 
     async def _send(self, request: web.Request, name: str, stage: Callable[[Path], None], pack: Pack) -> web.StreamResponse:
         """Send what `stage` writes, quickly, and `pack` compresses while everything else goes on."""
         try:
             with private_folder() as folder:
-                staged, path = Path(folder, "staged", name.removesuffix(".mrb")), Path(folder, name)
+                # A session has a folder in it of this name, and not every program reads every alphabet in archives.
+                staged, path = Path(folder, "staged", _in_ascii(name.removesuffix(".mrb"))), Path(folder, name)
                 staged.parent.mkdir()
                 stage(staged)
                 await self._pack(staged, path, pack)
@@ -159,6 +160,11 @@ class Routes:
             self._app.show_saving(path.name, None)
 
 
+def _in_ascii(name: str) -> str:
+    """A file's name for those that know no other letters."""
+    return re.sub(r'[^ -~]|["\\]', "_", name)
+
+
 def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
     """Send what was staged; not renamed, which Windows refuses while a virus scanner looks at what is new."""
     path.write_bytes(staged.read_bytes())
@@ -166,8 +172,7 @@ def _as_it_is(staged: Path, path: Path, progress: Progress) -> None:
 
 async def _sent(request: web.Request, path: Path, name: str) -> web.StreamResponse:
     """Send a file, which the browser keeps under a name."""
-    plain = re.sub(r'[^ -~]|["\\]', "_", name)
-    disposition = f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(name)}"
+    disposition = f"attachment; filename=\"{_in_ascii(name)}\"; filename*=UTF-8''{quote(name)}"
     headers = {"Content-Disposition": disposition, "Content-Type": "application/octet-stream"}
     response = web.StreamResponse(headers=headers)
     with path.open("rb") as file:

@@ -13,7 +13,7 @@ from aiohttp import BodyPartReader, web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from ..Logic.core.errors import InputError, shown
-from ..Logic.core.file_names import LONGEST_NAME_BYTES, is_device
+from ..Logic.core.file_names import LONGEST_NAME_BYTES, kept_name
 from ..Logic.files.dicom_folder import is_of_system
 from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
 from .points_file import POINTS_ENDING, are_points
@@ -133,14 +133,12 @@ def _create(folder: Path, name: str) -> tuple[BinaryIO, Path]:
 
 
 def _harmless(name: str) -> str:
-    """The last part of a name, of letters, digits, `.`, `_` and `-` alone; no hidden file, none of Windows' devices."""
+    """The last part of a name as a file's that every system takes; no hidden file, and no option of a program."""
     # Macs send a letter and its accent apart.
-    last = unicodedata.normalize("NFC", _last_part(name))
-    plain = "".join(character if character.isalnum() or character in "._-" else "_" for character in last).strip(".")
-    plain = plain.encode()[-LONGEST_NAME_BYTES:].decode(errors="ignore").lstrip(".-")
-    if not plain or is_device(unicodedata.normalize("NFKC", plain)):
-        return f"file_{plain}"
-    return plain
+    last = unicodedata.normalize("NFC", _last_part(name)).rstrip(". ")
+    # The end, which tells what it is.
+    end = last.encode(errors="replace")[-LONGEST_NAME_BYTES:].decode(errors="ignore")
+    return kept_name(end.lstrip(".- "))
 
 
 def _last_part(name: str) -> str:

@@ -13,7 +13,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.camera import Size
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_names import file_stem, with_ending
+from ViTTransferFunction.Logic.core.file_names import kept_name, with_ending
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
 from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
@@ -114,7 +114,7 @@ class PicturesSection(Section):
     def _asked_for_path(self, title: str, endings: Sequence[str], kinds: str) -> Path | None:
         """Where the user wants a file, with one of the `endings`; None where they cancel."""
         volume = self.session.parameters.volume if self.session else None
-        name = file_stem((volume.GetName() if volume else "") or "ViTTransferFunction") + endings[0]
+        name = kept_name((volume.GetName() if volume else "") or "ViTTransferFunction") + endings[0]
         chosen = ask_path_to_write(title, name, kinds, self.ui.pictureButton)
         return with_ending(Path(chosen), endings) if chosen else None
 

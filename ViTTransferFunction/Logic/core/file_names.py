@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,8 +14,8 @@ _DEVICES_OF_WINDOWS = {"CON", "PRN", "AUX", "NUL", *(f"{port}{number}" for port 
 
 LONGEST_NAME_BYTES = 200
 """Files on most disks have names of up to 255 bytes, and endings follow."""
-_IN_NO_NAME = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')
-"""Characters that some system takes in no file's name."""
+_IN_NO_NAME = re.compile(r'[\x00-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069/\\:*?"<>|]')
+"""Characters that some system takes in no file's name, or that have it read as another one."""
 _LOOKS_LIKE_ENDING = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,3}")
 """Of another kind of file, such as .jpg or .webm. What else follows a dot is part of the name, as in 'liver 2.5' or 'No. 3'."""
 
@@ -41,18 +42,22 @@ def with_ending(path: Path, endings: Sequence[str]) -> Path:
 
 
 def file_stem(name: str) -> str:
-    """A volume's or class's name as a file name that every platform takes; the beginning of one that is too long."""
+    """A class's name as that of a file which no ending is looked for in; the beginning of one that is too long."""
     stem = "".join(character if character.isalnum() or character in "-_ " else "_" for character in name).strip()
     stem = stem.encode()[:LONGEST_NAME_BYTES].decode(errors="ignore").strip()
     return f"_{stem}" if not stem or is_device(stem) else stem
 
 
 def kept_name(name: str) -> str:
-    """A volume's name as a file's: where a file was called so, the same to the last dot, since others look for it by that."""
+    """A volume's name as a file's that every system takes, an ending being added: the same wherever a file was called so.
+
+    Others look for files beside a volume's by that name.
+    """
     kept = _IN_NO_NAME.sub("_", name.encode(errors="replace")[:LONGEST_NAME_BYTES].decode(errors="ignore")).strip()
     return f"_{kept}" if kept.strip(".") == "" or is_device(kept) else kept
 
 
 def is_device(name: str) -> bool:
     """Whether Windows takes a file's name for that of a device, as it does in every folder and with every ending."""
-    return name.partition(".")[0].strip().upper() in _DEVICES_OF_WINDOWS
+    # Windows takes a raised digit for the digit.
+    return unicodedata.normalize("NFKC", name).partition(".")[0].strip().upper() in _DEVICES_OF_WINDOWS

@@ -13,11 +13,15 @@ import numpy as np
 
 from ..core.annotated_class import AnnotatedClass
 from ..core.class_request import check_requests
+from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
 from .class_requests import ClassRequests
 from .classes import ClassState, changed, new_class_state
 from .point_lists import Point
 from .volume import matrix_to_world
+
+SAME_PLACE_MM = 1e-3
+"""A transform there and back changes the digits behind."""
 
 
 def annotated_classes(states: Sequence[ClassState], asked: ClassRequests, geometry: Geometry) -> list[AnnotatedClass]:
@@ -48,6 +52,9 @@ def class_states(
 ) -> list[ClassState]:
     """Classes that ask what annotated ones do, as they are to be added to a scene; of boxes only those that are there.
 
+    Those that are in the scene already, with the same points and settings, are left out: the file was loaded twice. Where
+    another class has the name, a number follows.
+
     Args:
         annotated: in the volume's local frame.
         existing: the classes that are in the scene.
@@ -55,19 +62,27 @@ def class_states(
         geometry: of its voxels, in its local frame.
 
     Raises:
-        InputError: there are none, two have one name, or a point lies outside the volume, which is under a linear transform
-            at most.
+        InputError: there are none, none that is not there already, two have one name, or a point lies outside the volume, which
+            is under a linear transform at most.
     """
     check_requests([each.request for each in annotated], geometry)
     to_world = matrix_to_world(volume_node)
-    return [_class_state(each, existing, to_world) for each in annotated]
+    states: list[ClassState] = []
+    for each in annotated:
+        state = _class_state(each, to_world)
+        if not any(_are_alike(state, present) for present in existing):
+            fresh = new_class_state([*existing, *states], state.name)
+            states.append(replace(state, name=fresh.name))
+    if not states:
+        raise InputError("The structures of this file are all there already, with the same points and settings.")
+    return states
 
 
-def _class_state(annotated: AnnotatedClass, existing: Sequence[ClassState], to_world: np.ndarray) -> ClassState:
+def _class_state(annotated: AnnotatedClass, to_world: np.ndarray) -> ClassState:
     request = annotated.request
     box = request.close_up
     state = replace(
-        new_class_state(list(existing), request.name, annotated.color),
+        new_class_state([], request.name, annotated.color),
         positive=_points(request.positive, to_world),
         negative=_points(request.negative, to_world),
         iso=request.iso,
@@ -77,6 +92,16 @@ def _class_state(annotated: AnnotatedClass, existing: Sequence[ClassState], to_w
         close_up=(*_points(np.array([box.centre_ras]), to_world)[0], *box.size_mm) if box else None,
     )
     return changed(state, opacity=annotated.opacity)
+
+
+def _are_alike(state: ClassState, other: ClassState) -> bool:
+    """Whether the same is asked for two classes, whatever they are called and look like."""
+    settings = all(getattr(state, name) == getattr(other, name) for name in ("iso", "size", "proximity", "refine"))
+    places = ((each.positive, each.negative, each.close_up or ()) for each in (state, other))
+    return settings and all(
+        len(ones) == len(others) and np.allclose(ones, others, rtol=0.0, atol=SAME_PLACE_MM)
+        for ones, others in zip(*places, strict=True)
+    )
 
 
 def _points(points_ras: np.ndarray, to_world: np.ndarray) -> tuple[Point, ...]:

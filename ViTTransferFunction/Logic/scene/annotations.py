@@ -139,14 +139,17 @@ class SceneAnnotations:
         A fixed iso value takes the place of the size.
 
         Raises:
-            InputError: the name is empty, or cannot be written.
+            InputError: the name is empty, cannot be written, or is another class's.
         """
         state = changed(self._class(id_), **fields)
         # The list of its points may have been given any name, in the Data module, and the rest is to be set all the same.
         if "name" in fields:
-            if not state.name.strip():
+            state = replace(state, name=state.name.strip())
+            if not state.name:
                 raise InputError("A structure needs a name; it keeps the one that it had.")
             check_name(state.name)
+            if any(other.name == state.name for other in self.classes if other.id != id_):
+                raise InputError(f"There is a structure called '{state.name}' already; this one keeps the name that it had.")
         if state.iso is not None:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):

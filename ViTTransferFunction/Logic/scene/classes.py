@@ -227,13 +227,26 @@ def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[st
 
 
 def new_class_state(existing: list[ClassState], name: str | None = None, color: Color | None = None) -> ClassState:
-    """A class without points, of a name and colour that no other class has unless they are given."""
+    """A class without points, of a name that no other class has, and a colour that none has unless it is given.
+
+    Args:
+        existing: the other classes.
+        name: of the class; where another one has it, a number follows.
+        color: of the class.
+    """
     taken = {state.name for state in existing}
-    number = next(n for n in range(1, len(existing) + 2) if f"Structure {n}" not in taken)
+    if not name:
+        name = next(numbered for n in range(1, len(existing) + 2) if (numbered := f"Structure {n}") not in taken)
     used = {tuple(np.round(state.color, 2)) for state in existing}
     free = (n for n in range(len(existing) + 1) if tuple(np.round(default_color(n), 2)) not in used)
     look = Appearance(color or default_color(next(free, len(existing))))
-    return ClassState(_new_id(), name or f"Structure {number}", look)
+    return ClassState(_new_id(), name_beside(name, taken), look)
+
+
+def name_beside(name: str, taken: Collection[str]) -> str:
+    """A name that is not taken: this one, or with a number after it; files and tables tell classes apart by their names."""
+    numbered = (f"{name} ({n})" for n in range(2, len(taken) + 2))
+    return name if name not in taken else next(name for name in numbered if name not in taken)
 
 
 def _new_id() -> str:
@@ -242,9 +255,7 @@ def _new_id() -> str:
 
 def duplicate_class_state(existing: list[ClassState], original: ClassState) -> ClassState:
     """A class with the settings and points of `original`, but a name and colour of its own."""
-    taken = {state.name for state in existing}
-    names = (f"{original.name} copy{f' {n}' if n > 1 else ''}" for n in range(1, len(existing) + 2))
-    fresh = new_class_state(existing, next(name for name in names if name not in taken))
+    fresh = new_class_state(existing, f"{original.name} copy")
     # Its points get labels with its own name.
     return changed(original, id=fresh.id, name=fresh.name, color=fresh.color, positive_properties={}, negative_properties={})
 

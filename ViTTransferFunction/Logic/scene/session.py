@@ -266,12 +266,13 @@ class SceneSession:
         return annotated_classes(self.classes, self._requests, self.file_geometry)
 
     def add_annotated_classes(self, annotated: Sequence[AnnotatedClass]) -> None:
-        """Add classes as an annotation file has them, and select the first of them; one step for undo.
+        """Add classes as an annotation file has them, unless they are there already, and select the first; one step for undo.
 
         Whose box is still to be chosen begins in the whole volume, and the user is told.
 
         Raises:
-            InputError: there is no volume, no class, two of one name, or a point outside the volume.
+            InputError: there is no volume, no class, none that is not there already, two of one name, or a point outside the
+                volume.
         """
         states = class_states(annotated, self.classes, self.parameters.volume, self.file_geometry)
         self.annotations.add_classes(states)

@@ -44,7 +44,16 @@ def test_a_name_that_a_file_has_is_kept(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "kept"),
-    [("a/b\\c:d", "a_b_c_d"), ("", "_"), ("..", "_.."), ("NUL", "_NUL"), ("\udc80\n", "__"), ("ü" * 200, "ü" * 100)],
+    [
+        ("a/b\\c:d", "a_b_c_d"),
+        ("", "_"),
+        ("..", "_.."),
+        ("NUL", "_NUL"),
+        ("COM¹.2", "_COM¹.2"),
+        ("gnp\u202e.exe", "gnp_.exe"),
+        ("\udc80\n", "__"),
+        ("ü" * 200, "ü" * 100),
+    ],
 )
 def test_what_some_system_takes_in_no_file_s_name_is_replaced(name: str, kept: str) -> None:
     assert kept_name(name) == kept

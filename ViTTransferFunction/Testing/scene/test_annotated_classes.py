@@ -112,12 +112,32 @@ def test_what_no_file_can_say_is_refused(session: SceneSession, spheres: Spheres
     with pytest.raises(InputError, match="There are no classes"):
         session.annotated_classes()
     first, *_ = annotate(session, spheres)
-    session.annotations.set_class(first, name="sphere 2")
+    session.annotations.points_node(first, positive=True).SetName("sphere 2")  # In the Data module.
     with pytest.raises(InputError, match="2 classes are named 'sphere 2'; give each class a name of its own"):
         session.annotated_classes()
     session.set_volume(None)
     with pytest.raises(InputError, match="no scan that the points could belong to; open it first"):
         session.annotated_classes()
+
+
+def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_a_number(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    put_under(session.parameters.volume, MOVED)
+    red = AnnotatedClass(ClassRequest("liver", centre_ras(spheres, 1), size=0.5), RED)
+    more = replace(red, request=replace(red.request, negative=centre_ras(spheres, 2)))
+    spleen = AnnotatedClass(ClassRequest("spleen", centre_ras(spheres, 3)), RED)
+    session.add_annotated_classes([red])
+    before = session.classes
+    with pytest.raises(InputError, match="are all there already, with the same points and settings"):
+        session.add_annotated_classes([red])
+    assert session.classes == before
+    session.add_annotated_classes([red, spleen])
+    session.add_annotated_classes([more])
+    with pytest.raises(InputError, match="are all there already"):
+        session.add_annotated_classes([more])
+    assert [state.name for state in session.classes] == ["liver", "spleen", "liver (2)"]
+    assert len(session.annotated_classes()) == 3
 
 
 def test_points_of_another_scan_are_refused_and_nothing_is_added(session: SceneSession, spheres: Spheres) -> None:

@@ -302,7 +302,7 @@ def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(sess
     assert copy.id == duplicate.id
     assert copy.color not in {state.color for state in session.classes if state.id != copy.id}
     session.annotations.duplicate_class(id_)
-    assert names(session)[:3] == ["sphere 1", "sphere 1 copy 2", "sphere 1 copy"]
+    assert names(session)[:3] == ["sphere 1", "sphere 1 copy (2)", "sphere 1 copy"]
 
 
 def test_a_duplicate_goes_and_comes_back_by_one_step_of_undo_and_redo(session: SceneSession, spheres: Spheres) -> None:
@@ -343,6 +343,19 @@ def test_a_list_that_was_given_an_odd_name_in_slicer_can_be_set_all_the_same(ses
     session.annotations.points_node(state.id, positive=True).SetName(name)
     session.annotations.set_class(state.id, proximity=0.5)
     assert (session.classes[0].proximity, session.classes[0].name) == (0.5, name)
+
+
+def test_no_structure_gets_the_name_of_another_one(session: SceneSession, spheres: Spheres) -> None:
+    first, second, _ = annotate(session, spheres)
+    before = session.classes
+    with pytest.raises(InputError, match="There is a structure called 'sphere 1' already; this one keeps the name"):
+        session.annotations.set_class(second, name=" sphere 1")
+    assert session.classes == before
+    session.annotations.set_class(first, name="sphere 1 ")
+    assert session.classes == before
+    for _ in range(2):
+        session.annotations.add_class("sphere 1")
+    assert [state.name for state in session.classes[3:]] == ["sphere 1 (2)", "sphere 1 (3)"]
 
 
 def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: SceneSession) -> None:

@@ -173,7 +173,7 @@ def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: 
     with page.page.expect_download() as download:
         page["download-segmentation"].click()
     download.value.save_as(tmp_path / download.value.suggested_filename)
-    assert download.value.suggested_filename == f"{volume.stem.replace(' ', '_')}.seg.nrrd"
+    assert download.value.suggested_filename == f"{volume.stem}.seg.nrrd"
     segmentation = slicerio.read_segmentation(str(tmp_path / download.value.suggested_filename))
     (segment,) = segmentation["segments"]
     assert segment["name"] == "bright ball"
@@ -282,7 +282,7 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     page.wait_for_state("volume_name === 'dropped' && opening === ''")
     # There is nothing to lose now.
     drop(page, volume)
-    page.wait_for_state(f"volume_name === '{volume.stem.replace(' ', '_')}' && opening === ''")
+    page.wait_for_state(f"volume_name === '{volume.stem}' && opening === ''")
 
 
 def test_points_are_downloaded_and_dropped_on_the_scan_without_a_question(
@@ -298,8 +298,10 @@ def test_points_are_downloaded_and_dropped_on_the_scan_without_a_question(
         page["download-points"].click()
     assert download.value.suggested_filename == f"{volume.stem}.annotations.json"
     download.value.save_as(tmp_path / download.value.suggested_filename)
+    page["class-remove-0"].click()
+    add_structure(page, 0)
     drop(page, tmp_path / download.value.suggested_filename)
-    page.wait_for_state("classes.length === 2 && classes[1].positive === 1")
+    page.wait_for_state("classes.length === 2 && classes[1].positive === 1 && classes[1].name === 'Structure 1 (2)'")
     assert not page["dropped"].count()
     page.keep_picture("points dropped")
     page["open"].click()

@@ -14,13 +14,16 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
 pytest.importorskip("trame_slicer")
 import aiohttp
+import numpy as np
 from aiohttp import web
 
+from ViTTransferFunction.Logic.core.file_names import kept_name
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.written_segments import WrittenSegments
@@ -212,6 +215,37 @@ def test_several_series_that_were_sent_are_kept_until_one_of_them_is_chosen(
     opened(journey)
 
 
+@pytest.mark.parametrize("stem", ["Müller Löwe 肝", "CT 3.2", "aux"])
+def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
+    opened: Callable[[Journey], None], file: Path, stem: str
+) -> None:
+    form = aiohttp.FormData(quote_fields=False)  # As browsers send names.
+    form.add_field("files", file.read_bytes(), filename=f"{stem}.nrrd")
+    kept, session = kept_name(stem), file.with_name("tomorrow.mrb")
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            async with browser.post("/upload", data=form) as response:
+                assert response.status == 200
+            assert app.server.state.volume_name == kept
+            id_ = app.session.annotations.add_class("liver").id
+            app.session.annotations.add_points(id_, np.array([[-10.0, -20.0, 12.0]]), positive=True)
+            app.session.set_segmentation(app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode"))
+            endings = {"session": ".mrb", "segmentation": ".seg.nrrd", "points": ".annotations.json", "picture": ".png"}
+            for kind, ending in endings.items():
+                async with browser.get(f"/download/{kind}?width=64&height=48") as response:
+                    assert response.status == 200, await response.text()
+                    disposition = response.headers["Content-Disposition"]
+                    assert disposition.endswith(f"filename*=UTF-8''{quote(kept + ending)}")
+                    assert disposition.isascii()
+                    if kind == "session":
+                        session.write_bytes(await response.read())
+        await app.open_files([session])
+        assert (app.server.state.message, app.server.state.volume_name) == ("", kept)
+
+    opened(journey)
+
+
 def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
     in_app: Callable[[Journey], None], tmp_path: Path
 ) -> None:
@@ -224,7 +258,7 @@ def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
             async with browser.post("/upload", data=form) as response:
                 assert response.status == 200
             async with browser.get("/download/session") as response:
-                assert 'filename="DICOM_series.mrb"' in response.headers["Content-Disposition"]
+                assert 'filename="DICOM series.mrb"' in response.headers["Content-Disposition"]
         assert app.server.state.volume_name == "DICOM series"
 
     in_app(journey)

@@ -87,17 +87,17 @@ def test_files_arrive_whole_under_their_names(send: Send, folder: Path) -> None:
     ("name", "kept"),
     [("../../escaped.raw", "escaped.raw"), ("/etc/cron.d/job.raw", "job.raw"), ("..\\..\\windows.raw", "windows.raw"),
      ("C:\\scan.raw", "scan.raw"), ("folder/scan.raw", "scan.raw"), (".bashrc.raw", "bashrc.raw"), ("-rf.raw", "rf.raw"),
-     ("a b;$(c)`d`.raw", "a_b___c__d_.raw"), ("na\u0308me\u202e.raw", "näme_.raw"), ("con.raw", "file_con.raw"),
-     ("nul.raw", "file_nul.raw"), ("x" * 300 + ".raw", "x" * 196 + ".raw"),
-     ("Schädel-CT (Müller) 肝.raw", "Schädel-CT__Müller__肝.raw"), ("肝" * 300 + ".raw", "肝" * 65 + ".raw"),
-     ("com².raw", "file_com².raw"), ("scan.raw...", "scan.raw"),
-     ("%2e%2e%2fscan.raw", "2e_2e_2fscan.raw")],
+     ("a b;$(c)`d`.raw", "a b;$(c)`d`.raw"), ("na\u0308me\u202e.raw", "näme_.raw"), ("con.raw", "_con.raw"),
+     ("nul.raw", "_nul.raw"), ("x" * 300 + ".raw", "x" * 196 + ".raw"),
+     ("Schädel-CT (Müller) 肝.raw", "Schädel-CT (Müller) 肝.raw"), ("肝" * 300 + ".raw", "肝" * 65 + ".raw"),
+     ("com².raw", "_com².raw"), ("scan.raw... ", "scan.raw"),
+     ("%2e%2e%2fscan.raw", "%2e%2e%2fscan.raw"), ('<scan>:"1"?*|.raw', "_scan___1____.raw")],
 )  # fmt: skip
 def test_names_lead_nowhere_and_stay_harmless(send: Send, folder: Path, name: str, kept: str) -> None:
     received = send((name, b"voxels"))[0]
     assert isinstance(received, Path)
     assert received.parent == folder
-    assert received.name.lstrip("_") == kept
+    assert received.name == kept
     assert [path for path in folder.parent.rglob("*") if path.is_file()] == [received]
 
 

@@ -64,11 +64,18 @@ def test_points_are_saved_as_the_scan_lies_in_its_file_and_loaded_in_one_step_fo
         assert each.request.positive == pytest.approx(centre_ras(spheres, label))
     answers.read = str(answers.folder / answers.offered)
     ui.loadPointsButton.click()
-    assert [state.name for state in session.classes] == [f"sphere {label}" for label in (1, 2, 3, 1, 2, 3)]
+    assert session.classes == before
+    assert "are all there already" in ui.messageLabel.text()
+    for state in session.classes:
+        session.annotations.step_size(state.id, 1)
+    changed = session.classes
+    ui.loadPointsButton.click()
+    names = [state.name for state in session.classes]
+    assert names == [f"sphere {label}{again}" for again in ("", " (2)") for label in (1, 2, 3)]
     for old, new in zip(before, session.classes[3:], strict=True):
         assert new.positive[0] == pytest.approx(old.positive[0])
     session.annotations.undo()
-    assert session.classes == before
+    assert session.classes == changed
 
 
 def test_nothing_is_saved_or_loaded_where_the_user_cancels(
