@@ -24,7 +24,7 @@ SERIES_COLUMN = "series"
 VOLUME_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd")
 """What is taken for a volume in a folder; a table may name any file that SimpleITK reads."""
 FOLDER_ANNOTATIONS = "annotations.json"
-"""In a folder of DICOM files."""
+"""In a folder of DICOM files, where one `NAME.annotations.json` will do, too: panel and app call it after the series."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +49,16 @@ def read_cases(source: Path) -> list[Case]:
 
     Args:
         source: a CSV file with the columns `COLUMNS`, and perhaps `SERIES_COLUMN`, in which relative paths begin at the file's
-            own folder; or a folder, in which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder with
-            DICOM files and `annotations.json`.
+            own folder; or a folder, in which `scan.nii.gz` with `scan.annotations.json` is a case, and so is a folder of DICOM
+            files with an annotations file in it, or beside it under the folder's name.
 
     Raises:
-        InputError: there are no cases, the table lacks something, or a name is there twice.
+        InputError: there are no cases, the table lacks something, a name is there twice, or it is not certain which
+            annotations file is a volume's.
     """
     if source.is_dir():
         cases = list(_cases_in_folder(source.resolve()))
-        expected = f"scan.nii.gz with scan{ANNOTATIONS_ENDING}, or folders of DICOM files with {FOLDER_ANNOTATIONS}"
+        expected = f"scan.nii.gz with scan{ANNOTATIONS_ENDING}, or folders of DICOM files with {FOLDER_ANNOTATIONS} in them"
     else:
         cases = list(_cases_in_table(source))
         expected = f"a line for each case below the heading {','.join(COLUMNS)}"
@@ -129,8 +130,19 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
     volumes: dict[str, list[Path]] = {}
     visible = [path for path in sorted(folder.iterdir()) if not _is_hidden(path)]
     for path in visible:
-        if path.is_dir() and (path / FOLDER_ANNOTATIONS).is_file():
-            yield Case(path.name, path, path / FOLDER_ANNOTATIONS)
+        if path.is_dir():
+            inside = _points_in(path)
+            beside = [points for points in visible if points.name == f"{path.name}{ANNOTATIONS_ENDING}"]
+            if len(inside) + len(beside) > 1:
+                listing = ", ".join(str(points) for points in (*inside, *beside))
+                raise InputError(
+                    f"The folder {path} has several annotations files: {listing}. Leave one of them, or list "
+                    "the cases in a CSV file."
+                )
+            if beside:
+                volumes.setdefault(path.name, []).append(path)
+            elif inside:
+                yield Case(path.name, path, inside[0])
         elif path.is_file() and (ending := _volume_ending(path)):
             volumes.setdefault(path.name[: -len(ending)], []).append(path)
     for points in (path for path in visible if path.name.endswith(ANNOTATIONS_ENDING)):
@@ -139,8 +151,8 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
         if len(found) != 1:
             listing = f"found {', '.join(path.name for path in found)}" if found else f"found none called {name}"
             raise InputError(
-                f"{points} needs one volume beside it, ending in {', '.join(VOLUME_ENDINGS)}; {listing}. "
-                "Move what does not belong, or list the cases in a CSV file."
+                f"{points} needs one volume beside it, ending in {', '.join(VOLUME_ENDINGS)}, or one folder of that name; "
+                f"{listing}. Move what does not belong, or list the cases in a CSV file."
             )
         yield Case(name, found[0], points)
     if volumes:
@@ -153,6 +165,18 @@ def _is_hidden(path: Path) -> bool:
     Beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
     """
     return path.name.startswith(".") or path.name.lower() in FOLDERS_OF_SYSTEMS
+
+
+def _points_in(folder: Path) -> list[Path]:
+    """The annotations files in a folder of DICOM files, whatever the volume was called where they were saved.
+
+    One with a volume beside it is that volume's: it is a folder of other cases.
+    """
+    files = sorted(path for path in folder.iterdir() if path.is_file() and not _is_hidden(path))
+    volumes = {path.name[: -len(ending)] for path in files if (ending := _volume_ending(path))}
+    named = [path for path in files if path.name.endswith(ANNOTATIONS_ENDING)]
+    others = [path for path in named if path.name[: -len(ANNOTATIONS_ENDING)] not in volumes]
+    return [*(path for path in files if path.name == FOLDER_ANNOTATIONS), *others]
 
 
 def _volume_ending(path: Path) -> str:

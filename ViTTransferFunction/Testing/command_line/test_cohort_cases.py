@@ -133,6 +133,29 @@ def test_the_folders_that_windows_has_at_the_top_of_a_disk_are_not_looked_into(
     assert [case.name for case in read_cases(tmp_path)] == ["a"]
 
 
+def test_points_of_a_dicom_folder_may_have_the_name_that_they_were_saved_under(tmp_path: Path) -> None:
+    touch(tmp_path, "a/1.dcm", "a/3_ T1 axial.annotations.json", "b/1.dcm", "b.annotations.json", "a/._x.annotations.json")
+    touch(tmp_path, "site/scan.nii.gz", "site/scan.annotations.json", "c/1.dcm")  # Other cases, and none.
+    cases = [(case.name, case.volume.name, case.annotations.name) for case in read_cases(tmp_path)]
+    assert cases == [("a", "a", "3_ T1 axial.annotations.json"), ("b", "b", "b.annotations.json")]
+
+
+@pytest.mark.parametrize(
+    "points", [["a/annotations.json", "a/T1.annotations.json"], ["a/T1.annotations.json", "a.annotations.json"]]
+)
+def test_a_dicom_folder_with_two_files_of_points_is_refused_with_their_names(tmp_path: Path, points: list[str]) -> None:
+    touch(tmp_path, "a/1.dcm", *points)
+    with pytest.raises(InputError, match="has several annotations files") as refusal:
+        read_cases(tmp_path)
+    assert all(str(tmp_path / name) in str(refusal.value) for name in points)
+
+
+def test_a_volume_and_a_folder_of_one_name_are_not_told_apart_by_points(tmp_path: Path) -> None:
+    touch(tmp_path, "a/1.dcm", "a.nii.gz", "a.annotations.json")
+    with pytest.raises(InputError, match=r"needs one volume beside it.*found a, a"):
+        read_cases(tmp_path)
+
+
 @pytest.mark.parametrize("volumes", [[], ["a.nii", "a.nrrd"]])
 def test_points_without_a_volume_or_with_two_are_refused(tmp_path: Path, volumes: list[str]) -> None:
     touch(tmp_path, "a.annotations.json", *volumes)
