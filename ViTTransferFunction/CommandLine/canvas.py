@@ -9,11 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonDataModel import vtkImageData
-from vtkmodules.vtkRenderingCore import vtkTextProperty, vtkTextRenderer
-from vtkmodules.vtkRenderingFreeType import vtkFreeTypeTools  # noqa: F401  (importing it gives vtkTextRenderer its fonts)
 
+from ViTTransferFunction.CommandLine.lettering import text_coverage
 from ViTTransferFunction.Logic.core.colors import Color
 
 BACKGROUND: Color = (0.055, 0.063, 0.078)
@@ -108,26 +105,6 @@ class Canvas:
         for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             self.text(x + dx, y + dy, text, size, (0.0, 0.0, 0.0), anchor)
         self.text(x, y, text, size, color, anchor)
-
-
-def text_coverage(text: str, size: int) -> np.ndarray:
-    """How much of each pixel a line of `text` covers, (h, w) float32, 0 to 1; h depends on `size` only, not on the letters."""
-    style = vtkTextProperty()
-    style.SetFontFamilyToArial()
-    style.SetFontSize(size)
-    style.SetColor(1.0, 1.0, 1.0)
-    image = vtkImageData()
-    dimensions = [0, 0]
-    # A bar after the text gives every line the same height and so the same baseline; it is cut off again.
-    if not vtkTextRenderer.GetInstance().RenderString(style, f"{text}  |", image, dimensions, 72):
-        return np.zeros((size, 1), dtype=np.float32)
-    columns, rows, _ = image.GetDimensions()
-    rgba = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(rows, columns, 4)
-    coverage = rgba[: dimensions[1], : dimensions[0], 3][::-1].astype(np.float32) / 255.0
-    blank = np.flatnonzero(~coverage.any(axis=0))
-    bar_start = blank[blank < np.flatnonzero(coverage.any(axis=0))[-1]][-1]
-    inked = np.flatnonzero(coverage[:, :bar_start].any(axis=0))
-    return coverage[:, : inked[-1] + 1] if inked.size else coverage[:, :bar_start]
 
 
 def legend_height(segments: Sequence[PictureSegment], width: int, text_size: int) -> int:

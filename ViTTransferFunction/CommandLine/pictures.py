@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
+from ViTTransferFunction.CommandLine.lettering import legible_names
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
@@ -60,10 +61,12 @@ def draw_pictures(
 def shown_segments(
     labels: np.ndarray, segments: Sequence[Segment], opacities: Sequence[float] | None = None
 ) -> list[PictureSegment]:
-    """The segments of labels (K, J, I), as `draw_pictures` has them."""
+    """The segments of labels (K, J, I), as `draw_pictures` has them, under names that can be drawn."""
+    names = legible_names([segment.name for segment in segments])
+    each = zip(names, segments, opacities or [1.0] * len(segments), strict=True)
     return [
-        PictureSegment(segment.name, segment.color, opacity, labels == label)
-        for label, (segment, opacity) in enumerate(zip(segments, opacities or [1.0] * len(segments), strict=True), start=1)
+        PictureSegment(name, segment.color, opacity, labels == label)
+        for label, (name, segment, opacity) in enumerate(each, start=1)
     ]
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ViTTransferFunction.CommandLine.options import Subparsers
@@ -20,7 +22,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser("weights", help="list, get or remove model weights")
     parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|remove")
-    actions.add_parser("list", help="show every model, its terms, and whether its weights are in the cache")
+    actions.add_parser("list", help="show every model, its terms, and where its weights are")
     get = actions.add_parser("get", help="download a model's weights into the cache")
     remove = actions.add_parser("remove", help="delete a model's weights from the cache")
     get.add_argument("--sha256", metavar="HASH", help="the file that is to be trusted, where its publisher names no hash")
@@ -41,18 +43,32 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _list() -> None:
+    from ViTTransferFunction.Logic.weights.sources import WEIGHTS_VARIABLE, files_of_environment
     from ViTTransferFunction.Logic.weights.store import list_weights, weights_folder
 
+    given: dict[str, Path] = {}
+    problem = ""
+    try:
+        given = files_of_environment()
+    except InputError as error:
+        problem = str(error)
     rows = [("model", "licence", "size", "SHA-256", "where")]
-    rows += [_row(entry) for entry in list_weights()]
+    rows += [_row(entry, given.get(entry.model.name)) for entry in list_weights()]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
     print(f"\nThe cache is {weights_folder()}")
+    if problem or WEIGHTS_VARIABLE in os.environ:
+        print(problem or f"{WEIGHTS_VARIABLE}, which comes first, is {os.environ[WEIGHTS_VARIABLE]}")
 
 
-def _row(entry: CachedWeights) -> tuple[str, str, str, str, str]:
+def _row(entry: CachedWeights, given: Path | None) -> tuple[str, str, str, str, str]:
+    """What is shown of a model: of the file that the environment gives, where there is one, else of that in the cache."""
     model = entry.model
+    if given is not None:
+        from ViTTransferFunction.Logic.weights.download import sha256_of
+
+        return model.name, model.licence, f"{model.size_mb} MB", sha256_of(given)[:12], f"{given} (VITTF_WEIGHTS)"
     return model.name, model.licence, f"{model.size_mb} MB", (entry.sha256 or "")[:12], _where(entry)
 
 

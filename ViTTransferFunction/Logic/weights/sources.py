@@ -144,6 +144,22 @@ def identify_model(path: str | Path | None = None) -> str | None:
     return _model_of_hash(sha256_of(source)) or next(by_name, None)
 
 
+def files_of_environment() -> dict[str, Path]:
+    """The files that `VITTF_WEIGHTS` supplies, which come before those of the cache, by the names of the models whose they are.
+
+    Raises:
+        InputError: it names a file that is not there.
+    """
+    source, _ = _given_source(None)
+    if source is None:
+        return {}
+    if not source.is_dir():
+        name = identify_model()
+        return {} if name is None else {name: source}
+    found = ((model.name, file_in(source, model)) for model in PRETRAINED_MODELS.values())
+    return {name: path for name, path in found if path is not None}
+
+
 def offered_models() -> list[str]:
     """Names of the models that a user can choose: those that can be downloaded or asked for, or are here already.
 

@@ -122,3 +122,38 @@ class TestAModelWhoseHashNobodyPublishes:
             with pytest.raises(InputError, match="not accepted"):
                 vittf("weights", "get", NAME)
         assert SHA256 in questions[0]
+
+
+def test_the_list_has_the_files_that_the_environment_supplies_in_the_place_of_cached_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path in (tmp_path / f"{NAME}.pth", tmp_path / "dinov2_vitb14.pt"):
+        path.write_bytes(b"of the department")
+    monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path))
+    assert vittf("weights", "list") == 0
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
+    assert lines[NAME].endswith(
+        f"{hashlib.sha256(b'of the department').hexdigest()[:12]}  {tmp_path / NAME}.pth (VITTF_WEIGHTS)"
+    )
+    assert lines["dinov2_vitb14"].endswith(f"{tmp_path / 'dinov2_vitb14.pt'} (VITTF_WEIGHTS)")
+    assert lines["dinov2_vits14"].endswith("not downloaded")
+    assert lines["VITTF_WEIGHTS,"].endswith(str(tmp_path))
+
+
+def test_the_list_tells_the_model_of_a_file_that_the_environment_names(
+    cached: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mine = cached.rename(tmp_path / "mine.pth")
+    monkeypatch.setenv("VITTF_WEIGHTS", str(mine))
+    assert vittf("weights", "list") == 0
+    assert f"{SHA256[:12]}  {mine} (VITTF_WEIGHTS)" in capsys.readouterr().out
+
+
+def test_the_list_is_there_where_the_environment_names_nothing_that_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path / "gone"))
+    assert vittf("weights", "list") == 0
+    out = capsys.readouterr().out
+    assert "not downloaded" in out
+    assert str(tmp_path / "gone") in out.splitlines()[-1]
