@@ -136,7 +136,8 @@ class Routes:
         except InputError as error:
             self._app.report(str(error))
             self._app.refresh()
-            return web.Response(status=500, text=str(error))
+            # The page tells why. With any content, browsers would keep that as a file, or go to it.
+            return web.Response(status=204)
         except Cancelled:
             return web.Response(status=503, text="The app was ended.")
 

@@ -53,6 +53,8 @@ def page_policy(page: str, host: str) -> str:
         "worker-src": "'self' blob:",
         # Not every browser takes websockets of the same server for 'self'.
         "connect-src": f"'self' ws://{host} wss://{host}",
+        # Where files are downloaded to.
+        "frame-src": "'self'",
         "base-uri": "'self'",
         "form-action": "'none'",
         "frame-ancestors": "'none'",

@@ -33,15 +33,15 @@ def size(n_bytes: float) -> str:
 
 
 def size_in_steps(steps: float, fixed: bool) -> str:
-    """How far a structure is from the size that was chosen, such as "one step larger"; `fixed`: nothing is chosen."""
+    """How far a structure is from the size that was chosen, as annotation files count it; `fixed`: nothing is chosen."""
     if fixed:
         return _("set by hand")
     if steps == 0.0:
         return _("as chosen")
     if abs(steps) == 1.0:
         return _("one step larger") if steps > 0.0 else _("one step smaller")
-    count = f"{abs(steps):g}"
-    return _("{count} steps larger").format(count=count) if steps > 0.0 else _("{count} steps smaller").format(count=count)
+    size = f"{abs(steps):g}"
+    return _("larger (+{size})").format(size=size) if steps > 0.0 else _("smaller (−{size})").format(size=size)
 
 
 def close_up_text(edges_mm: EdgesMm | None) -> str:

@@ -285,6 +285,25 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     page.wait_for_state(f"volume_name === '{volume.stem}' && opening === ''")
 
 
+def test_a_download_that_fails_leaves_no_file_and_the_page_as_it_is_with_the_reason(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    downloads: list[object] = []
+    open_volume(page, volume)
+    page.page.on("download", lambda download: downloads.append(download))
+    add_structure(page, 0)
+    page["pictures"].locator("summary").click()
+    page.page.evaluate("trame.state.set('picture_width', 5)")
+    page["picture"].click()
+    page.wait_for_state("message.includes('expected whole numbers of pixels from 16 to 8192')")
+    page.keep_picture("no picture")
+    page.page.evaluate("trame.state.set('picture_width', 64)")
+    with page.page.expect_download() as download:
+        page["picture"].click()
+    assert (download.value.suggested_filename, download.value.failure()) == (f"{volume.stem}.png", None)
+    assert len(downloads) == 1
+    page.wait_for_state("classes.length === 1")
+
+
 def test_points_are_downloaded_and_dropped_on_the_scan_without_a_question(
     at_app: AppPage, volume: Path, tmp_path: Path
 ) -> None:

@@ -146,7 +146,7 @@ def test_a_full_disk_is_told_and_nothing_is_taken_for_saved(
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
         async with browser_of(app) as browser:
-            assert (await status_and_body(browser, "/download/session"))[0] == 500
+            assert (await status_and_body(browser, "/download/session"))[0] == 204
         assert "No space left on device. Make room" in app.server.state.message
         assert app.server.state.unsaved
         assert app.server.state.saving is None

@@ -39,7 +39,7 @@ def test_the_buttons_step_and_the_words_beside_them_say_how_far(widget: Any) -> 
     ui.largerButton.click()
     assert (size(widget), ui.sizeLabel.text()) == (1.0, "one step larger")
     ui.largerButton.click()
-    assert (size(widget), ui.sizeLabel.text()) == (1.5, "1.5 steps larger")
+    assert (size(widget), ui.sizeLabel.text()) == (1.5, "larger (+1.5)")
     for _ in range(3):
         ui.smallerButton.click()
     assert (size(widget), ui.sizeLabel.text()) == (-1.0, "one step smaller")
@@ -142,7 +142,7 @@ def test_the_wheel_works_over_the_structure_in_any_view_and_is_slicers_elsewhere
     on_sphere, beside = centre_ras(spheres, 1)[0], centre_ras(spheres, 3)[0]
     assert not turn("Red", on_sphere)
     assert size(clicked) == pytest.approx(0.1)
-    assert clicked.ui.sizeLabel.text() == "0.1 steps larger"
+    assert clicked.ui.sizeLabel.text() == "larger (+0.1)"
     slicer.app.layoutManager().add_detached_view("Compare", host.window)
     assert not turn("Compare", on_sphere)
     assert size(clicked) == pytest.approx(0.2)
