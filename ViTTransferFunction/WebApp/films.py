@@ -57,9 +57,8 @@ class Films:
         self.give_up()
         self._folder = private_folder()
         plan = replace(plan, path=Path(self._folder.name, plan.path))
-        self._app.views.leave()
-        window = self._app.views.view_3d.render_window()
-        self._filming = Filming(window, size, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
+        scene, window = self._app.scene, self._app.views.view_3d.render_window()
+        self._filming = Filming(scene, window, size, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
         self._show()
         self._app.begin(self._shoot(self._filming, plan.path))
 

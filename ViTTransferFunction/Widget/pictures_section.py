@@ -62,7 +62,9 @@ class PicturesSection(Section):
         seconds = self.ui.filmSecondsSpinBox.value
         plan = FilmPlan(path, round(FRAMES_PER_SECOND * seconds), seconds)
         check_film_writer(path)
-        self._filming = Filming(view_window(), self._size(), plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
+        self._filming = Filming(
+            slicer.mrmlScene, view_window(), self._size(), plan.frames, plan.drawings, lambda frame: film_steps(plan, frame)
+        )
         self._timer.start()
 
     def _on_timer(self) -> None:

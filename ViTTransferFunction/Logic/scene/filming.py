@@ -6,10 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import slicer
 
 from ..core.camera import Camera, Size
 from ..core.progress import WorkProgress
 from ..core.stepped_work import Steps
+from .preview_points import without_previews
 from .view_picture import camera_of, view_picture
 
 FRAMES_PER_SECOND = 12
@@ -20,6 +22,7 @@ class Filming:
     """A film that is being shot.
 
     Args:
+        scene: what the view shows.
         window: the vtkRenderWindow of the view.
         size: of the frames.
         frames: how many.
@@ -29,13 +32,15 @@ class Filming:
 
     def __init__(
         self,
+        scene: slicer.vtkMRMLScene,
         window: Any,
         size: Size,
         frames: int,
         drawings: int,
         film: Callable[[Callable[[int], np.ndarray]], Steps[None]],
     ) -> None:
-        self._window, self._size, self._frames, self._drawings = window, size, frames, drawings
+        self._scene, self._window = scene, window
+        self._size, self._frames, self._drawings = size, frames, drawings
         self._from: Camera = camera_of(window, size)
         self._steps = film(self._frame)
         self._done = 0
@@ -62,4 +67,6 @@ class Filming:
         self._steps.close()
 
     def _frame(self, number: int) -> np.ndarray:
-        return view_picture(self._window, self._size, camera=self._from.turned(360.0 * number / self._frames))
+        # The user may be about to place a point.
+        with without_previews(self._scene):
+            return view_picture(self._window, self._size, camera=self._from.turned(360.0 * number / self._frames))

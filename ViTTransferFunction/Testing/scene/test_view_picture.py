@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 pytest.importorskip("vtkmodules.vtkRenderingOpenGL2")
+pytest.importorskip("slicer")
 
+import slicer
 import vtk
 
 from ViTTransferFunction.Logic.core.camera import Camera
@@ -112,7 +114,7 @@ def test_a_film_goes_once_around_the_patient_and_leaves_the_view(window: Any, tm
     pytest.importorskip("PIL")
     before = view_picture(window, SIZE)
     plan = FilmPlan(tmp_path / "film.gif", frames=4, seconds=1.0)
-    filming = Filming(window, SIZE, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
+    filming = Filming(slicer.vtkMRMLScene(), window, SIZE, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
     seen = [filming.progress.done]
     while not filming.advance():
         seen.append(filming.progress.done)
@@ -128,7 +130,7 @@ def test_a_film_goes_once_around_the_patient_and_leaves_the_view(window: Any, tm
 def test_a_film_that_is_cancelled_leaves_nothing(window: Any, tmp_path: Path) -> None:
     pytest.importorskip("PIL")
     plan = FilmPlan(tmp_path / "new" / "film.gif", frames=24, seconds=2.0)
-    filming = Filming(window, SIZE, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
+    filming = Filming(slicer.vtkMRMLScene(), window, SIZE, plan.frames, plan.drawings, lambda frame: film_steps(plan, frame))
     while filming.progress.done < 3:
         filming.advance()
     filming.cancel()
