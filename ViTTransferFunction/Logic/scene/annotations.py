@@ -33,6 +33,7 @@ from .classes import (
     read_class,
     remove_class,
     remove_widowed_lists,
+    sharing,
     write_class,
 )
 from .history import AnnotationHistory
@@ -247,7 +248,8 @@ class SceneAnnotations:
         Where a transform has moved them, what was done before cannot be undone.
         """
         positive = class_nodes(self._parameter_node)
-        before, self.classes = self.classes, tuple(read_class(node) for node in positive)
+        before, known = self.classes, {state.id: state for state in self.classes}
+        self.classes = tuple(sharing(read_class(node), known.get(class_id(node))) for node in positive)
         self._remember_growth(before)
         negative = [node for node in map(negative_node, positive) if node is not None]
         self._negative.update(negative)

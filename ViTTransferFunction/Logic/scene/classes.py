@@ -152,6 +152,25 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     )
 
 
+def sharing(state: ClassState, before: ClassState | None) -> ClassState:
+    """A class as it is, made of the objects that it was made of before wherever it has not changed.
+
+    Undo keeps hundreds of states, and a class may have thousands of points.
+    """
+    if before is None:
+        return state
+    parts: dict[str, Any] = {}
+    for polarity in ("positive", "negative"):
+        properties, known = (getattr(each, f"{polarity}_properties") for each in (state, before))
+        same = {point: point for point in getattr(before, polarity)}
+        parts[polarity] = tuple(same.get(point, point) for point in getattr(state, polarity))
+        parts[f"{polarity}_properties"] = {
+            same.get(point, point): known[point] if known.get(point) == said else said for point, said in properties.items()
+        }
+    unchanged = state == before and all(getattr(before, name) == part for name, part in parts.items())
+    return before if unchanged else replace(state, **parts)
+
+
 def create_class(
     scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, state: ClassState
 ) -> slicer.vtkMRMLMarkupsFiducialNode:

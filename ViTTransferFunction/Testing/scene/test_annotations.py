@@ -345,6 +345,20 @@ def test_a_list_that_was_given_an_odd_name_in_slicer_can_be_set_all_the_same(ses
     assert (session.classes[0].proximity, session.classes[0].name) == (0.5, name)
 
 
+def test_what_has_not_changed_is_kept_once_for_all_states_of_undo(session: SceneSession, spheres: Spheres) -> None:
+    first, _ = (session.annotations.add_class(name) for name in "ab")
+    session.annotations.add_points(first.id, centre_ras(spheres, 1), positive=True)
+    before, other = session.classes
+    session.annotations.add_points(first.id, centre_ras(spheres, 2), positive=True)
+    after = session.classes[0]
+    assert session.classes[1] is other
+    assert after.positive[0] is before.positive[0]
+    assert after.positive_properties[after.positive[0]] is before.positive_properties[before.positive[0]]
+    session.annotations.undo()
+    assert session.classes[0] == before
+    assert session.classes[0].positive_properties == before.positive_properties
+
+
 def test_no_structure_gets_the_name_of_another_one(session: SceneSession, spheres: Spheres) -> None:
     first, second, _ = annotate(session, spheres)
     before = session.classes
