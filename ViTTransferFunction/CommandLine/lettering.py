@@ -114,8 +114,10 @@ def _coverage(text: str, size: int, font: str) -> np.ndarray:
     style.SetColor(1.0, 1.0, 1.0)
     image = vtkImageData()
     dimensions = [0, 0]
-    # A bar after the text gives every line the same height and so the same baseline; it is cut off again.
-    if not vtkTextRenderer.GetInstance().RenderString(style, f"{text}  |", image, dimensions, 72):
+    # A bar after the text gives every line the same height and so the same baseline; it is cut off again. By itself, VTK takes
+    # a text with bars or dollar signs for mathematics, where there is Matplotlib.
+    backend = vtkTextRenderer.FreeType
+    if not vtkTextRenderer.GetInstance().RenderString(style, f"{text}  |", image, dimensions, 72, backend):
         return np.zeros((size, 1), dtype=np.float32)
     columns, rows, _ = image.GetDimensions()
     rgba = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(rows, columns, 4)

@@ -24,6 +24,7 @@ from .dicom_frames import check_frames
 from .dicom_series import read_series
 from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
+from .label_map_check import LABEL_INTENT, looks_like_labels
 
 logger = logging.getLogger(__name__)
 
@@ -48,8 +49,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
 
     Args:
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
-        on_warning: is told where slices are missing or shifted, so that positions are off; and which other series of the folder
-            were passed over, since they are no volumes.
+        on_warning: is told where slices are missing or shifted, so that positions are off; which other series of the folder
+            were passed over, since they are no volumes; and where an image looks like a map of labels.
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
@@ -70,6 +71,13 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     array = _voxels(image)
     if not is_folder(path) and (stored := locate_voxels(path)):
         stored.restore_not_finite(array)
+    # Slices say themselves what they are.
+    is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
+    if not is_dicom and (_says_labels(image) or looks_like_labels(array)):
+        on_warning(
+            f"{path.name} looks like a map of labels, few whole numbers in even regions. If it is one, open the scan that it "
+            "is of: what is found in it would mean nothing."
+        )
     return Volume(array, geometry, name=_name(path))
 
 
@@ -135,6 +143,10 @@ def _check_no_segmentation(path: Path) -> None:
         raise InputError(
             f"{path} is a segmentation; expected the scan that it is of. Open the file that the scan was read from."
         )
+
+
+def _says_labels(image: sitk.Image) -> bool:
+    return image.HasMetaDataKey("intent_code") and image.GetMetaData("intent_code") == LABEL_INTENT
 
 
 def _check_millimetres(geometry: Geometry, path: Path) -> None:

@@ -52,6 +52,13 @@ def test_a_name_that_cannot_be_drawn_is_its_number_and_that_is_told(
     assert f"in the picture, No. 2 is {name}." in caplog.text
 
 
+def test_names_are_text_also_where_vtk_has_matplotlib_for_mathematics(fonts: Path) -> None:
+    pytest.importorskip("vtkmodules.vtkRenderingMatplotlib")
+    plain = text_coverage("a b", 20)
+    assert text_coverage("$a b$", 20).shape[1] > plain.shape[1]
+    assert font_of("肝") is None
+
+
 def test_without_any_font_numbers_are_left(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lettering, "_font_folders", lambda: iter(()))
     forget()
