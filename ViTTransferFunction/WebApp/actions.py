@@ -88,19 +88,26 @@ class Actions:
         for part in _FOLDED:
             self._by_name[part] = self._unfold(part)
 
-    def __call__(self, name: str, *arguments: Any) -> None:
-        """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown."""
+    def __call__(self, name: str, *arguments: Any) -> bool:
+        """Do what the page asks for; what it cannot ask for is ignored, and what the user can put right is shown.
+
+        Returns:
+            Whether it was done.
+        """
         action = self._by_name.get(name)
         if action is None:
-            return
+            return False
         # Of one setting, or of one thing to do, the last attempt counts.
         about = f"{name} {arguments[0]}" if name == "parameter" and arguments else name
         self._app.try_again(about)
+        done = True
         try:
             action(*arguments)
         except InputError as error:
+            done = False
             self._app.report(str(error), about)
         self._app.refresh()
+        return done
 
     def _toggle(self, tool: Any) -> Callable[[], None]:
         return lambda: self._app.tool.toggle(tool)

@@ -9,7 +9,6 @@ import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.classes import ClassState, Polarity
 from ViTTransferFunction.Logic.scene.wording import threshold_text, volume_text
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
@@ -116,11 +115,9 @@ class ClassTable(Section):
         if column == SHOWN:
             self.session.annotations.set_class(state.id, visible=item.checkState() == qt.Qt.Checked)
         elif column == NAME:
-            try:
-                self.session.annotations.set_class(state.id, name=item.text())
-            except InputError as error:
-                self.report(str(error))
-                self.refresh()
+            annotations = self.session.annotations
+            # The cell has what was typed, also where the name stays as it was.
+            self.attempt(lambda: annotations.set_class(state.id, name=item.text()))
 
     def _on_double_click(self, row: int, column: int) -> None:
         if self.session is None:

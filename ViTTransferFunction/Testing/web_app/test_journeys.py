@@ -285,6 +285,18 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     page.wait_for_state(f"volume_name === '{volume.stem}' && opening === ''")
 
 
+def test_a_name_that_another_structure_has_is_not_taken_and_the_page_shows_the_old_one(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    for number in range(2):
+        add_structure(page, number)
+    page["class-name-1"].dblclick()
+    page["class-name-1"].fill("Structure 1")
+    page["class-name-1"].press("Enter")
+    page.wait_for_state("message.includes('There is a structure called')")
+    page.page.wait_for_function("document.querySelector('[data-testid=class-name-1]').value === 'Structure 2'")
+
+
 def test_a_download_that_fails_leaves_no_file_and_the_page_as_it_is_with_the_reason(at_app: AppPage, volume: Path) -> None:
     page = at_app
     downloads: list[object] = []

@@ -85,6 +85,8 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert "needs a name" in widget.ui.messageLabel.text()
     widget.panel.refresh()
     assert widget.ui.messageFrame.isVisible()
+    widget.ui.classTable.item(0, 1).setText("liver ")
+    assert text(widget.ui.classTable, 0, 1) == "liver"
     widget.ui.classTable.item(0, 1).setText("spleen")
     assert not widget.ui.messageFrame.isVisible()
 
