@@ -27,6 +27,8 @@ DEFAULT_COLORS: tuple[Color, ...] = (
 
 MOST_FURTHER_COLORS = 54
 """Beyond those; more would look like one of them."""
+DARKEST = 45.0
+"""Lightness in CIELAB, of 100."""
 
 
 def default_color(index: int) -> Color:
@@ -39,7 +41,9 @@ def default_color(index: int) -> Color:
 def _further_colors() -> tuple[Color, ...]:
     """Colours in the order in which each is least like all before it."""
     hues = np.arange(24) / 24
-    candidates = np.array([colorsys.hsv_to_rgb(*hsv) for hsv in product(hues, (0.4, 0.65, 0.9), (0.55, 0.75, 0.95))])
+    candidates = np.array([colorsys.hsv_to_rgb(*hsv) for hsv in product(hues, (0.35, 0.55, 0.75), (0.6, 0.75, 0.95))])
+    # Seen on a dark image as well.
+    candidates = candidates[_as_seen(candidates)[:, 0] >= DARKEST]
     places = _as_seen(candidates)
     distances = np.linalg.norm(places[:, None] - _as_seen(np.array(DEFAULT_COLORS)), axis=-1).min(axis=1)
     chosen: list[int] = []

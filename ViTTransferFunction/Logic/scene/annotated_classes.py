@@ -22,6 +22,8 @@ from .volume import matrix_to_world
 
 SAME_PLACE_MM = 1e-3
 """A transform there and back changes the digits behind."""
+SAME_COLOR = 0.01
+"""Of each channel: what nobody sees."""
 
 
 def annotated_classes(states: Sequence[ClassState], asked: ClassRequests, geometry: Geometry) -> list[AnnotatedClass]:
@@ -53,7 +55,7 @@ def class_states(
     """Classes that ask what annotated ones do, as they are to be added to a scene; of boxes only those that are there.
 
     Those that are in the scene already, with the same points and settings, are left out: the file was loaded twice. Where
-    another class has the name, a number follows.
+    another class has the name, a number follows; where one has the colour, it is another one.
 
     Args:
         annotated: in the volume's local frame.
@@ -71,8 +73,10 @@ def class_states(
     for each in annotated:
         state = _class_state(each, to_world)
         if not any(_are_alike(state, present) for present in existing):
-            fresh = new_class_state([*existing, *states], state.name)
-            states.append(replace(state, name=fresh.name))
+            before = [*existing, *states]
+            fresh = new_class_state(before, state.name)
+            is_taken = any(np.allclose(state.color, other.color, atol=SAME_COLOR) for other in existing)
+            states.append(changed(state, name=fresh.name, color=fresh.color if is_taken else state.color))
     if not states:
         raise InputError("The structures of this file are all there already, with the same points and settings.")
     return states

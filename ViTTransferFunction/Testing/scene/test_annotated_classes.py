@@ -137,6 +137,8 @@ def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_
     with pytest.raises(InputError, match="are all there already"):
         session.add_annotated_classes([more])
     assert [state.name for state in session.classes] == ["liver", "spleen", "liver (2)"]
+    assert session.classes[0].color == RED
+    assert len({state.color for state in session.classes}) == 3
     assert len(session.annotated_classes()) == 3
 
 
