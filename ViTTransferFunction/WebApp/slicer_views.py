@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from trame.widgets import html
@@ -23,6 +23,8 @@ VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal
 BACKGROUND_3D = "#0b0d0f"
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
+MOST_NOTCHES = 100
+"""Of the wheel that are taken together: more than a hand turns while it waits."""
 
 
 class SlicerViews:
@@ -51,6 +53,7 @@ class SlicerViews:
         self.view_3d: ThreeDView = app.view_manager.create_view(definition_3d)
         app.view_manager.set_current_view_ids(list(VIEWS))
         server.trigger("leave_view")(self.leave)
+        server.trigger("turn_wheel")(self.turn_wheel)
 
     def show(self, volume: Any) -> None:
         """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
@@ -78,6 +81,26 @@ class SlicerViews:
             if view_id in ("", view.name):
                 view.interactor().InvokeEvent(vtkCommand.LeaveEvent)
         self.settle()
+
+    def turn_wheel(self, view_id: str, place: Sequence[float], notches: int, keys: Sequence[bool]) -> None:
+        """Do what turning the wheel over a view does there: in a slice view, it leafs.
+
+        The page sends turns together that come before it has an answer, where views would get each by itself, and answer it.
+
+        Args:
+            view_id: its name.
+            place: where the mouse is, in shares of the view from its left and from its top.
+            notches: away from the user, or towards them if negative.
+            keys: whether Ctrl, Shift and Alt are held.
+        """
+        view = next(view for view in (*self.slices, self.view_3d) if view.name == view_id)
+        interactor, (width, height) = view.interactor(), view.render_window().GetSize()
+        ctrl, shift, alt = keys
+        interactor.SetEventInformation(round(place[0] * width), round((1.0 - place[1]) * height), int(ctrl), int(shift))
+        interactor.SetAltKey(int(alt))
+        event = vtkCommand.MouseWheelForwardEvent if notches > 0 else vtkCommand.MouseWheelBackwardEvent
+        for _ in range(min(abs(notches), MOST_NOTCHES)):
+            interactor.InvokeEvent(event)
 
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""

@@ -499,6 +499,26 @@ def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opene
     opened(journey)
 
 
+def test_turns_of_the_wheel_that_come_together_count_each(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        view = app.views.slices[0]
+        view.render_window().SetSize(300, 300)
+        view.reset_view()
+        step, before = view.get_slice_step(), view.get_slice_value()
+        app.views.turn_wheel("Red", [0.5, 0.5], 3, [False, False, False])
+        assert view.get_slice_value() == pytest.approx(before + 3 * step)
+        app.views.turn_wheel("Red", [0.5, 0.5], -3, [False, False, False])
+        assert view.get_slice_value() == pytest.approx(before)
+        field_of_view = view.get_view_node().GetFieldOfView()
+        app.views.turn_wheel("Red", [0.5, 0.5], 2, [True, False, False])
+        assert view.get_view_node().GetFieldOfView() != field_of_view
+        assert view.get_slice_value() == pytest.approx(before)
+        app.views.turn_wheel("Red", [0.5, 0.5], 0, [False, False, False])
+        assert view.get_slice_value() == pytest.approx(before)
+
+    opened(journey)
+
+
 def test_colours_come_back_from_the_page_as_they_went() -> None:
     assert hex_color(color_of_hex("#0a80ff")) == "#0a80ff"
     for text in ("red", "#12345", "#gg0000", ""):

@@ -70,6 +70,21 @@ def volume(folder: Path) -> Path:
     return Path(shutil.copy(folder / "two balls.nrrd", folder / f"two balls {len(list(folder.glob('*.nrrd')))}.nrrd"))
 
 
+SLOW_WHEEL = """
+    const trigger = trame.trigger;
+    window.sent = [];
+    window.answered = 0;
+    trame.trigger = async (name, request) => {
+        if (name !== "turn_wheel") return trigger.call(trame, name, request);
+        sent.push(request);
+        await new Promise((done) => setTimeout(done, 500));
+        await trigger.call(trame, name, request);
+        answered += 1;
+    };
+"""
+"""Has each turn of the wheel take half a second to the server."""
+
+
 @pytest.fixture(scope="module")
 def options(folder: Path) -> list[str]:
     return ["--weights", str(folder / "random.pt"), "--model", MODEL, "--device", "cpu"]
@@ -283,6 +298,22 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     # There is nothing to lose now.
     drop(page, volume)
     page.wait_for_state(f"volume_name === '{volume.stem}' && opening === ''")
+
+
+def test_over_a_slow_network_the_wheel_waits_for_no_more_than_the_last_slice(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    page.page.evaluate(SLOW_WHEEL)
+    before = float(page["slice-Red"].input_value())
+    box = page["view-Red"].bounding_box()
+    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    for _ in range(8):
+        page.page.mouse.wheel(0, 100)
+    page.page.wait_for_function("sent.reduce((sum, request) => sum + request[2], 0) === -8 && answered === sent.length")
+    assert page.page.evaluate("sent.length") < 5
+    page.page.wait_for_function(f"document.querySelector('[data-testid=slice-Red]').value < {before}")
+    page.page.mouse.wheel(0, -100)
+    page.page.wait_for_function("answered === sent.length && sent[sent.length - 1][2] === 1")
 
 
 def test_a_name_that_another_structure_has_is_not_taken_and_the_page_shows_the_old_one(at_app: AppPage, volume: Path) -> None:
