@@ -72,8 +72,13 @@ def font_of(text: str) -> str | None:
     if any(unicodedata.bidirectional(letter) in _FROM_THE_RIGHT for letter in text):
         return None
     letters = sorted({letter for letter in text if not letter.isspace() and unicodedata.category(letter) not in ("Mn", "Cf")})
-    fonts = ("", *map(str, _system_fonts()))
-    return next((font for font in fonts if all(_has(font, letter) for letter in letters)), None)
+    return next((font for font in _fonts() if all(_has(font, letter) for letter in letters)), None)
+
+
+def _fonts() -> Iterator[str]:
+    """As `font_of` names them; the system's are only looked for where VTK's own will not do."""
+    yield ""
+    yield from map(str, _system_fonts())
 
 
 @lru_cache(maxsize=10_000)

@@ -185,7 +185,9 @@ def create_class(
 
 def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     """Count a class of another scene, whose lists are in this one, after the others; as another class than any of these."""
-    if class_id(positive) in map(class_id, class_nodes(parameter_node)):
+    present = class_nodes(parameter_node)
+    _set_name(positive, name_beside(positive.GetName() or "", {node.GetName() for node in present}))
+    if class_id(positive) in map(class_id, present):
         positive.SetAttribute(f"{_PREFIX}class", _new_id())
     parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
 

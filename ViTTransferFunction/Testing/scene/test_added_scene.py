@@ -71,7 +71,8 @@ def test_an_earlier_state_of_the_same_work_is_added_as_classes_of_their_own(
         assert slicer_app.scene.ReadFromMRB(str(tmp_path / "earlier.mrb"))
         session.wait()
         assert session.classes[:3] == mine
-        assert [state.name for state in session.classes] == (1 + times) * [state.name for state in mine]
+        names = [f"{state.name}{number}" for number in ("", " (2)", " (3)")[: 1 + times] for state in mine]
+        assert [state.name for state in session.classes] == names
         assert len({state.id for state in session.classes}) == 3 * (1 + times)
     session.close()
 
