@@ -256,7 +256,8 @@ class SceneAnnotations:
         lists = [*positive, *negative]
         for node in lists:
             self._observers.observe(node, self._reactions())
-            self._on_displayed(node)
+            if node not in self._counts:
+                self._on_displayed(node)
         self._observers.keep_only(lists)
         self._counts = {node: (node.GetNumberOfControlPoints(), node.GetNumberOfDefinedControlPoints()) for node in lists}
         self._begin_anew_where_moved(lists)

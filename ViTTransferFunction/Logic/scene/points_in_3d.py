@@ -24,8 +24,8 @@ def hold_in_3d(points: slicer.vtkMRMLMarkupsNode, managers: Iterable[Any]) -> No
     """Have the points of a list stay where they are when 3D views are dragged.
 
     Args:
-        points: the list. Views may not have a widget for it yet, or make another one: this is to be called again whenever
-            it is displayed otherwise, as it is when it is pointed at. By then the widget is there.
+        points: the list. Views may not have a widget for it yet, or make another one later: this is to be called again
+            whenever it is displayed otherwise, as it is when a point is pointed at. By then the widget is there.
         managers: of points, of the 3D views.
     """
     widgets = (manager.GetWidget(display) for manager in managers for display in displays_of(points))
