@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -94,6 +95,7 @@ def stage_session(scene: Any, folder: Path) -> None:
         if not scene.SaveSceneToSlicerDataBundleDirectory(folder.as_posix(), None):
             raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
     for scene_file in folder.glob("*.mrml"):
+        _escape_ampersands(scene_file)
         _say_compressed(scene_file, ids)
 
 
@@ -131,6 +133,14 @@ def _uncompressed(nodes: list[Any]) -> Iterator[set[str]]:
     finally:
         for node in compressing:
             node.UseCompressionOn()
+
+
+def _escape_ampersands(scene_file: Path) -> None:
+    """Have a scene be XML: where a node's name has an &, Slicer writes it into the name of its file as it is."""
+    scene_file.write_bytes(_BARE_AMPERSAND.sub(b"&amp;", scene_file.read_bytes()))
+
+
+_BARE_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 
 def _say_compressed(scene_file: Path, ids: set[str]) -> None:

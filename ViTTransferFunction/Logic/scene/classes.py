@@ -22,7 +22,7 @@ from ..core.errors import InputError
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ..rendering.appearance import OF_STYLE, STYLES, Appearance
 from .data_tree import put_into_folder
-from .nodes import displays_of, node_of_class, nodes_of_class
+from .nodes import displays_of, name_for_scene, name_of, node_of_class, nodes_of_class
 from .point_lists import Point, PropertiesByPoint, defined_points, points_and_properties, set_points
 
 CLASS_ROLE = "class"
@@ -140,7 +140,7 @@ def read_class(positive: slicer.vtkMRMLMarkupsFiducialNode) -> ClassState:
     off_it, of_off_it = points_and_properties(negative) if negative else ((), {})
     return ClassState(
         class_id(positive),
-        positive.GetName() or "",
+        name_of(positive),
         Appearance(color, **_read_attributes(positive, Appearance, LOOK)),
         **_read_attributes(positive, ClassState, SETTINGS),
         positive=on_it,
@@ -186,7 +186,7 @@ def create_class(
 def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     """Count a class of another scene, whose lists are in this one, after the others; as another class than any of these."""
     present = class_nodes(parameter_node)
-    _set_name(positive, name_beside(positive.GetName() or "", {node.GetName() for node in present}))
+    _set_name(positive, name_beside(name_of(positive), {name_of(node) for node in present}))
     if class_id(positive) in map(class_id, present):
         positive.SetAttribute(f"{_PREFIX}class", _new_id())
     parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
@@ -353,8 +353,8 @@ def _number(text: str, between: tuple[float, float], default: float | None) -> f
 
 
 def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:
-    if node.GetName() != name:
-        node.SetName(name)
+    if node.GetName() != name_for_scene(name):
+        node.SetName(name_for_scene(name))
 
 
 def _set_color(node: slicer.vtkMRMLMarkupsFiducialNode, color: Color) -> None:

@@ -8,6 +8,20 @@ if TYPE_CHECKING:
     import slicer
 
 
+_AMPERSAND = "＆"
+"""The wide one, which looks like it."""
+
+
+def name_for_scene(name: str) -> str:
+    """As a node may be called. Slicer writes an & in the name of a node's file as it is, and cannot read that scene again."""
+    return name.replace("&", _AMPERSAND)
+
+
+def name_of(node: Any) -> str:
+    """What was given a node by `name_for_scene`."""
+    return (node.GetName() or "").replace(_AMPERSAND, "&")
+
+
 def node_of_class(node: Any, class_name: str) -> Any:
     """A node that is of a class or a subclass of it; None in place of any other.
 

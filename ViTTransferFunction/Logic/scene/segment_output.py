@@ -13,6 +13,7 @@ from ..core.progress import WorkProgress
 from ..core.stepped_work import SteppedWork, Steps
 from .classes import ClassState
 from .corrections import Corrections, corrected_segments
+from .nodes import name_for_scene
 from .parameters import SceneParameters
 from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
 from .segment_tags import segments_of_classes
@@ -166,7 +167,7 @@ class SegmentOutput:
             if_none()
 
     def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
-        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", f"{volume.GetName()} segmentation")
+        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", name_for_scene(f"{volume.GetName()} segmentation"))
         self._parameters.set_reference("segmentation", node)
         return node
 

@@ -24,6 +24,7 @@ from .classes import ClassState
 from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .display import SceneDisplay
+from .nodes import name_for_scene
 from .parameters import SceneParameters
 from .problems import Problems
 from .proposal_outlines import Proposals
@@ -153,7 +154,9 @@ class SessionViews:
     def export_rendering(self) -> bool:
         """Leave what 3D views show as ordinary nodes of the scene; whether they show something."""
         volume = self._parameters.volume
-        return volume is not None and self._display.export_rendering(f"{volume.GetName()} structures") is not None
+        return (
+            volume is not None and self._display.export_rendering(name_for_scene(f"{volume.GetName()} structures")) is not None
+        )
 
     def remove(self) -> None:
         """Take all that is shown out of the scene."""

@@ -13,7 +13,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
-from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres
+from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres, write_all
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import items_without_node, keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, pixels
 
@@ -98,3 +98,25 @@ def test_what_is_shown_is_neither_listed_nor_unsaved(
         assert len(session.annotations.classes) == 3
     session.close()
     del shown_in
+
+
+@pytest.mark.parametrize("name", ["liver & spleen", "< 2 cm > \"a\" 'b' %20 #1", "肝臓", "&amp;"])
+def test_a_scene_with_structures_of_any_name_is_opened_again(
+    slicer_app: Any, spheres: tuple[Volume, np.ndarray], tmp_path: Path, name: str
+) -> None:
+    session = open_spheres(slicer_app, spheres)
+    annotate(session, spheres)
+    session.annotations.set_class(session.classes[0].id, name=name)
+    session.wait()
+    session.parameters.volume.SetName("CT")
+    write_all(session)
+    names, written = [state.name for state in session.classes], session.segment_of(session.classes[0].id)
+    assert names[0] == name
+    assert session.annotated_classes()[0].request.name == name
+    assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    slicer_app.scene.Clear(False)
+    assert slicer_app.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
+    session.wait()
+    assert [state.name for state in session.classes] == names
+    assert session.segment_of(session.classes[0].id) == written
+    session.close()

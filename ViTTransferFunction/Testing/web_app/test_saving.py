@@ -215,7 +215,7 @@ def test_several_series_that_were_sent_are_kept_until_one_of_them_is_chosen(
     opened(journey)
 
 
-@pytest.mark.parametrize("stem", ["Müller Löwe 肝", "CT 3.2", "aux"])
+@pytest.mark.parametrize("stem", ["Müller Löwe 肝", "CT 3.2", "aux", "50%2f #1 & 'x' $HOME"])
 def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
     opened: Callable[[Journey], None], file: Path, stem: str
 ) -> None:
