@@ -256,7 +256,7 @@ def test_points_beyond_the_volume_are_left_out_and_the_others_count(
 @pytest.mark.slow
 def test_classes_of_one_name_are_both_segmented(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     for id_ in annotate(session, spheres):
-        session.annotations.set_class(id_, name="sphere")
+        session.annotations.points_node(id_, positive=True).SetName("sphere")  # In the Data module.
     session.write_segments()
     session.wait()
     assert session.take_error() is None
