@@ -184,7 +184,7 @@ def test_a_scene_that_is_added_to_another_leaves_what_is_worked_on(
     wait_until(lambda: session.phase == "ready" and not session.busy)
     assert ready.ui.volumeSelector.currentNode() is volume
     names = [text(ready.ui.classTable, row, 1) for row in range(ready.ui.classTable.rowCount())]
-    assert names == ["sphere", "of today", "sphere"]
+    assert names == ["sphere", "of today", "sphere (2)"]
     assert session.selected_class.name == "of today"
     assert not ready.ui.onlyAnnotatedPartsCheckBox.isChecked()
     assert not ready.ui.messageLabel.text()

@@ -204,7 +204,7 @@ def test_scenes_that_are_added_to_each_other_before_the_module_is_opened_keep_th
         assert slicer_app.scene.ReadFromMRB(str(tmp_path / f"{file}.mrb"))
     host.selectModule("ViTTransferFunction") if opened_before else host.open_panel()
     session = host.representation.self().panel.session
-    assert [state.name for state in session.classes] == ["liver", "spleen", "aorta", "liver", "spleen"]
+    assert [state.name for state in session.classes] == ["liver", "spleen", "aorta", "liver (2)", "spleen (2)"]
     assert session.parameters.get("grid") == 16
 
 
