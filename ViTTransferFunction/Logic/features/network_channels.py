@@ -59,9 +59,9 @@ CT_EVERYTHING = WeightedWindows(
 )
 CT_ORGANS = IntensityWindow(-20.0, 140.0)
 CT_CHANNELS = NetworkChannels((CT_EVERYTHING, CT_SOFT_TISSUE, CT_ORGANS), CT_LUNG)
-"""Three greys, each of which shows less, and that in more contrast: lungs, bones and bright vessels are there, organs differ, and
-colours are as pale as in the photographs that the network has learned from. Windows of lung, soft tissue and bone paint a body
-in cyan and white."""
+"""Three greys, each of which shows less, and that in more contrast: lungs, bones and bright vessels are there, organs differ,
+and colours are as pale as in the photographs that the network has learned from. Windows of lung, soft tissue and bone paint a
+body in cyan and white."""
 
 
 def network_channels(volume: Volume) -> NetworkChannels:
