@@ -23,6 +23,7 @@ _DAMAGES = (
     zipfile.BadZipFile, zlib.error, ElementTree.ParseError, NotImplementedError, EOFError, RuntimeError, ValueError, LookupError
 )  # fmt: skip
 """What unpacking and reading end with where an archive is damaged or encrypted, or its scene in no known encoding."""
+_BARE_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 
 def parameter_node(scene: Any) -> Any:
@@ -138,9 +139,6 @@ def _uncompressed(nodes: list[Any]) -> Iterator[set[str]]:
 def _escape_ampersands(scene_file: Path) -> None:
     """Have a scene be XML: where a node's name has an &, Slicer writes it into the name of its file as it is."""
     scene_file.write_bytes(_BARE_AMPERSAND.sub(b"&amp;", scene_file.read_bytes()))
-
-
-_BARE_AMPERSAND = re.compile(rb"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9a-fA-F]+);)")
 
 
 def _say_compressed(scene_file: Path, ids: set[str]) -> None:
