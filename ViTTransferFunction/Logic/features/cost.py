@@ -1,4 +1,4 @@
-"""What an extraction will cost, before it runs: seconds and memory, from a third of a second of calibration on the device.
+"""What an extraction will cost, before it runs: seconds and memory, from some tenths of a second of calibration on the device.
 
 A slice of n tokens takes a + b·n + c·n² seconds: what is done for each slice, the linear layers, and attention. The three are
 fitted to slices of different sizes, run through one block of the network; the others take as long.
@@ -32,6 +32,10 @@ CALIBRATION_TOKENS = 800
 """Short slices are run several at once, as they will be."""
 CALIBRATION_DEPTH = 2
 """The first block, and the keys of the second."""
+CALIBRATION_RUNS = (2, 3)
+"""Of each size, at least and at most: the first compiles kernels, the shortest counts."""
+CALIBRATION_SECONDS = 0.1
+"""More runs of a size than the least, only as far as they fit into this: a slow computer does not keep its user waiting."""
 
 KERNELS_BYTES = 150_000_000
 """Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
@@ -125,14 +129,14 @@ def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> fl
     patches = torch.ones(tokens, 3 * network.model.patch_size**2)
     chosen = (torch.arange(tokens), torch.ones(tokens)) if counted else (None, None)
     slices = [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
-    buffers, least = BufferPool(), float("inf")
-    # The first time, kernels are compiled.
-    for _ in range(3):
+    buffers, runs = BufferPool(), list[float]()
+    least, most = CALIBRATION_RUNS
+    while len(runs) < least or (len(runs) < most and sum(runs) + runs[-1] <= CALIBRATION_SECONDS):
         start = time.perf_counter()
         # Copying the keys waits for a device that works on while the program goes on.
         network.keys_of_tokens(slices, buffers).cpu()
-        least = min(least, time.perf_counter() - start)
-    return least / len(slices)
+        runs.append(time.perf_counter() - start)
+    return min(runs) / len(slices)
 
 
 def _operations(model: PretrainedModel, tokens: int) -> int:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.features import cost as cost_module
 from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost
 from ViTTransferFunction.Logic.features.extraction import features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
@@ -69,3 +71,20 @@ def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTran
     speed = calibrate(tiny_network, FeatureSettings(precision="float32", merge_background=merge_background))
     assert (speed.coefficients >= 0.0).all()
     assert 0.0 < speed.seconds([100]) < speed.seconds([1000]) < speed.seconds([1000, 1000])
+
+
+@pytest.mark.parametrize(("seconds_of_a_run", "runs_of_each_size"), [(0.03, 3), (0.04, 2), (5.0, 2)])
+def test_calibration_does_not_keep_a_slow_computer_waiting(
+    tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch, seconds_of_a_run: float, runs_of_each_size: int
+) -> None:
+    readings: list[float] = []
+
+    def clock() -> float:
+        # Read before and after each run.
+        readings.append(len(readings) // 2 * 100.0 + len(readings) % 2 * seconds_of_a_run)
+        return readings[-1]
+
+    monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=clock))
+    speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
+    assert len(readings) == 2 * runs_of_each_size * len(cost_module.CALIBRATION_ROWS)
+    assert (speed.coefficients >= 0.0).all()
