@@ -98,8 +98,8 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
     heading, _, _ = text.partition("\n")
-    # Where a comma is for decimals, spreadsheets separate by semicolons.
-    delimiter = ";" if heading.count(";") > heading.count(",") else ","
+    # Where a comma is for decimals, spreadsheets separate by semicolons; what is copied out of them has tabs.
+    delimiter = max(",;\t", key=heading.count)
     # Strict: after a quotation mark that is never closed, all further cases would be taken for part of one field.
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
     try:

@@ -41,7 +41,8 @@ class CohortTable:
     def save(self) -> None:
         """Write the file, whole or not at all. Raises InputError where that is not possible."""
         structures = list(dict.fromkeys(name for outcome in self.outcomes.values() for name in outcome.millilitres))
-        with replacing(self.path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
+        # By the mark in front, Excel knows that it is UTF-8; else umlauts would be other letters.
+        with replacing(self.path) as temporary, temporary.open("w", encoding="utf-8-sig", newline="") as file:
             writer = csv.writer(file)
             # The unit comes first: a spreadsheet would compute a heading that begins with "=".
             writer.writerow(["case", "status", "seconds", *(f"ml {name}" for name in structures), "message"])

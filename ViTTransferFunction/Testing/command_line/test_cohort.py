@@ -79,7 +79,7 @@ def is_worker(process: Any) -> bool:
 
 
 def rows_of(table: Path) -> dict[str, dict[str, str]]:
-    with table.open(encoding="utf-8", newline="") as file:
+    with table.open(encoding="utf-8-sig", newline="") as file:
         return {row["case"]: row for row in csv.DictReader(file)}
 
 

@@ -42,6 +42,24 @@ def test_columns_may_come_in_any_order_among_others_with_semicolons_and_as_a_spr
     assert (case.name, case.volume.name, case.annotations.name) == ("Möller 1", "a.nrrd", "a.json")
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_table_is_read_whatever_a_spreadsheet_separates_by(tmp_path: Path, encoding: str, separator: str) -> None:
+    path = tmp_path / "cases.csv"
+    lines = ("case", "volume", "annotations"), ("Möller, 1; 肝".replace(separator, ""), "a b.nrrd", "a.json")
+    path.write_text("\r\n".join(map(separator.join, lines)), encoding=encoding)
+    (case,) = read_cases(path)
+    assert (case.name, case.volume.name, case.annotations.name) == (lines[1][0], "a b.nrrd", "a.json")
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
+def test_a_table_in_letters_that_differ_from_system_to_system_is_refused_with_what_to_do(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "cases.csv"
+    path.write_text(f"{HEADING}\nMöller,a.nrrd,a.json", encoding=encoding)
+    with pytest.raises(InputError, match="save the table as 'CSV UTF-8'"):
+        read_cases(path)
+
+
 def test_a_table_may_say_which_series_of_a_folder_is_meant(tmp_path: Path) -> None:
     cases = read_cases(table(tmp_path, HEADING + ",series", "a,disk,a.json, T1 axial ", "b,disk,b.json,", "c,c.nrrd,c.json"))
     assert [case.series for case in cases] == ["T1 axial", None, None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import json
 import random
@@ -181,7 +182,7 @@ def test_the_table_has_a_line_for_each_case_and_a_column_for_each_structure(tmp_
     table.put(CaseOutcome("a", "done", 1.25, {"liver": 3.0, "=1+1": 2.0}))
     table.put(CaseOutcome("b", "refused", message='said, "no"\nto it'))
 
-    with table.path.open(newline="", encoding="utf-8") as file:
+    with table.path.open(newline="", encoding="utf-8-sig") as file:
         rows = list(csv.reader(file))
 
     assert rows == [
@@ -190,6 +191,13 @@ def test_the_table_has_a_line_for_each_case_and_a_column_for_each_structure(tmp_
         ["a", "done", "1.2", "3.000", "2.000", ""],
         ["c", "waiting", "", "", "", ""],
     ]
+
+
+def test_spreadsheets_see_that_the_table_is_in_utf_8(tmp_path: Path) -> None:
+    table = CohortTable(tmp_path / "t.csv", ["Möller"])
+    table.save()
+    table.save()
+    assert table.path.read_bytes().split(b"\r\n")[0] == codecs.BOM_UTF8 + b"case,status,seconds,message"
 
 
 def test_a_table_that_cannot_be_written_now_does_not_stop_the_cases(
@@ -205,7 +213,7 @@ def test_a_table_that_cannot_be_written_now_does_not_stop_the_cases(
             table.save()
     assert caplog.text.count("in use") == 1
     table.save()
-    assert table.path.read_text().count("done") == 2
+    assert table.path.read_bytes().count(b"done") == 2
 
 
 @pytest.mark.parametrize(
