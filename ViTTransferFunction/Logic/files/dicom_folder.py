@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,10 +10,10 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.regular_file import check_length, check_regular_file
-from .dicom_frames import LARGEST_TURN
-from .dicom_slice import DicomSlice, read_slice
+from .dicom_slice import DicomSlice, heights, read_slice, turned
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
+from .volumes_of_series import TRAITS, volumes_of_series
 
 MOST_ENTRIES = 50_000
 """Files and folders below a folder that is looked through. A disk that a patient brings has some thousands; whoever names a
@@ -32,13 +31,15 @@ FOLDERS_OF_SYSTEMS = ("system volume information", "$recycle.bin", "lost+found")
 
 @dataclass(frozen=True, eq=False)
 class DicomSeries:
-    """A series of a folder.
+    """A series of a folder, or one of several volumes in it.
 
     Attributes:
         slices: its files, from the lowest to the highest along the normal of the first, as GDCM sorts them.
+        part: which of the volumes in its series it is, "echo time 4.6 ms" say; "" where it is all of it.
     """
 
     slices: tuple[DicomSlice, ...]
+    part: str = ""
 
     @property
     def number(self) -> str:
@@ -76,7 +77,7 @@ class FolderContent:
     """What a folder holds.
 
     Attributes:
-        series: in the order of their numbers.
+        series: in the order of their numbers; of one that has several volumes at the same places, these.
         unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, in ITK's
             words.
     """
@@ -116,7 +117,8 @@ def read_content(folder: Path) -> FolderContent:
             by_uid.setdefault(found.series_uid, []).append(found)
         elif _is_dicom(path):
             unread[path] = found
-    return FolderContent(sorted(map(_stacked, by_uid.values()), key=_rank), unread)
+    series = (each for slices in by_uid.values() for each in _volumes(slices))
+    return FolderContent(sorted(series, key=_rank), unread)
 
 
 def is_of_system(name: str) -> bool:
@@ -127,26 +129,16 @@ def is_of_system(name: str) -> bool:
     return name.startswith("._") or name.lower() in _FILES_OF_SYSTEMS
 
 
-def heights(slices: Sequence[DicomSlice]) -> np.ndarray:
-    """Where slices lie along the normal of the first, (N,), millimetres."""
-    return np.array([each.position for each in slices]) @ slices[0].directions[:, 2]
-
-
-def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
-    """Which slices are not parallel to the first, (N,) bool."""
-    directions = np.array([each.directions for each in slices])
-    return np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_TURN
-
-
 def _slice_or_reason(path: Path) -> DicomSlice | str:
     try:
-        return read_slice(path)
+        return read_slice(path, [trait.tag for trait in TRAITS])
     except RuntimeError as error:
         return last_line(error)
 
 
-def _stacked(slices: list[DicomSlice]) -> DicomSeries:
-    return DicomSeries(tuple(slices[index] for index in np.argsort(heights(slices), kind="stable")))
+def _volumes(slices: list[DicomSlice]) -> list[DicomSeries]:
+    stacked = [slices[index] for index in np.argsort(heights(slices), kind="stable")]
+    return [DicomSeries(tuple(volume), part) for part, volume in volumes_of_series(stacked)]
 
 
 def _rank(series: DicomSeries) -> tuple[int, str]:

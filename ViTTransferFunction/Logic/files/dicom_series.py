@@ -9,9 +9,9 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
-from .dicom_folder import heights, read_content, turned
+from .dicom_folder import read_content
 from .dicom_frames import check_frames
-from .dicom_slice import DicomSlice
+from .dicom_slice import DicomSlice, heights, turned
 from .itk_errors import last_line
 from .series_choice import choose_series
 
@@ -107,7 +107,7 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path, on_warning: Callab
         one, other = sorted(names[closest : closest + 2])
         raise InputError(
             f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
-            "several phases or echoes, put one into a folder of its own."
+            "several phases or echoes, which the headers do not tell apart here, put one into a folder of its own."
         )
     if np.ptp(gaps) > LARGEST_SPACING_DEVIATION * np.median(gaps):
         on_warning(

@@ -1,13 +1,15 @@
-"""The header of one DICOM file: where its slice lies, and of which series it is."""
+"""The headers of DICOM files: where their slices lie, and of which series they are."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
+from .dicom_frames import LARGEST_TURN
 from .image_headers import DICOM_READER
 
 
@@ -27,6 +29,7 @@ class DicomSlice:
         description: of the series, (0008,103E), or "".
         modality: (0008,0060), or "".
         date: on which the series was taken, or else the study: YYYY-MM-DD, or "".
+        traits: what else the header says, in one line each, by tags as ITK writes them ("0018|0081").
     """
 
     path: Path
@@ -40,10 +43,15 @@ class DicomSlice:
     description: str
     modality: str
     date: str
+    traits: Mapping[str, str]
 
 
-def read_slice(path: Path) -> DicomSlice:
+def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
     """Read the header of a DICOM file.
+
+    Args:
+        path: of the file.
+        traits: tags of what the slice shall have as its `traits`.
 
     Raises:
         RuntimeError: of ITK, where the file is cut off, is no DICOM, or holds no image, as reports and outlines do.
@@ -65,7 +73,19 @@ def read_slice(path: Path) -> DicomSlice:
         _text(reader, "0008|103e"),
         _text(reader, "0008|0060"),
         _date(_text(reader, "0008|0021") or _text(reader, "0008|0020")),
+        {tag: _text(reader, tag) for tag in traits},
     )
+
+
+def heights(slices: Sequence[DicomSlice]) -> np.ndarray:
+    """Where slices lie along the normal of the first, (N,), millimetres."""
+    return np.array([each.position for each in slices]) @ slices[0].directions[:, 2]
+
+
+def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
+    """Which slices are not parallel to the first, (N,) bool."""
+    directions = np.array([each.directions for each in slices])
+    return np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_TURN
 
 
 def _text(reader: sitk.ImageFileReader, tag: str) -> str:

@@ -1,4 +1,4 @@
-"""Which of a folder's DICOM series is read: the one that the user names, or the only one that can be a volume."""
+"""Which of a folder's DICOM series, or volumes in one, is read: the one that is named, or the only one that can be a volume."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from pathlib import Path
 from ..core.errors import InputError, shown
 from .dicom_folder import DicomSeries
 
-_HOW = "Choose one by its number or by a part of its line: --series, or the column series in a table of cases."
+_HOW = "Choose one by its number or by a part of its line that no other has: --series, or a column series in a table of cases."
+
+MOST_TOLD = 20
+"""Lines in a message; of time points there may be hundreds."""
 
 
 class SeveralSeries(InputError):
-    """A folder holds several series that may be meant.
+    """A folder holds several series, or one with several volumes, that may be meant.
 
     Attributes:
         lines: what tells each from the others; any is a choice of `choose_series`.
@@ -53,7 +56,7 @@ def choose_series(
     if len(volumes) > 1:
         offered = [lines[index] for index in volumes]
         raise SeveralSeries(
-            f"The folder {folder} holds {len(offered)} DICOM series that can be a volume: {'; '.join(offered)}. {_HOW}", offered
+            f"The folder {folder} holds {len(offered)} DICOM volumes to choose from: {_told(offered)}. {_HOW}", offered
         )
     (chosen,) = volumes
     others = [line for index, line in enumerate(lines) if index != chosen]
@@ -64,19 +67,26 @@ def choose_series(
 def _named(by_line: dict[str, DicomSeries], folder: Path, wanted: str) -> DicomSeries:
     text = " ".join(wanted.split()).casefold()
     exactly = [
-        line for line, series in by_line.items() if text in (series.number, series.description.casefold(), line.casefold())
+        line
+        for line, series in by_line.items()
+        if text in (series.number, series.description.casefold(), series.part.casefold(), line.casefold())
     ]
     # Sizes and dates have digits as well; who gives nothing else means the series' number.
     found = exactly or [line for line in by_line if text in line.casefold() and not text.isdigit()]
     if not found:
-        raise SeveralSeries(f"No DICOM series in {folder} is {shown(wanted)}; it holds {'; '.join(by_line)}. {_HOW}", by_line)
+        raise SeveralSeries(f"No DICOM series in {folder} is {shown(wanted)}; it holds {_told(list(by_line))}. {_HOW}", by_line)
     if len(found) > 1:
         raise SeveralSeries(
-            f"{len(found)} DICOM series in {folder} are {shown(wanted)}: {'; '.join(found)}. Give a part of a line that no "
+            f"{len(found)} DICOM volumes in {folder} are {shown(wanted)}: {_told(found)}. Give a part of a line that no "
             "other has, or all of it.",
             found,
         )
     return by_line[found[0]]
+
+
+def _told(lines: Sequence[str]) -> str:
+    more = f"; and {len(lines) - MOST_TOLD} more" if len(lines) > MOST_TOLD else ""
+    return "; ".join(lines[:MOST_TOLD]) + more
 
 
 def _lines(series: Sequence[DicomSeries]) -> list[str]:
@@ -91,4 +101,5 @@ def _lines(series: Sequence[DicomSeries]) -> list[str]:
 def _line(series: DicomSeries) -> str:
     name = ": ".join(filter(None, (series.number, series.description))) or "without a name"
     size = "×".join(map(str, series.size))
-    return f"{name} ({series.slices[0].modality or 'unknown modality'}, {size})"
+    called = ", ".join(filter(None, (name, series.part)))
+    return f"{called} ({series.slices[0].modality or 'unknown modality'}, {size})"

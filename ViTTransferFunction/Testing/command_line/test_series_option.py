@@ -37,7 +37,7 @@ def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.parametrize(
     ("series", "message"),
     [
-        ([], "disk holds 2 DICOM series that can be a volume: 2: T1 axial (MR, 7×6×3); 12: T2"),
+        ([], "disk holds 2 DICOM volumes to choose from: 2: T1 axial (MR, 7×6×3); 12: T2"),
         (["--series", "9"], "No DICOM series in disk is '9'"),
     ],
 )

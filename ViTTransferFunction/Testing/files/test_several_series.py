@@ -50,7 +50,7 @@ def read(folder: Path, series: str | None = None) -> tuple[Volume, list[str]]:
 
 def test_series_are_listed_by_what_people_know_of_them(tmp_path: Path) -> None:
     write_two(tmp_path)
-    with pytest.raises(SeveralSeries, match=r"holds 2 DICOM series that can be a volume: 2: T1 axial .*--series") as refusal:
+    with pytest.raises(SeveralSeries, match=r"holds 2 DICOM volumes to choose from: 2: T1 axial .*--series") as refusal:
         read_volume(tmp_path)
     assert refusal.value.lines == ("2: T1 axial (MR, 7×6×3)", "12: T2 axial (MR, 7×6×5)")
     assert "1.2.1" not in str(refusal.value)
@@ -65,7 +65,7 @@ def test_a_series_is_chosen_by_its_number_or_a_part_of_its_line(tmp_path: Path, 
 
 @pytest.mark.parametrize(
     ("wanted", "message"),
-    [("axial", "2 DICOM series in .* are 'axial'"), ("3", "No DICOM series in .* is '3'; it holds 2: T1")],
+    [("axial", "2 DICOM volumes in .* are 'axial'"), ("3", "No DICOM series in .* is '3'; it holds 2: T1")],
 )
 def test_what_fits_several_series_or_none_is_refused_with_what_there_is(tmp_path: Path, wanted: str, message: str) -> None:
     write_two(tmp_path)

@@ -1,0 +1,168 @@
+"""The volumes of one DICOM series that has several at the same places: phases of a heart or a contrast agent, echoes, b-values.
+
+They are told apart by what differs between the slices at one place. That is a value which all slices of a volume share, as the
+echo time is; or, where each slice has its own, as with the time at which it was taken, the order of the values at each place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
+
+import numpy as np
+
+from .dicom_slice import DicomSlice, heights, turned
+
+SAME_PLACE = 0.01
+"""Heights that differ by less are one, as a share of the largest distance between neighbours."""
+
+SAME_PLACE_MM = 0.1
+"""By which slices at one height may lie off each other within their plane: that of rounding."""
+
+
+@dataclass(frozen=True)
+class Trait:
+    """Something that volumes of a series may differ in.
+
+    Attributes:
+        tag: of the element, as ITK writes it.
+        name: before its value, in the name of a volume.
+        unit: behind it.
+        order: what the order of its values is called; "" where that says nothing.
+    """
+
+    tag: str
+    name: str
+    unit: str = ""
+    order: str = ""
+
+    def value(self, one: DicomSlice) -> str:
+        """As a user would write it, such as "4.6" for "4.60"; "" where it is missing."""
+        text = one.traits.get(self.tag, "")
+        if self.order == "time":
+            return text.rstrip("0").rstrip(".") if "." in text else text
+        return f"{number:g}" if (number := _number(text)) is not None else text
+
+    def told(self, value: str) -> str:
+        """The name of a volume with this value."""
+        if not value:
+            return f"no {self.name}"
+        if self.order == "time" and value[:6].isdigit():
+            return f"at {value[:2]}:{value[2:4]}:{value[4:]}"
+        return f"{self.name} {value} {self.unit}".rstrip()
+
+
+IMAGE_TYPE = Trait("0008|0008", "image type")
+TRAITS = (
+    IMAGE_TYPE,
+    Trait("0018|9087", "b-value"),
+    Trait("0018|0081", "echo time", "ms"),
+    Trait("0018|0086", "echo"),
+    Trait("0018|0082", "inversion time", "ms"),
+    Trait("0018|1314", "flip angle", "degrees"),
+    Trait("0018|0060", "tube voltage", "kV"),
+    Trait("0020|0100", "time point"),
+    Trait("0018|1060", "trigger time", "ms", order="trigger time"),
+    Trait("0020|0012", "acquisition", order="acquisition"),
+    Trait("0008|0032", "acquisition time", order="time"),
+    Trait("0008|0033", "content time", order="time"),
+    Trait("0018|0024", "sequence"),
+    Trait("0020|0013", "image number", order="image number"),
+)
+"""From what says most to users to what says least."""
+
+
+def volumes_of_series(slices: Sequence[DicomSlice]) -> list[tuple[str, list[DicomSlice]]]:
+    """The volumes of a series: what each is called among them, and its slices.
+
+    Args:
+        slices: of one series, sorted by their heights.
+
+    Returns:
+        All slices, called "", where no two are at one place, or nothing tells apart those that are.
+    """
+    places = _places(slices)
+    found = None if places is None else _told_apart(list(zip(places, slices, strict=True)), TRAITS)
+    if found is None:
+        return [("", list(slices))]
+    return [(", ".join(names), [one for _, one in placed]) for names, placed in found]
+
+
+_Placed = list[tuple[int, DicomSlice]]
+_Volume = tuple[tuple[str, ...], _Placed]
+
+
+def _places(slices: Sequence[DicomSlice]) -> list[int] | None:
+    """The number of the place at which each slice lies; None where there are not several of one size at the same places."""
+    if len({one.size for one in slices}) > 1 or slices[0].size[2] > 1 or turned(slices).any():
+        return None
+    gaps = np.diff(heights(slices))
+    if not (gaps > 0).any():
+        return None
+    places = np.concatenate([[0], np.cumsum(gaps > SAME_PLACE * gaps.max())])
+    positions = np.array([one.position for one in slices])
+    _, first = np.unique(places, return_index=True)
+    away = np.linalg.norm(positions - positions[first[places]], axis=1)
+    shift_mm = away - np.abs(heights(slices) - heights(slices)[first[places]])
+    return None if len(first) == len(slices) or (shift_mm > SAME_PLACE_MM).any() else places.tolist()
+
+
+def _told_apart(placed: _Placed, traits: Sequence[Trait]) -> list[_Volume] | None:
+    """The volumes of slices, by traits that may still tell them apart; None where they do not."""
+    if len({place for place, _ in placed}) == len(placed):
+        return [((), placed)]
+    for number, trait in enumerate(traits):
+        if parts := _by_value(placed, trait):
+            found = [(name, _told_apart(part, traits[number + 1 :])) for name, part in parts]
+            if all(volumes is not None for _, volumes in found):
+                return [((name, *names), part) for name, volumes in found for names, part in volumes or ()]
+    ordered = (_by_order(placed, trait) for trait in traits if trait.order)
+    return next(filter(None, ordered), None)
+
+
+def _by_value(placed: _Placed, trait: Trait) -> list[tuple[str, _Placed]] | None:
+    """Slices of each value, where one place, at least, has all values; else these are not volumes' but places' own."""
+    parts: dict[str, _Placed] = {}
+    for place, one in placed:
+        parts.setdefault(trait.value(one), []).append((place, one))
+    if len(parts) < 2 or not set.intersection(*({place for place, _ in part} for part in parts.values())):
+        return None
+    values = sorted(parts, key=_in_order)
+    names = _image_types(values) if trait is IMAGE_TYPE else values
+    return [(trait.told(name), parts[value]) for name, value in zip(names, values, strict=True)]
+
+
+def _by_order(placed: _Placed, trait: Trait) -> list[_Volume] | None:
+    """Slices that have the lowest value at each place, then those that have the second, where each place has as many."""
+    at_places = [[one for _, one in group] for _, group in groupby(placed, key=itemgetter(0))]
+    count = len(at_places[0])
+    keys = [{_in_order(trait.value(one)) for one in at_place} for at_place in at_places]
+    if any(len(at_place) != count or len(distinct) != count for at_place, distinct in zip(at_places, keys, strict=True)):
+        return None
+    in_order = [sorted(at_place, key=lambda one: _in_order(trait.value(one))) for at_place in at_places]
+    return [
+        ((f"{rank + 1} of {count} by {trait.order}",), [(place, ones[rank]) for place, ones in enumerate(in_order)])
+        for rank in range(count)
+    ]
+
+
+def _image_types(values: Sequence[str]) -> list[str]:
+    """Image types without what all have, where that tells them apart as well."""
+    parts = [value.split("\\") for value in values]
+    common = set.intersection(*map(set, parts))
+    short = ["\\".join(part for part in each if part not in common) for each in parts]
+    return short if len(set(short)) == len(short) and all(short) else list(values)
+
+
+def _in_order(value: str) -> tuple[float, str]:
+    number = _number(value)
+    return (-np.inf if not value else np.inf, value) if number is None else (number, "")
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
