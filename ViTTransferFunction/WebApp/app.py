@@ -18,6 +18,7 @@ from trame_slicer.core import SlicerApp
 
 from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
+from ..Logic.core.private_folder import private_folder
 from ..Logic.core.user_path import user_path
 from ..Logic.core.volume import Volume
 from ..Logic.files.series_choice import SeveralSeries
@@ -36,7 +37,6 @@ from .films import Films
 from .page import build_page
 from .panel_state import session_state
 from .points_file import add_points, are_points
-from .private_folder import private_folder
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .series_question import SeriesQuestion

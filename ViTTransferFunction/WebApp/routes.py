@@ -13,11 +13,11 @@ from aiohttp import web
 
 from ..Logic.core.errors import Cancelled, InputError
 from ..Logic.core.file_names import kept_name
+from ..Logic.core.private_folder import private_folder
 from ..Logic.core.progress import Progress
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
 from .packing import gzip_nrrd, zip_folder
 from .points_file import save_points
-from .private_folder import private_folder
 from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
 from .view_camera import save_camera

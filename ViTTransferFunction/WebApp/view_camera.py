@@ -7,10 +7,10 @@ from typing import Any
 
 from ..Logic.core.camera import Size
 from ..Logic.core.errors import InputError
+from ..Logic.core.private_folder import private_folder
 from ..Logic.files.camera_files import read_camera, write_camera
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.view_picture import camera_of, place
-from .private_folder import private_folder
 
 
 def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> None:

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.file_lock import take_lock
 
 LOCK = ".cohort.lock"
 
@@ -26,7 +27,7 @@ def only_cohort_in(folder: Path) -> Iterator[None]:
     if descriptor is None:
         yield
         return
-    if _is_taken(descriptor):
+    if take_lock(descriptor) is False:
         os.close(descriptor)
         raise InputError(f"Another cohort is writing to {folder}. Wait until it has ended, or name another folder by --output.")
     try:
@@ -46,24 +47,6 @@ def _opened(folder: Path) -> int | None:
         return os.open(folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError:
         return None
-
-
-def _is_taken(descriptor: int) -> bool:
-    """Take a lock, which closing the file gives back; whether another process has it."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
-        return True
-    except OSError:
-        return False
-    return False
 
 
 def _remove(path: Path) -> None:

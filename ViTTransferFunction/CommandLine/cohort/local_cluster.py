@@ -13,7 +13,6 @@ import logging
 import os
 import signal
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing import resource_tracker
@@ -23,6 +22,7 @@ import dask
 from distributed import Client, Nanny, Scheduler, Security, SpecCluster, Worker
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.private_folder import private_folder
 
 HOST = "127.0.0.1"
 _CONFIG = {
@@ -77,9 +77,7 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
     security = _security()
     place = {"host": HOST, "protocol": "tls://", "security": security}
     with ExitStack() as stack:
-        # Windows removes no file that a process had open a moment ago; there is nothing of patients in them.
-        folder = tempfile.TemporaryDirectory(prefix="vittf-cohort-", ignore_cleanup_errors=True)
-        scratch = stack.enter_context(folder)
+        scratch = stack.enter_context(private_folder())
         stack.enter_context(dask.config.set(_CONFIG))
         worker = {
             **place,

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, cast
 
 from ..core.errors import InputError
+from ..core.private_folder import PrivateFolder, private_folder
 
 # The package is made by hand: its own file imports the host program's modules, which the process does not have.
 # What lies in the user's working folder must not be taken for a library. -c puts the working folder in front of all others,
@@ -70,7 +71,8 @@ class ComputeProcess:
         executable = _executable(python_executable)
         self.own_pid: int | None = None
         self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `end`)
-        self.folder = _private_folder()
+        self._private = _private_folder()
+        self.folder = Path(self._private.name)
         try:
             self._process = subprocess.Popen(
                 [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), _working_folder(), str(self.folder)],
@@ -89,7 +91,7 @@ class ComputeProcess:
             )
         except OSError as error:
             self._errors.close()
-            shutil.rmtree(self.folder, ignore_errors=True)
+            self._private.cleanup()
             raise InputError(
                 f"Computing could not be started with {executable}: {error.strerror or error}. "
                 "Restart Slicer or the app; if that does not help, install it again."
@@ -141,7 +143,7 @@ class ComputeProcess:
         """Close what is left, once nobody reads it any more."""
         _close(self.replies)
         _close(self._errors)
-        shutil.rmtree(self.folder, ignore_errors=True)
+        self._private.cleanup()
         # Windows keeps the files of a process that was killed for a moment more.
         give_up = time.monotonic() + _REMOVING_S
         while sys.platform == "win32" and self.folder.exists() and time.monotonic() < give_up:
@@ -179,10 +181,10 @@ def _working_folder() -> str:
         return "."
 
 
-def _private_folder() -> Path:
+def _private_folder() -> PrivateFolder:
     """In memory, where the system has a file system for that and there is room: no voxel is then written to a disk."""
     in_memory = IN_MEMORY.is_dir() and os.access(IN_MEMORY, os.W_OK) and shutil.disk_usage(IN_MEMORY).free >= ROOM_BYTES
-    return Path(tempfile.mkdtemp(prefix="vittf-", dir=IN_MEMORY if in_memory else None))
+    return private_folder(IN_MEMORY if in_memory else None)
 
 
 def _close(stream: IO[bytes]) -> None:

@@ -6,7 +6,6 @@ import logging
 import math
 import re
 import shutil
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +16,7 @@ import SimpleITK as sitk  # noqa: N813 - the name that its own documentation use
 from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.given_numbers import FARTHEST
+from ..core.private_folder import private_folder
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
 from .dicom_folder import series_files
@@ -227,7 +227,7 @@ def _under_its_own_name(path: Path) -> Iterator[Path]:
     if ending not in (".nii", ".nii.gz") or (path.name.endswith(ending) and not _namesake(path).exists()):
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix="vittf-", ignore_cleanup_errors=True) as folder:
+    with private_folder() as folder:
         alias = Path(folder) / f"image{ending}"
         try:
             alias.symlink_to(path.resolve())

@@ -205,7 +205,7 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
     assert "Traceback" not in said
     assert not psutil.wait_procs(workers, timeout=10.0)[1], "workers are left"
     assert [path.name for path in out.iterdir()] == ["cohort.csv"]
-    assert not list(tmp_path.glob("vittf-cohort-*"))
+    assert not list(tmp_path.glob("vittf-*"))
     assert rows_of(out / "cohort.csv")[cohort_worker.NEVER_ENDS]["status"] == "waiting"
 
 

@@ -291,11 +291,11 @@ def test_files_that_windows_still_holds_for_a_killed_process_are_removed_a_momen
     process.end()
     rmtree, refusals = shutil.rmtree, [3]
 
-    def refused_at_first(folder: Path, ignore_errors: bool) -> None:
+    def refused_at_first(folder: Path, **options: Any) -> None:
         if refusals[0]:
             refusals[0] -= 1
         else:
-            rmtree(folder, ignore_errors=ignore_errors)
+            rmtree(folder, **options)
 
     monkeypatch.setattr(shutil, "rmtree", refused_at_first)
     monkeypatch.setattr(sys, "platform", "win32")
@@ -325,7 +325,7 @@ def test_where_the_temporary_folder_has_no_room_the_reason_is_known(
     client = start()
     polls_until(lambda: bool(client.replies() or client.alive))
     (folder,) = tmp_path.glob("vittf-*")
-    folder.rmdir()
+    shutil.rmtree(folder)
     client.request(TakeVolume(np.zeros((2, 2, 2)), Geometry((2, 2, 2), np.eye(4)), "CT"))
     polls_until(lambda: bool(client.replies() or not client.alive))
     assert "no room in the folder for temporary files" in client.last_words()

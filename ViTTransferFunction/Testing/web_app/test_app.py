@@ -341,6 +341,10 @@ def pretended(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     def pretend(platform: str) -> None:
         if platform == "win32":
             monkeypatch.setattr(app_command, "sys", SimpleNamespace(platform=platform))
+            monkeypatch.setattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE, raising=False)
+            monkeypatch.setattr(
+                ctypes, "windll", SimpleNamespace(kernel32=SimpleNamespace(SetConsoleCtrlHandler=lambda *_: 1)), raising=False
+            )
             # Ctrl-Break, by any number that nobody uses.
             monkeypatch.setattr(signal, "SIGBREAK", signal.SIGUSR1, raising=False)
 
@@ -418,6 +422,40 @@ def test_an_interruption_while_slicers_code_is_loaded_waits_until_it_is_and_then
     finally:
         signal.signal(signal.SIGTERM, before)
     assert loaded
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a window cannot be closed there by a test")
+@pytest.mark.parametrize(("event", "ends"), [(0, False), (1, False), (2, True), (5, True), (6, True)])
+def test_on_windows_a_console_window_that_is_closed_has_the_app_end_before_the_process_does(
+    event: int, ends: bool, pretended: Callable[[str], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pretended("win32")
+    heard: list[Any] = []
+    stopped: list[bool] = []
+    until_stopped = threading.Event()
+    ctypes.windll.kernel32.SetConsoleCtrlHandler = lambda handler, _: heard.append(handler)  # type: ignore[attr-defined]
+    # Windows ends the process when the call returns.
+    monkeypatch.setattr(app_command, "time", SimpleNamespace(sleep=lambda _: until_stopped.wait(60.0)))
+
+    class App:
+        def __init__(self, settings: dict[str, Any]) -> None:
+            self._stopped = asyncio.Event()
+
+        def stop(self) -> None:
+            self._stopped.set()
+
+        async def start(self, *_: Any) -> None:
+            calling = asyncio.create_task(asyncio.to_thread(heard[0], event))
+            if ends:
+                await asyncio.wait_for(self._stopped.wait(), 60.0)
+                stopped.append(not calling.done())
+                until_stopped.set()
+            assert await calling == ends
+
+    monkeypatch.setattr(app_module, "WebApp", App)
+    asyncio.run(app_command._serve(ON_ANY_PORT, {}))
+    assert stopped == [True] * ends
+    assert heard[0](event) == ends, "the loop has ended"
 
 
 def test_edges_of_a_slice_name_the_sides_of_the_patient() -> None:
