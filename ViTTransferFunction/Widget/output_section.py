@@ -127,6 +127,7 @@ def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:
     box = qt.QMessageBox(slicer.util.mainWindow())
     box.icon = qt.QMessageBox.Question
     box.windowTitle = _("Update segments")
+    box.textFormat = qt.Qt.PlainText  # Names may look like tags.
     box.text = _("Changed since the last update: {names}.").format(names=", ".join(names))
     box.informativeText = _(
         "Keep corrections: they stay, and new results are written beside them as new segments. Overwrite corrections: they are "

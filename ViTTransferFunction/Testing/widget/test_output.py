@@ -12,7 +12,7 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QApplication, QMessageBox
 
 from ViTTransferFunction.Testing.support.scenes import add_segment, segment_masks
@@ -138,13 +138,13 @@ def test_the_question_names_the_segments_and_keeps_by_default(
 
     def press() -> None:
         box = next(top for top in QApplication.topLevelWidgets() if isinstance(top, QMessageBox) and top.isVisible())
-        seen.append(box.text())
+        seen.append(box.text() if box.textFormat() == Qt.TextFormat.PlainText else "")
         button = next((button for button in box.buttons() if button.text() == pressed), box.defaultButton())
         button.click()
 
     QTimer.singleShot(0, press)
-    assert ask_about_corrections(("liver", "spleen")) == answer
-    assert "liver, spleen" in seen[0]
+    assert ask_about_corrections(("liver <b>2</b>", "spleen")) == answer
+    assert "liver <b>2</b>, spleen" in seen[0]
 
 
 def test_a_tested_application_is_not_asked_and_keeps_corrections(widget: Any) -> None:
