@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-import os
-import sys
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from functools import partial
@@ -40,6 +37,7 @@ from .points_file import add_points, are_points
 from .routes import Routes
 from .scene_files import import_scene, parameter_node, unpacked_session
 from .series_question import SeriesQuestion
+from .serving import Serving
 from .slicer_views import SlicerViews, slice_tools
 from .volumes import OPENING, add_volume, sample_path, volume_of_files, windows_of
 
@@ -51,12 +49,6 @@ PICTURE_S = 0.05
 """How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
-HEART_BEAT_S = 180
-"""How often the browser is asked whether it is there. It is given up after half of that without an answer: a browser that gets
-no time from the processors is not gone."""
-SECONDS_TO_END = 2.0
-"""For files that are still being sent or fetched when the app ends. Then they are cut off: a browser that takes nothing any
-more, since its computer sleeps say, does not hold up the end, and what is tidied up with it."""
 BRUSH_MM = 6.0
 SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
@@ -90,7 +82,6 @@ class WebApp:
 
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
-        self.server.options["ws_heart_beat"] = HEART_BEAT_S
         self._slicer = SlicerApp()
         self.scene = self._slicer.scene
         self._settings = dict(settings or {})
@@ -150,35 +141,13 @@ class WebApp:
             on_warning(access.warning)
         self.server.controller.on_server_bind.add(Routes(self, access.path).add)
         self.server.controller.on_server_ready.add(lambda **_: on_ready(access.address(self.server.port)))
-        # Nearly all that is sent is pictures, which are compressed already.
-        self.server.cli.set_defaults(nowscompress=True)
-        access.install(self.server)
-        serving = self.server.start(
-            host=host,
-            port=port,
-            timeout=0,
-            thread=True,  # Signals are the caller's.
-            open_browser=False,
-            show_connection_info=False,
-            disable_logging=True,
-            exec_mode="coroutine",
-        )
-        asyncio.get_running_loop().set_exception_handler(_without_lost_connections)
-        logging.getLogger("wslink.protocol").addFilter(_tells_no_lost_connection)
+        serving = Serving(self.server, access, port)
         following = asyncio.create_task(self._follow())
-        serving_task = asyncio.create_task(serving)
         if volume is not None:
             self.begin(self.open_files([volume], series))
         stopped = asyncio.create_task(self._stopped.wait())
         try:
-            await asyncio.wait({following, serving_task, stopped}, return_when=asyncio.FIRST_COMPLETED)
-            for task in (following, serving_task):
-                if task.done():
-                    task.result()  # Raises what ended it.
-        except OSError as error:
-            raise InputError(
-                f"Nothing can listen at {host}, port {port}: {_reason(error)}. Choose another port or host."
-            ) from error
+            await serving.until_any(following, stopped)
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
@@ -186,12 +155,7 @@ class WebApp:
             self.series.answer("")
             self.films.give_up()
             self.session.close()
-            if not serving_task.done():
-                cut_off = asyncio.get_running_loop().call_later(SECONDS_TO_END, access.cut_off)
-                with suppress(Exception):
-                    await self.server.stop()
-                cut_off.cancel()
-                serving_task.cancel()
+            await serving.end()
 
     def stop(self) -> None:
         """Have `start` end."""
@@ -468,26 +432,3 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
-
-
-def _reason(error: OSError) -> str:
-    """Why a port cannot be had, in the system's words."""
-    if not error.errno:
-        return str(error)
-    if sys.platform == "win32":
-        import ctypes
-
-        # What is wrong with sockets has numbers that the C library does not know.
-        return ctypes.FormatError(error.errno).rstrip(".")
-    return os.strerror(error.errno)
-
-
-def _tells_no_lost_connection(record: logging.LogRecord) -> bool:
-    """Whether a line of the log is of something else; for a filter. It is written where the error is handled."""
-    return not isinstance(sys.exc_info()[1], ConnectionError)
-
-
-def _without_lost_connections(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Handle what a task ended with: that the browser was gone when pictures were sent to it is nothing to report."""
-    if not isinstance(context.get("exception"), ConnectionError):
-        loop.default_exception_handler(context)

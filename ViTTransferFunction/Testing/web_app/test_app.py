@@ -37,7 +37,7 @@ from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.views import drag
 from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
-from ViTTransferFunction.WebApp import packing, scene_files
+from ViTTransferFunction.WebApp import packing, scene_files, serving
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 
@@ -356,7 +356,7 @@ def test_why_nothing_can_listen_is_told_in_the_words_of_windows(monkeypatch: pyt
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(ctypes, "FormatError", said.get, raising=False)
     in_use = OSError(10048, "error while attempting to bind on address ('127.0.0.1', 80)")
-    assert app_module._reason(in_use) == "Only one usage of each socket address is normally permitted"
+    assert serving._reason(in_use) == "Only one usage of each socket address is normally permitted"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be sent a Ctrl-C there")
