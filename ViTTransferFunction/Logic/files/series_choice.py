@@ -8,7 +8,7 @@ from pathlib import Path
 from ..core.errors import InputError, shown
 from .dicom_folder import DicomSeries
 
-_HOW = "Choose one by its number or by a part of its line that no other has: --series, or a column series in a table of cases."
+_HOW = "Choose by a part of a line that no other has, or by a series' number: --series, or a column series in a table of cases."
 
 MOST_TOLD = 20
 """Lines in a message; of time points there may be hundreds."""
