@@ -18,7 +18,6 @@ import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..compute.requests import Labels
 from ..core.annotated_class import AnnotatedClass
 from ..core.class_map import is_near
 from ..core.errors import InputError
@@ -43,13 +42,12 @@ from .point_tour import PointTour
 from .points_in_3d import hold_in_3d
 from .problems import Problems
 from .regions import SceneRegions
-from .segment_output import SegmentOutput
 from .segment_tags import segments_of_classes
+from .segment_writing import SegmentWriting
 from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .written_segments import WrittenSegments
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""
@@ -96,12 +94,17 @@ class SceneSession:
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
-        self._output = SegmentOutput(scene, app_logic, self.parameters, lambda: self.classes)
-        self._corrections: Corrections = "keep"
-        self._written_from = ""
-        self.written = WrittenSegments(
-            self.parameters, lambda: self.classes, lambda: self._requests.requests, lambda: self._proxy.voxels
+        self._writing = SegmentWriting(
+            scene,
+            app_logic,
+            self.parameters,
+            self._proxy,
+            self._problems,
+            self._volume,
+            lambda: self.classes,
+            lambda: self._requests.requests,
         )
+        self.written = self._writing.written
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._observers = SceneObservers()
@@ -136,7 +139,7 @@ class SceneSession:
     @property
     def progress(self) -> WorkProgress | None:
         """Of the running extraction or segmentation, of close-ups, or of the writing of segments."""
-        return self._proxy.progress or self._output.progress
+        return self._proxy.progress or self._writing.progress
 
     @property
     def looks_closer(self) -> bool:
@@ -154,7 +157,7 @@ class SceneSession:
         return (
             self._proxy.busy
             or self.views.pending
-            or self._output.busy
+            or self._writing.busy
             or self._other_segments.busy
             or self._segments_changed
             or self.volume_changed
@@ -343,7 +346,7 @@ class SceneSession:
             self._close_ups.take_back()
         else:
             self._proxy.cancel()
-        self._output.cancel()
+        self._writing.cancel()
         self._notify()
 
     def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
@@ -356,19 +359,7 @@ class SceneSession:
                 segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
                 otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
         """
-        self._problems.solve("segments")
-        self._problems.solve("computing")
-        if self.can_write_segments and not self._is_annotated:
-            self._remove_left_segments()
-        elif self.phase != "ready" or not self._requests.requests:
-            self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
-        elif self.volume_changed:
-            self._report("The image has just changed. Wait until its features are ready, then create the segments.")
-        elif corrections == "ask":
-            self._output.find_corrections(if_none=self.write_segments)
-        else:
-            self._corrections, self._written_from = corrections, self.written.source_now
-            self._proxy.segment(self.parameters.refinement())
+        self._writing.write(corrections)
         self._notify()
 
     def export_rendering(self) -> None:
@@ -383,13 +374,11 @@ class SceneSession:
     @property
     def can_write_segments(self) -> bool:
         """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
-        if self._is_annotated:
-            return self.phase == "ready"
-        return self.phase != "no volume" and bool(self.written.left)
+        return self._writing.can_write
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""
-        return self._output.take_written()
+        return self._writing.take_written()
 
     def segment_of(self, id_: str) -> str | None:
         """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
@@ -398,7 +387,7 @@ class SceneSession:
 
     def take_corrected(self) -> tuple[str, ...]:
         """Names of the segments about which the front end has to ask the user since the last call; most often none."""
-        return self._output.take_corrected()
+        return self._writing.take_corrected()
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
@@ -418,9 +407,9 @@ class SceneSession:
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
             self._use_segment_points()
-        writing = self._output.busy
+        writing = self._writing.busy
         if "labels" in events or writing:
-            self._advance_output()
+            self._writing.advance()
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
@@ -483,7 +472,7 @@ class SceneSession:
         """The volume was looked at; `anew`: and handed over."""
         if anew:
             self._asked = None
-            self._output.cancel()
+            self._writing.cancel()
         self._take_problem()
         self.annotations.refresh()
         if anew:
@@ -527,19 +516,6 @@ class SceneSession:
             kept.append(segmentation)
         self._observers.keep_only(kept)
 
-    @property
-    def _is_annotated(self) -> bool:
-        """Whether there is a class that a segment can be made of."""
-        return any(state.positive for state in self.classes)
-
-    def _remove_left_segments(self) -> None:
-        """Write that there are no structures any more, for which nothing has to be computed."""
-        nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
-        try:
-            self._output.write(nothing, (), "keep", self.written.source_now)
-        except InputError as error:
-            self._report(str(error))
-
     def _show(self) -> None:
         self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)
 
@@ -565,26 +541,6 @@ class SceneSession:
             self._report(str(error))
             self._segments_changed = True  # There may be others, which the next poll takes up.
         self._ask_for_maps()
-
-    def _advance_output(self) -> None:
-        """Take labels in that have arrived, or go on to turn them into segments."""
-        arrived, self._proxy.labels = self._proxy.labels, None
-        if self.volume_changed:
-            self._output.cancel()
-            self._report(
-                "The image has changed meanwhile, so no segments were written. Write them again when its features are ready."
-            )
-            return
-        try:
-            if arrived is not None:
-                labels, ids = arrived
-                self._output.write(labels, ids, self._corrections, self._written_from)
-            else:
-                self._output.advance()
-            if notices := self._output.take_notices():
-                self._report(" ".join(notices))
-        except InputError as error:
-            self._report(str(error))
 
     def _take_problem(self) -> None:
         if error := self._proxy.take_error():
