@@ -27,6 +27,7 @@ class VolumeSection(Section):
         self._offered = OfferedVolume(slicer.app.applicationLogic())
         self._consent = DownloadConsent()
         self._pressed = False
+        self._told_name = ""
         ui.volumeSelector.setMRMLScene(slicer.mrmlScene)
         ui.volumeSelector.currentNodeChanged.connect(self._on_volume_selected)
         ui.extractButton.clicked.connect(self._on_extract)
@@ -46,6 +47,7 @@ class VolumeSection(Section):
             qt.QTimer.singleShot(0, self._go_on)
         self._show_features(session, "extracting" if self._pressed else phase)
         self._show_points_beyond(session)
+        self._tell_of_name(session)
 
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
         ui, status = self.ui, status_text(session, phase)
@@ -67,6 +69,17 @@ class VolumeSection(Section):
         lines = [points_beyond_text(names[id_], count) for id_, count in outside.items() if id_ in names]
         self.ui.pointsOutsideLabel.visible = bool(lines)
         self.ui.pointsOutsideLabel.text = "\n".join(lines)
+
+    def _tell_of_name(self, session: SceneSession | None) -> None:
+        """Slicer writes an & in a volume's name into scenes as no XML; the name is the user's to change."""
+        name = _volume_name(session)
+        told, self._told_name = self._told_name, name
+        if name != told and "&" in name:
+            text = _(
+                "Slicer may be unable to open a scene again that was saved with an & in a name, such as {name}. Rename the "
+                "scan before you save, by a double click on it in the module Data."
+            )
+            self.report(text.format(name=name), solved=lambda: _volume_name(self.session) != name)
 
     def _on_volume_selected(self) -> None:
         if self.session is not None:
@@ -101,6 +114,11 @@ class VolumeSection(Section):
         if self.session is not None:
             self.session.cancel()
         self.refresh()
+
+
+def _volume_name(session: SceneSession | None) -> str:
+    volume = session.parameters.volume if session else None
+    return (volume.GetName() or "") if volume else ""
 
 
 def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:

@@ -65,6 +65,20 @@ def test_who_chooses_no_volume_has_none_until_another_one_is_shown(
     assert widget.panel.session.parameters.volume is other
 
 
+def test_a_name_with_which_slicer_opens_no_saved_scene_is_told_once_until_it_is_another(widget: Any, volume: Any) -> None:
+    message = widget.ui.messageLabel
+    volume.SetName("CT Head & Neck")
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    assert "such as CT Head & Neck" in message.text()
+    widget.ui.messageCloseButton.click()
+    add_class(widget)
+    assert not message.text()
+    volume.SetName("CT Head & Chest")
+    assert "such as CT Head & Chest" in message.text()
+    volume.SetName("CT Head and Neck")
+    assert not message.text()
+
+
 def test_of_several_volumes_none_is_guessed(widget: Any, volume: Any, slicer_app: Any, spheres: Spheres) -> None:
     add_volume(slicer_app.scene, spheres[0])
     QTest.qWait(1)
