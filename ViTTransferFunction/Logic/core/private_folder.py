@@ -41,7 +41,8 @@ class PrivateFolder(tempfile.TemporaryDirectory[str]):
         super().__init__(prefix=PREFIX, dir=place, ignore_cleanup_errors=True)
         self._lock: int | None = os.open(Path(self.name, LOCK), os.O_RDWR | os.O_CREAT, 0o600)
         take_lock(self._lock)
-        _tidy(Path(self.name).parent)
+        for each in (Path(self.name).parent, Path(tempfile.gettempdir())):
+            _tidy(each)
 
     def cleanup(self) -> None:
         """Remove it."""

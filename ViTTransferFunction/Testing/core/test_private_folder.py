@@ -6,6 +6,7 @@ import atexit
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,11 @@ import pytest
 
 from ViTTransferFunction.Logic.core import private_folder as module
 from ViTTransferFunction.Logic.core.private_folder import LOCK, YOUNG_S, private_folder
+
+
+@pytest.fixture(autouse=True)
+def folder_for_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 def test_a_folder_goes_with_all_that_is_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,6 +137,16 @@ def test_what_another_user_has_put_there_stays(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(os, "getuid", lambda: -2)
     start_again(tmp_path, monkeypatch)
     assert folder.exists()
+
+
+def test_it_is_looked_in_the_folder_of_temporary_files_also_where_the_first_is_made_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_memory = tmp_path / "memory"
+    in_memory.mkdir()
+    folders = left(tmp_path), left(in_memory)
+    start_again(in_memory, monkeypatch)
+    assert not any(folder.exists() for folder in folders)
 
 
 def test_a_process_looks_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
