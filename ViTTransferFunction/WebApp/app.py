@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from functools import partial
@@ -15,7 +16,7 @@ from trame_slicer.core import SlicerApp
 
 from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
-from ..Logic.core.private_folder import private_folder
+from ..Logic.core.private_folder import PREFIX, private_folder
 from ..Logic.core.user_path import user_path
 from ..Logic.core.volume import Volume
 from ..Logic.files.series_choice import SeveralSeries
@@ -265,7 +266,7 @@ class WebApp:
                     take_up()
         except InputError as error:
             if self._opening is paths:
-                self.report(str(error), OPENING)
+                self.report(_as_users_know(str(error), paths), OPENING)
         finally:
             if self._opening is paths:
                 with self.server.state as state:
@@ -351,7 +352,8 @@ class WebApp:
         if paths[0].name.lower().endswith(SESSION_ENDING):
             return partial(self._open_session, paths[0].name, unpacked_session(paths[0], folder))
         warnings: list[str] = []
-        return partial(self._begin_anew, volume_of_files(paths, warnings.append, series), warnings)
+        volume = volume_of_files(paths, lambda warning: warnings.append(_as_users_know(warning, paths)), series)
+        return partial(self._begin_anew, volume, warnings)
 
     def _open_session(self, name: str, scene_file: Path) -> None:
         """Replace what is open by an unpacked session, which users know by a name."""
@@ -432,3 +434,11 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
+
+
+def _as_users_know(text: str, paths: list[Path]) -> str:
+    """A message about files without the private folder that they were sent to, of which users do not know."""
+    folder = paths[0].parent
+    if not folder.parent.name.startswith(PREFIX):
+        return text
+    return text.replace(f"{folder}{os.sep}", "").replace(f"{folder.parent}{os.sep}", "")

@@ -163,6 +163,10 @@ def _check_voxels_are_inside(path: Path, folder: Path) -> None:
     """A header may name any file of the computer as that of its voxels."""
     if image_ending(path) is None:
         return
-    stored = locate_voxels(path)
+    try:
+        stored = locate_voxels(path)
+    except InputError as error:
+        # The user has it in another folder, of which we do not know.
+        raise InputError(str(error).replace(str(path), path.name)) from error
     if stored is not None and folder.resolve() not in stored.path.resolve().parents:
         raise InputError(f"{path.name} names a file elsewhere as that of its voxels. Save it as one file, .nrrd say.")

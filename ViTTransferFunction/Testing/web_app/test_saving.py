@@ -215,6 +215,33 @@ def test_several_series_that_were_sent_are_kept_until_one_of_them_is_chosen(
     opened(journey)
 
 
+@pytest.mark.parametrize(
+    ("copies", "content", "why"),
+    [
+        (1, b"NRRD0004\n", "scan.nrrd"),
+        (1, b"no image", "scan.nrrd cannot be read as an image: it is no NRRD file"),
+        (2, None, "The DICOM series in DICOM series has two slices at one place: 000-2.dcm and 000.dcm"),
+    ],
+    ids=["cut off", "another kind", "slices twice"],
+)
+def test_what_is_wrong_with_files_that_were_sent_is_told_without_names_of_this_computer(
+    in_app: Callable[[Journey], None], tmp_path: Path, copies: int, content: bytes | None, why: str
+) -> None:
+    form = aiohttp.FormData()
+    slices = write_dicom(tmp_path / "sent", make_scan(random.Random(0), ("int16",))) if content is None else ()
+    for name, sent in [("scan.nrrd", content)] if content is not None else [(path.name, path.read_bytes()) for path in slices]:
+        for _ in range(copies):
+            form.add_field("files", sent, filename=name)
+
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser, browser.post("/upload", data=form) as response:
+            assert response.status in (200, 400)
+        assert app.server.state.message.startswith(why)
+        assert "vittf-" not in app.server.state.message
+
+    in_app(journey)
+
+
 @pytest.mark.parametrize("stem", ["Müller Löwe 肝", "CT 3.2", "aux", "50%2f #1 & 'x' $HOME"])
 def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
     opened: Callable[[Journey], None], file: Path, stem: str
