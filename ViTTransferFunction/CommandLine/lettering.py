@@ -1,6 +1,6 @@
 """Text as pixels: in the font that comes with VTK, which has Latin letters alone, or in one of the system's with its letters.
 
-VTK sets one letter after the other, from left to right: what is written from the right, and joined, it cannot write.
+VTK sets one letter after the other, from left to right: what is written from the right is put into that order before.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkRenderingCore import vtkTextProperty, vtkTextRenderer
 from vtkmodules.vtkRenderingFreeType import vtkFreeTypeTools  # noqa: F401  (importing it gives vtkTextRenderer its fonts)
+
+from ViTTransferFunction.CommandLine.right_to_left import can_be_set, set_from_the_left
 
 logger = logging.getLogger(__name__)
 
@@ -45,13 +47,12 @@ _FROM_A_FILE = 4
 """VTK_FONT_FILE, which Python is not told of."""
 _IN_NO_FONT = "\U0010ffff"
 _SAMPLE_PIXELS = 24
-_FROM_THE_RIGHT = ("R", "AL")
 
 
 def text_coverage(text: str, size: int) -> np.ndarray:
     """How much of each pixel a line of `text` covers, (h, w) float32, 0 to 1; its letters change no line's height."""
     text = unicodedata.normalize("NFC", text)  # Macs write a letter and its accent apart.
-    return _coverage(text, size, font_of(text) or "")
+    return _coverage(set_from_the_left(text), size, font_of(text) or "")
 
 
 def legible_names(names: Sequence[str]) -> list[str]:
@@ -69,9 +70,10 @@ def legible_names(names: Sequence[str]) -> list[str]:
 @lru_cache(maxsize=1000)
 def font_of(text: str) -> str | None:
     """The file of a font that has all letters of a text; "" for VTK's own; None where there is none."""
-    if any(unicodedata.bidirectional(letter) in _FROM_THE_RIGHT for letter in text):
+    if not can_be_set(text):
         return None
-    letters = sorted({letter for letter in text if not letter.isspace() and unicodedata.category(letter) not in ("Mn", "Cf")})
+    seen = set_from_the_left(text)
+    letters = sorted({letter for letter in seen if not letter.isspace() and unicodedata.category(letter) not in ("Mn", "Cf")})
     return next((font for font in _fonts() if all(_has(font, letter) for letter in letters)), None)
 
 

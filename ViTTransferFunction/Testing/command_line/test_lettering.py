@@ -11,6 +11,7 @@ import pytest
 
 from ViTTransferFunction.CommandLine import lettering
 from ViTTransferFunction.CommandLine.lettering import font_of, legible_names, text_coverage
+from ViTTransferFunction.CommandLine.right_to_left import set_from_the_left
 
 
 @pytest.fixture
@@ -40,11 +41,19 @@ def test_other_letters_are_drawn_in_a_font_of_the_system(fonts: Path, name: str)
     assert not np.array_equal(text_coverage(name, 20), text_coverage(name[::-1], 20))
 
 
+@pytest.mark.parametrize("name", ["كبد", "כבד", "کبد", "liver (כבד)", "الأورطى 2"])
+def test_what_is_written_from_the_right_is_drawn_as_it_is_read(fonts: Path, name: str) -> None:
+    assert legible_names([name]) == [name]
+    drawn = text_coverage(name, 40)
+    np.testing.assert_array_equal(drawn, lettering._coverage(set_from_the_left(name), 40, str(fonts)))
+    assert not np.array_equal(drawn, lettering._coverage(name, 40, str(fonts)))
+
+
 def test_a_letter_and_its_accent_may_be_apart(fonts: Path) -> None:
     np.testing.assert_array_equal(text_coverage("Mu\u0308ller", 20), text_coverage("Müller", 20))
 
 
-@pytest.mark.parametrize("name", ["肝臓", "간", "liver 肝", "كبد", "כבד"])
+@pytest.mark.parametrize("name", ["肝臓", "간", "liver 肝", "ܟܒܕܐ", "כָּבֵד", "كَبِد"])
 def test_a_name_that_cannot_be_drawn_is_its_number_and_that_is_told(
     fonts: Path, name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
