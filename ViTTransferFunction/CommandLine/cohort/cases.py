@@ -112,7 +112,8 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
 
 
 def _cases_of_rows(reader: csv.DictReader[str], path: Path) -> Iterator[Case]:
-    missing = [column for column in COLUMNS if column not in (reader.fieldnames or ())]
+    reader.fieldnames = [column.strip().casefold() for column in reader.fieldnames or ()]
+    missing = [column for column in COLUMNS if column not in reader.fieldnames]
     if missing:
         raise InputError(f"{path} has no column '{missing[0]}'; expected a first line with {','.join(COLUMNS)}.")
     folder = path.resolve().parent

@@ -65,6 +65,11 @@ def test_a_table_may_say_which_series_of_a_folder_is_meant(tmp_path: Path) -> No
     assert [case.series for case in cases] == ["T1 axial", None, None]
 
 
+def test_headings_may_have_capitals_and_spaces(tmp_path: Path) -> None:
+    (case,) = read_cases(table(tmp_path, "Case , VOLUME,Annotations,Series ", "a,a.nrrd,a.json,T1"))
+    assert (case.name, case.volume.name, case.series) == ("a", "a.nrrd", "T1")
+
+
 def test_lines_that_were_emptied_in_a_spreadsheet_are_passed_over(tmp_path: Path) -> None:
     (case,) = read_cases(table(tmp_path, HEADING, ",,", "a,a.nrrd,a.json", ",,,,"))
     assert case.name == "a"

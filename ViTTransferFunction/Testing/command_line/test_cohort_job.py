@@ -122,7 +122,7 @@ def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once
     assert finished.status == "unchanged"
     assert other.finished() is None
     assert "outside" in segment_case(other).message
-    assert "holds 2 DICOM series" in segment_case(unnamed).message
+    assert "holds 2 DICOM volumes" in segment_case(unnamed).message
 
 
 @pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])
