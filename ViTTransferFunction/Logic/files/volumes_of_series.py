@@ -16,10 +16,12 @@ import numpy as np
 from .dicom_slice import DicomSlice, heights, turned
 
 SAME_PLACE = 0.01
-"""Heights that differ by less are one, as a share of the largest distance between neighbours."""
+"""Heights that differ by less are one, as a share of the distance between places."""
+SAME_HEIGHT_MM = 0.001
+"""And by less than this: that of rounding."""
 
 SAME_PLACE_MM = 0.1
-"""By which slices at one height may lie off each other within their plane: that of rounding."""
+"""By which slices at one height may lie off each other within their plane."""
 
 
 @dataclass(frozen=True)
@@ -99,9 +101,10 @@ def _places(slices: Sequence[DicomSlice]) -> list[int] | None:
     if len({one.size for one in slices}) > 1 or slices[0].size[2] > 1 or turned(slices).any():
         return None
     gaps = np.diff(heights(slices))
-    if not (gaps > 0).any():
+    between_places = gaps[gaps > SAME_HEIGHT_MM]
+    if not between_places.size:
         return None
-    places = np.concatenate([[0], np.cumsum(gaps > SAME_PLACE * gaps.max())])
+    places = np.concatenate([[0], np.cumsum(gaps > SAME_PLACE * np.median(between_places))])
     positions = np.array([one.position for one in slices])
     _, first = np.unique(places, return_index=True)
     away = np.linalg.norm(positions - positions[first[places]], axis=1)

@@ -158,3 +158,13 @@ def test_stacks_side_by_side_are_not_mixed(tmp_path: Path) -> None:
 def test_a_series_of_one_volume_is_not_split_whatever_differs(tmp_path: Path) -> None:
     write(tmp_path, lambda _, k: {ACQUISITION: str(k), ECHO_TIME: str(k), TRIGGER: str(k)}, (4,))
     assert len(read_volume(tmp_path, pytest.fail).array) == 4
+
+
+def test_a_large_gap_does_not_make_one_place_of_neighbours(tmp_path: Path) -> None:
+    """As where a scan went on far below: it is read as it lies, with a warning."""
+    for k, height in enumerate((0.0, 1.0, 2.0, 503.0, 504.0, 505.0)):
+        scan = Scan(np.full((1, 6, 7), k, np.int16), np.ones(3), np.eye(3), np.array([0.0, 0.0, height]), ([], []))
+        write_dicom(tmp_path, scan, first=k, about={**ABOUT, NUMBER: str(k % 3)})
+    warnings: list[str] = []
+    assert len(read_volume(tmp_path, warnings.append).array) == 6
+    assert "slices may be missing" in warnings[0]
