@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.geometry import Geometry
+from ..core.long_rows import long_rows
 from ..core.resampling import sample_by
 from ..core.torch_arrays import array_of, tensor_of
 from .feature_volume import FeatureVolume, Moments
@@ -62,7 +63,8 @@ class NormalisedFeatures:
     """Unit vectors whose dot products are the cosine similarities of Eq. 1.
 
     Attributes:
-        array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself).
+        array: (K', J', I', C') float32, each vector of length 1 (or 0 where the feature was the mean itself). It lies in memory
+            channel by channel: then the products of all vectors with one take less than half as long.
         transform: what was applied before normalising.
         source: the features as extracted, with their moments where these were needed.
     """
@@ -95,13 +97,15 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     if statistics != "none" and features.moments is None:
         features = replace(features, moments=_moments(features.array))
     transform = _fit_transform(features, statistics)
-    array = np.empty((*features.cells.shape, transform.channels), dtype=np.float32)
+    by_channels = long_rows(transform.channels, int(np.prod(features.cells.shape)))
     # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
     # layer, so that no full-size float32 copy of the raw features is ever made.
     mapped = (transform.apply(layer) for layer in features.array)
-    for place, layer in zip(array, interpolated_layers(mapped, features.geometry.shape, features.cells.shape), strict=True):
-        place[...] = unit_vectors(layer)
-    return NormalisedFeatures(array, transform, features)
+    layers = interpolated_layers(mapped, features.geometry.shape, features.cells.shape)
+    array = by_channels.unflatten(1, features.cells.shape).movedim(0, -1)
+    for place, layer in zip(array, layers, strict=True):
+        place.copy_(tensor_of(unit_vectors(layer)))
+    return NormalisedFeatures(array_of(array), transform, features)
 
 
 def unit_vectors(vectors: np.ndarray) -> np.ndarray:

@@ -85,8 +85,7 @@ class KernelRidge:
         self._background, self._background_cells = cells.subset(background), background
         self._background_kernel = place_kernel(self._background, self._background).astype(np.float64)
         self._rows = KernelRows(len(background), len(centres))
-        for first_cell, kernel in self._with_cells.by_parts(self._background):
-            self._rows.put_background(first_cell, kernel)
+        self._with_cells.write(self._background, self._rows.background)
 
     def maps(
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
@@ -100,11 +99,13 @@ class KernelRidge:
         share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
         weights, without_negatives = self._weights(annotated, points, keys, joined, share)
 
-        def rows_of(index: int) -> tuple[np.ndarray, np.ndarray]:
+        def write_row(index: int, row: np.ndarray) -> np.ndarray:
             between()
-            return self._rows_of(points.subset(np.array([index])), keys[index])
+            self._with_cells.write(points.subset(np.array([index])), row[None])
+            (joined,) = self._connected.at([keys[index]])
+            return joined
 
-        rows = self._rows.indices(keys, rows_of)
+        rows = self._rows.indices(keys, write_row)
         of_rows, without = (self._weights_of_rows(each, rows, share) for each in (weights, without_negatives))
         for together in _in_turns(len(requests), first):
             scores = self._rows.weighted(of_rows[together])
@@ -166,11 +167,6 @@ class KernelRidge:
         geometry = self._features.geometry
         cells: np.ndarray = np.ravel_multi_index(tuple(geometry.nearest_voxels(points_ras).T), geometry.shape)
         return cells
-
-    def _rows_of(self, point: Places, key: bytes) -> tuple[np.ndarray, np.ndarray]:
-        """Kernel of one point with all cells, and their connectedness, (cells,) float32 each."""
-        (row,), (joined,) = self._with_cells.of(point), self._connected.at([key])
-        return row, joined
 
     def iso(self, coarse: SimilarityMap, requests: Sequence[ClassRequest], index: int) -> IsoProposals:
         """See `SimilarityRule`."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.long_rows import long_rows
 from ..core.torch_arrays import array_of, tensor_of
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ CELLS_AT_ONCE = 256
 long."""
 FEW_SUMS = 2
 """So many sums are computed one by one: each is bound by reading the rows once, which takes a third of a product's time."""
-_ALIGNMENT, _PADDING = 1024, 272
-"""Rows begin at places in memory that differ by more than whole pages, or they would all compete for the same places of the
-processor's caches: with 64³ cells, a product would take twice as long."""
 ROWS_OF_POINT = 2
 """A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
 ROWS_OF_ROOM = 128
@@ -35,21 +33,21 @@ class KernelRows:
     processor has bfloat16 in hardware, they are in float32: without matrix units that is as fast, and a single sum much faster.
 
     Args:
-        background: how many background cells there are; `put_background` has to give all of their rows.
+        background: how many background cells there are.
         cells: how many cells, at least one.
+
+    Attributes:
+        background: the kernels of the background cells, (background, cells) float32, which whoever makes this has to write.
+        count: how many rows there are, those of points that are gone among them.
     """
 
     def __init__(self, background: int, cells: int) -> None:
-        self._background = background
         self._cells = cells
         # Of the background cells, and of points.
-        self._rooms = [self._room(background)]
+        self._rooms = [long_rows(background, cells)]
+        self.background = array_of(self._rooms[0])
         self._row_of_key: dict[bytes, int] = {}
         self.count = background
-
-    def put_background(self, first_cell: int, kernel: np.ndarray) -> None:
-        """The kernels of the background cells with the cells from one on, (background, some) float32."""
-        self._rooms[0][:, first_cell : first_cell + kernel.shape[1]] = tensor_of(kernel)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
@@ -78,12 +76,13 @@ class KernelRows:
                 yield room[:used], weights[:, first : first + used]
             first += len(room)
 
-    def indices(self, keys: Sequence[bytes], compute: Callable[[int], tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    def indices(self, keys: Sequence[bytes], write: Callable[[int, np.ndarray], np.ndarray]) -> np.ndarray:
         """The rows of points, (points, 2): a kernel, and the same times something else.
 
-        Where there are none yet, `compute` gives both, (cells,) float32 each, from the point's index in `keys`.
+        Where there are none yet, `write` is given the point's index in `keys` and the first row, (cells,) float32, to write it;
+        and returns what that is multiplied by in the second, (cells,) float32.
 
-        Rows of a key that does not come again are forgotten; `compute` may raise `Cancelled`, and those that it made are kept.
+        Rows of a key that does not come again are forgotten; `write` may raise `Cancelled`, and those that it made are kept.
         """
         import torch
 
@@ -92,28 +91,18 @@ class KernelRows:
         taken = set(self._row_of_key.values())
         for index, key in enumerate(keys):
             if key not in self._row_of_key:
-                kernel, factors = map(tensor_of, compute(index))
-                row = next(row for row in itertools.count(self._background, ROWS_OF_POINT) if row not in taken)
-                taken.add(row)
-                room, within = divmod(row - self._background, ROWS_OF_ROOM)
+                row = next(row for row in itertools.count(len(self.background), ROWS_OF_POINT) if row not in taken)
+                room, within = divmod(row - len(self.background), ROWS_OF_ROOM)
                 while len(self._rooms) < room + 2:
-                    self._rooms.append(self._room(ROWS_OF_ROOM))
+                    self._rooms.append(long_rows(ROWS_OF_ROOM, self._cells))
                 own, times = self._rooms[room + 1][within : within + ROWS_OF_POINT]
-                own.copy_(kernel)
-                torch.mul(kernel, factors, out=times)
+                torch.mul(own, tensor_of(write(index, array_of(own))), out=times)
                 self._row_of_key[key] = row
-        self.count = max(taken, default=self._background - ROWS_OF_POINT) + ROWS_OF_POINT
+                taken.add(row)
+        # Those of points that are gone stay among them, but are numbers, which weights of 0 cancel.
+        self.count = max(taken, default=len(self.background) - ROWS_OF_POINT) + ROWS_OF_POINT
         first = np.array([self._row_of_key[key] for key in keys])
         return first[:, None] + np.arange(ROWS_OF_POINT)
-
-    def _room(self, rows: int) -> Tensor:
-        """Rows (rows, cells) of whatever the memory holds: each is written before it is among the first `count`.
-
-        Those of points that are gone stay among them, but are numbers, which weights of 0 cancel.
-        """
-        import torch
-
-        return torch.empty((rows, -(-self._cells // _ALIGNMENT) * _ALIGNMENT + _PADDING))[:, : self._cells]
 
 
 def _add_products(sums: Tensor, factors: Tensor, rows: Tensor) -> None:

@@ -8,7 +8,6 @@ Two places are alike when their features, their intensities and their positions 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,8 +26,8 @@ POSITION_SIGMA = 0.15
 """σ_x, as a share of the longest edge of the volume, or of that of which it is a part."""
 POSITION_WEIGHT = 0.5
 """a: similarity of far places is this much smaller, so that the second kidney is found, but after the first."""
-CELLS_AT_ONCE = 4096
-"""Kernels of a hundred places with so many cells, a megabyte and a half, stay near the processor while they are computed."""
+PAIRS_AT_ONCE = 2**19
+"""So many values of kernels, two megabytes, stay near the processor while they are computed."""
 RIGHT_ANGLE = 1e-6
 """The largest cosine between axes that count as being at right angles to each other."""
 
@@ -37,7 +36,7 @@ class Places:
     """Where and what.
 
     Args:
-        features: (N, C) float32, unit vectors.
+        features: (N, C) float32, unit vectors; fastest compared where those of many places lie channel by channel.
         positions: (N, 3) float32, in units of σ_x, around the middle of the cells: so that differences of positions far from
             the origin are as exact.
         cdf: (N,) float32, the intensities' CDF.
@@ -55,10 +54,9 @@ def place_kernel(a: Places, b: Places) -> np.ndarray:
     """Kernel of every place of `a` with every place of `b`, (len a, len b) float32."""
     import torch
 
-    squared = torch.zeros((len(a.cdf), len(b.cdf)))
-    for of_a, of_b in zip(a.positions.T, b.positions.T, strict=True):
-        _add_squared_differences(squared, of_a, of_b, 1.0)
-    return _kernel(a, b, squared.mul_(-0.5).exp_())
+    kernel = torch.empty((len(a.cdf), len(b.cdf)))
+    _write_kernel(kernel, a, b, _near(a, b))
+    return array_of(kernel)
 
 
 class CellKernel:
@@ -86,27 +84,22 @@ class CellKernel:
             (np.arange(count) - 0.5 * (count - 1)) * length for count, length in zip(geometry.shape, lengths, strict=True)
         ]
 
-    def of(self, places: Places) -> np.ndarray:
-        """Kernel of places (P) with all cells, (P, cells) float32."""
-        return self._of_lines(places, slice(0, self._shape[0] * self._shape[1]))
-
-    def by_parts(self, places: Places) -> Iterator[tuple[int, np.ndarray]]:
-        """Kernel of many places (P) with some cells after the others: the first one's index, and (P, some) float32."""
-        lines, columns = self._shape[0] * self._shape[1], self._shape[2]
-        at_once = max(1, CELLS_AT_ONCE // columns)
+    def write(self, places: Places, kernel: np.ndarray) -> None:
+        """Write the kernel of places (P) with all cells to an array (P, cells) float32, whose rows may lie apart."""
+        columns, rows = self._shape[2], tensor_of(kernel)
+        lines = self._shape[0] * self._shape[1]
+        at_once = max(1, PAIRS_AT_ONCE // (len(places.cdf) * columns))
         for first in range(0, lines, at_once):
-            yield first * columns, self._of_lines(places, slice(first, min(first + at_once, lines)))
+            some = slice(first, min(first + at_once, lines))
+            cells = self._cells.subset(slice(some.start * columns, some.stop * columns))
+            near = self._near_lines(places, some) if self.at_right_angles else _near(places, cells)
+            _write_kernel(rows[:, some.start * columns : some.stop * columns], places, cells, near)
 
-    def _of_lines(self, places: Places, lines: slice) -> np.ndarray:
-        """Kernel with the cells of some of the lines of cells along I."""
-        columns = self._shape[2]
-        cells = self._cells.subset(slice(lines.start * columns, lines.stop * columns))
-        if not self.at_right_angles:
-            return place_kernel(places, cells)
-        return _kernel(places, cells, self._near(places, lines))
+    def _near_lines(self, places: Places, lines: slice) -> Tensor:
+        """`_near` with the cells of some of the lines of cells along I, where the axes are at right angles.
 
-    def _near(self, places: Places, lines: slice) -> Tensor:
-        """exp(−|x − y|² / 2σ_x²): a product of one such factor for each of the axes, where these are at right angles."""
+        It is a product of one such factor for each of these.
+        """
         along = places.positions @ self._directions.T
         of_k, of_j, of_i = (
             np.exp(-0.5 * (coordinates - of_places[:, None]) ** 2).astype(np.float32)
@@ -116,16 +109,24 @@ class CellKernel:
         return (tensor_of(of_lines)[:, :, None] * tensor_of(of_i)[:, None, :]).flatten(1)
 
 
-def _kernel(a: Places, b: Places, near: Tensor) -> np.ndarray:
-    """Kernel (len a, len b), from exp(−|x − y|² / 2σ_x²)."""
+def _near(a: Places, b: Places) -> Tensor:
+    """exp(−|x − y|² / 2σ_x²), (len a, len b)."""
     import torch
 
-    # In as few passes as there are: far places' part of the weight goes into the exponent, and near ones' is added to it.
-    constant = torch.full((1, 1), math.log(1.0 - POSITION_WEIGHT) - FEATURE_SHARPNESS)
-    exponent = torch.addmm(constant, tensor_of(np.float32(FEATURE_SHARPNESS) * a.features), tensor_of(b.features).T)
-    _add_squared_differences(exponent, a.cdf, b.cdf, -0.5 / INTENSITY_SIGMA**2)
-    far = exponent.exp_()
-    return array_of(far.addcmul_(far, near, value=POSITION_WEIGHT / (1.0 - POSITION_WEIGHT)))
+    squared = torch.zeros((len(a.cdf), len(b.cdf)))
+    for of_a, of_b in zip(a.positions.T, b.positions.T, strict=True):
+        _add_squared_differences(squared, of_a, of_b, 1.0)
+    return squared.mul_(-0.5).exp_()
+
+
+def _write_kernel(kernel: Tensor, a: Places, b: Places, near: Tensor) -> None:
+    """Write the kernel (len a, len b), given exp(−|x − y|² / 2σ_x²), in as few passes as there are."""
+    # Far places' part of the weight goes into the exponent, and near ones' is added to it.
+    kernel.fill_(math.log(1.0 - POSITION_WEIGHT) - FEATURE_SHARPNESS)
+    _add_squared_differences(kernel, a.cdf, b.cdf, -0.5 / INTENSITY_SIGMA**2)
+    kernel.addmm_(tensor_of(np.float32(FEATURE_SHARPNESS) * a.features), tensor_of(b.features).T)
+    far = kernel.exp_()
+    far.addcmul_(far, near, value=POSITION_WEIGHT / (1.0 - POSITION_WEIGHT))
 
 
 def _add_squared_differences(sums: Tensor, a: np.ndarray, b: np.ndarray, weight: float) -> None:

@@ -80,6 +80,14 @@ def test_cells_between_patches_have_the_vectors_that_a_point_there_has() -> None
     )
 
 
+def test_a_channel_of_all_cells_lies_in_one_stretch_of_memory() -> None:
+    array = np.random.default_rng(0).normal(size=(4, 5, 6, 8)).astype(np.float16)
+    by_cells = normalised_features(feature_volume(array), "none").array
+    by_channels = by_cells.reshape(-1, 8).T
+    assert by_channels[3].flags.c_contiguous
+    assert np.shares_memory(by_channels, by_cells)
+
+
 def test_directions_that_do_not_vary_are_dropped() -> None:
     array = np.random.default_rng(0).normal(size=(6, 6, 6, 4)).astype(np.float32)
     array[..., 2] = 7.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 import torch
@@ -17,11 +19,18 @@ def test_sums_are_those_of_the_rows_that_were_given(cells: int, sums: int) -> No
     given = {key: rng.random((2, cells), dtype=np.float32) for key in (b"a", b"b", b"c")}
     of_point = {key: np.stack([kernel, kernel * factors]) for key, (kernel, factors) in given.items()}
     rows = KernelRows(3, cells)
-    for start in range(0, cells, 100):
-        rows.put_background(start, background[:, start : start + 100])
-    rows.indices([b"a", b"b"], lambda index: tuple(given[(b"a", b"b")[index]]))
+    rows.background[:] = background
+
+    def indices_of(keys: Sequence[bytes]) -> np.ndarray:
+        def write(index: int, row: np.ndarray) -> np.ndarray:
+            row[:], factors = given[keys[index]]
+            return factors
+
+        return rows.indices(keys, write)
+
+    indices_of([b"a", b"b"])
     # The second point goes, and another one comes in its place.
-    indices = rows.indices([b"a", b"c"], lambda index: tuple(given[(b"a", b"c")[index]]))
+    indices = indices_of([b"a", b"c"])
     weights = np.zeros((sums, rows.count), dtype=np.float32)
     of_background, of_a, of_c = (rng.normal(size=(sums, count)).astype(np.float32) for count in (3, 2, 2))
     weights[:, :3], weights[:, indices[0]], weights[:, indices[1]] = of_background, of_a, of_c
@@ -35,13 +44,17 @@ def test_sums_are_those_of_the_rows_that_were_given(cells: int, sums: int) -> No
 
 def test_what_the_memory_held_before_is_in_no_sum(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch, "empty", lambda shape: torch.full(shape, torch.nan))
-    kernel, factors = np.full((2, 5), 2.0, dtype=np.float32)
     rows = KernelRows(1, 5)
-    rows.put_background(0, kernel[None])
+    rows.background[:] = 2.0
+
+    def write(_: int, row: np.ndarray) -> np.ndarray:
+        row[:] = 2.0
+        return row.copy()
+
     keys = [bytes([number]) for number in range(ROWS_OF_ROOM)]
-    rows.indices(keys, lambda _: (kernel, factors))
+    rows.indices(keys, write)
     # All but the last one, which is in the second room, are gone.
-    ((first, second),) = rows.indices(keys[-1:], lambda _: (kernel, factors)).tolist()
+    ((first, second),) = rows.indices(keys[-1:], write).tolist()
     weights = np.zeros((1, rows.count), dtype=np.float32)
     weights[0, [first, second]] = 1.0
     np.testing.assert_array_equal(rows.weighted(weights), np.full((1, 5), 6.0))

@@ -41,6 +41,14 @@ def centred_cells(axes: np.ndarray) -> tuple[Places, Geometry]:
     return random_places(len(centres), centres - centres.mean(axis=0), 0), geometry
 
 
+def kernel_with_cells(of_cells: CellKernel, places: Places, cells: int) -> np.ndarray:
+    """In rows that lie apart, of which nothing else is written."""
+    rows = np.full((len(places.cdf), cells + 2), np.nan, dtype=np.float32)
+    of_cells.write(places, rows[:, 1:-1])
+    assert np.isnan(rows[:, [0, -1]]).all()
+    return rows[:, 1:-1]
+
+
 def test_it_is_what_its_formula_says():
     a, b = (random_places(count, np.random.default_rng(count).normal(0.0, 10.0, (count, 3)), count) for count in (7, 30))
 
@@ -53,7 +61,7 @@ def test_cells_of_a_grid_are_places_like_any(axes):
     # One of them far outside of the grid.
     places = random_places(3, np.array([[1.0, 2.0, 3.0], [-5.0, 0.0, 4.0], [4000.0, 0.0, 0.0]]), 1)
 
-    found = CellKernel(cells, geometry, SIGMA_MM).of(places)
+    found = kernel_with_cells(CellKernel(cells, geometry, SIGMA_MM), places, len(cells.cdf))
 
     np.testing.assert_allclose(found, formula(places, cells), rtol=1e-5, atol=1e-7)
 
@@ -64,19 +72,16 @@ def test_axes_at_right_angles_are_known_as_such_however_they_lie():
     assert at_right_angles == {name: name != "sheared" for name in AXES}
 
 
-@pytest.mark.parametrize("cells_at_once", [1, 13, 4096])
-def test_parts_make_up_the_whole(monkeypatch, cells_at_once):
-    monkeypatch.setattr(kernels, "CELLS_AT_ONCE", cells_at_once)
+@pytest.mark.parametrize("pairs_at_once", [1, 13, 60])
+def test_parts_make_up_the_whole(monkeypatch, pairs_at_once):
     cells, geometry = centred_cells(AXES["oblique"])
-    of_cells = CellKernel(cells, geometry, SIGMA_MM)
-    places = cells.subset(np.array([3, 50]))
+    of_cells, places = CellKernel(cells, geometry, SIGMA_MM), cells.subset(np.array([3, 50]))
+    whole = kernel_with_cells(of_cells, places, len(cells.cdf))
+    monkeypatch.setattr(kernels, "PAIRS_AT_ONCE", pairs_at_once)
 
-    parts = list(of_cells.by_parts(places))
+    found = kernel_with_cells(of_cells, places, len(cells.cdf))
 
-    firsts = np.cumsum([0] + [part.shape[1] for _, part in parts])
-    assert [first for first, _ in parts] == firsts[:-1].tolist()
-    assert firsts[-1] == len(cells.cdf)
-    np.testing.assert_allclose(np.concatenate([part for _, part in parts], axis=1), of_cells.of(places), rtol=1e-6)
+    np.testing.assert_allclose(found, whole, rtol=1e-6)
 
 
 def test_a_place_is_as_like_itself_as_can_be():
