@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from typing import Protocol
 
 
@@ -37,3 +38,14 @@ def no_progress(done: int, total: int, what: str) -> None:
 
 def nothing_between() -> None:
     """The callback of those who do not interrupt."""
+
+
+def one_at_a_time(between: Between) -> Between:
+    """The same for several threads: it is called by one of them after the other."""
+    calling = Lock()
+
+    def in_turn() -> None:
+        with calling:
+            between()
+
+    return in_turn

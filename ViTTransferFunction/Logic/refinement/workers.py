@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
-from ..core.progress import Between, nothing_between
+from ..core.progress import Between, nothing_between, one_at_a_time
 
 if TYPE_CHECKING:
     import torch
@@ -40,8 +39,8 @@ class Workers:
     """
 
     def __init__(self, device: torch.device, voxels: int, between: Between = nothing_between) -> None:
-        self._between = between
-        self._one_at_a_time = threading.Lock()
+        # What work that takes long calls between its steps, so that it can be cancelled; any of the threads may.
+        self.between = one_at_a_time(between)
         self._on_cpu = device.type == "cpu"
         self._shared = voxels >= SHARED_VOXELS
         self._torch_threads = 1
@@ -64,11 +63,6 @@ class Workers:
             self._pool.shutdown()
         if self._on_cpu:
             torch.set_num_threads(self._torch_threads)
-
-    def between(self) -> None:
-        """What work that takes long calls between its steps, so that it can be cancelled; any of the threads may."""
-        with self._one_at_a_time:
-            self._between()
 
     @property
     def shares(self) -> int:

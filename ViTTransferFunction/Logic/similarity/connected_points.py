@@ -50,6 +50,11 @@ class ConnectedPoints:
         """See `Connectedness.cell_means`."""
         return self._fine.cell_means()
 
+    def keys(self, points_ras: np.ndarray) -> list[bytes]:
+        """A key for each point (P, 3), RAS millimetres: another one where something else is known of it than before."""
+        finely = bytes([_finely(points_ras)])
+        return [finely + point.tobytes() for point in points_ras]
+
     def update(self, points_ras: np.ndarray, between: Between = nothing_between) -> list[bytes]:
         """Find out about points (P, 3), RAS millimetres, that are new, and forget those that are gone.
 
@@ -58,11 +63,10 @@ class ConnectedPoints:
             between: called before each new point; may raise `Cancelled`, and what was found out until then is kept.
 
         Returns:
-            A key for each point, which is another one where something else is known of it than before.
+            `keys`.
         """
-        finely = len({point.tobytes() for point in points_ras}) <= FINELY_JOINED_POINTS
-        connectedness = self._fine if finely else self._coarse
-        keys = [bytes([finely]) + point.tobytes() for point in points_ras]
+        keys = self.keys(points_ras)
+        connectedness = self._fine if _finely(points_ras) else self._coarse
         for gone in self._levels_of_key.keys() - set(keys):
             del self._levels_of_key[gone]
         for key, point in zip(keys, points_ras, strict=True):
@@ -81,6 +85,11 @@ class ConnectedPoints:
         # Half as long as by an index in brackets.
         similarities: np.ndarray = SIMILARITIES.take(levels)
         return similarities
+
+
+def _finely(points_ras: np.ndarray) -> bool:
+    """Whether points are few enough, each place counted once."""
+    return len({point.tobytes() for point in points_ras}) <= FINELY_JOINED_POINTS
 
 
 def between_points(at_points: np.ndarray) -> np.ndarray:

@@ -20,14 +20,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from ..core.class_request import ClassRequest
 from ..core.iso_proposals import IsoProposals
-from ..core.progress import Between, nothing_between
+from ..core.progress import Between, nothing_between, one_at_a_time
 from ..core.resampling import FixedPlaces, sample_at
+from ..core.side_thread import side_thread
 from ..core.volume import Volume
 from ..core.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
@@ -92,30 +93,37 @@ class KernelRidge:
     ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
         annotated = _annotated(requests, self._connected.seen_at)
-        points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
-        keys = self._connected.update(annotated.points_ras, between)
-        self._intensities.components.update(requests, between)
-        joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
-        share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-        weights, without_negatives = self._weights(annotated, points, keys, joined, share)
+        between = one_at_a_time(between)
+        with side_thread() as begin:
+            # Flood fills, of many small arrays, beside kernels and sums, which wait for the memory.
+            finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))
+            finish_components = begin(partial(self._intensities.components.update, requests, between))
+            points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
+            keys = self._connected.keys(annotated.points_ras)
 
-        def write_row(index: int, row: np.ndarray) -> np.ndarray:
-            between()
-            self._with_cells.write(points.subset(np.array([index])), row[None])
-            (joined,) = self._connected.at([keys[index]])
-            return joined
+            def write_row(index: int, row: np.ndarray) -> np.ndarray:
+                between()
+                self._with_cells.write(points.subset(np.array([index])), row[None])
+                finish_joining()
+                (factors,) = self._connected.at([keys[index]])
+                return np.asarray(factors)
 
-        rows = self._rows.indices(keys, write_row)
-        of_rows, without = (self._weights_of_rows(each, rows, share) for each in (weights, without_negatives))
-        for together in _in_turns(len(requests), first):
-            scores = self._rows.weighted(of_rows[together])
-            np.clip(scores, 0.0, 1.0, out=scores)
-            for index, of_class in zip(together, scores, strict=True):
-                closed = self._intensities.components.closed(requests, index)
-                if closed is not None:
-                    raise_within(closed, of_class)
-                prior = self._prior(requests[index], without[index])
-                yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
+            rows = self._rows.indices(keys, write_row)
+            finish_joining()
+            joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
+            share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
+            weights, without_negatives = self._weights(annotated, points, keys, joined, share)
+            of_rows, without = (self._weights_of_rows(each, rows, share) for each in (weights, without_negatives))
+            for together in _in_turns(len(requests), first):
+                scores = self._rows.weighted(of_rows[together])
+                np.clip(scores, 0.0, 1.0, out=scores)
+                finish_components()
+                for index, of_class in zip(together, scores, strict=True):
+                    closed = self._intensities.components.closed(requests, index)
+                    if closed is not None:
+                        raise_within(closed, of_class)
+                    prior = self._prior(requests[index], without[index])
+                    yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
 
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
         """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
