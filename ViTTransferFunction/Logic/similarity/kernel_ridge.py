@@ -113,31 +113,39 @@ class KernelRidge:
             joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
             share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
             weights, without_negatives = self._weights(annotated, points, keys, joined, share)
-            of_rows, without = (self._weights_of_rows(each, rows, share) for each in (weights, without_negatives))
-            for together in _in_turns(len(requests), first):
-                scores = self._rows.weighted(of_rows[together])
+            ratio = share / (1.0 - share)
+            for turn, together in enumerate(_in_turns(len(requests), first)):
+                if turn:
+                    # Until something is clicked in their own classes, these points' kernels stay as they are.
+                    for point in np.flatnonzero(annotated.classes != first):
+                        self._rows.add_second(keys[point], float(ratio[point]))
+                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(keys))], axis=1)
+                of_rows, without = (
+                    self._weights_of_rows(each[:, together], rows, parts) for each in (weights, without_negatives)
+                )
+                scores = self._rows.weighted(of_rows)
                 np.clip(scores, 0.0, 1.0, out=scores)
                 finish_components()
-                for index, of_class in zip(together, scores, strict=True):
+                for index, of_class, without_its_negatives in zip(together, scores, without, strict=True):
                     closed = self._intensities.components.closed(requests, index)
                     if closed is not None:
                         raise_within(closed, of_class)
-                    prior = self._prior(requests[index], without[index])
+                    prior = self._prior(requests[index], without_its_negatives)
                     yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
 
-    def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
 
         Args:
             weights: α.
             rows: of each point, (P, 2).
-            share: of the second row in a point's kernel, (P,).
+            parts: of these rows in its kernel, (P, 2).
         """
         of_points, of_background = weights[: len(rows)], weights[len(rows) :]
         of_rows = np.zeros((weights.shape[1], self._rows.count), dtype=np.float32)
         of_rows[:, : len(of_background)] = of_background.T
         # Added, not set: the same place may have been annotated twice.
-        for row, part in zip(rows.T, (1.0 - share, share), strict=True):
+        for row, part in zip(rows.T, parts.T, strict=True):
             np.add.at(of_rows.T, row, part[:, None] * of_points)
         return of_rows
 

@@ -19,18 +19,21 @@ CELLS_AT_ONCE = 256
 long."""
 FEW_SUMS = 2
 """So many sums are computed one by one: each is bound by reading the rows once, which takes a third of a product's time."""
-ROWS_OF_POINT = 2
-"""A point's kernel, and the same times its connectedness: how much the second counts differs from click to click."""
-ROWS_OF_ROOM = 128
-"""Points' rows come to further rooms of so many, a multiple of `ROWS_OF_POINT`: to move all to a larger one keeps a click
-waiting for half a second. A room takes memory where it is written to: to clear one first would take a tenth of a second."""
+POINTS_OF_ROOM = 64
+"""Points' rows come to further rooms of so many: to move all to a larger one keeps a click waiting for half a second. A room
+takes memory where it is written to: to clear one first would take a tenth of a second."""
+READ_ANYWAY = 2
+"""So many rows that do not count are read with those before and behind them: to begin anew takes as long."""
 
 
 class KernelRows:
     """Kernels with all cells: first one row for each background cell, then two for each point, which come and go.
 
-    Rows are kept from click to click, so that a click costs two new rows and one product with all of them. Also where the
+    Rows are kept from click to click, so that a click costs two new rows and one product with those that count. Also where the
     processor has bfloat16 in hardware, they are in float32: without matrix units that is as fast, and a single sum much faster.
+
+    The first row of a point is its kernel, to which some of the second may have been added (`add_second`); the second is the
+    kernel times something else.
 
     Args:
         background: how many background cells there are.
@@ -38,23 +41,28 @@ class KernelRows:
 
     Attributes:
         background: the kernels of the background cells, (background, cells) float32, which whoever makes this has to write.
-        count: how many rows there are, those of points that are gone among them.
     """
 
     def __init__(self, background: int, cells: int) -> None:
         self._cells = cells
-        # Of the background cells, and of points.
-        self._rooms = [long_rows(background, cells)]
-        self.background = array_of(self._rooms[0])
-        self._row_of_key: dict[bytes, int] = {}
-        self.count = background
+        self._background = long_rows(background, cells)
+        self.background = array_of(self._background)
+        # Of so many points each: first rows, and second ones.
+        self._rooms: list[tuple[Tensor, Tensor]] = []
+        self._slot_of_key: dict[bytes, int] = {}
+        self._added_of_key: dict[bytes, float] = {}
+
+    @property
+    def count(self) -> int:
+        """How many rows there are, also such as have not been written: weights of 0 keep them out of sums."""
+        return len(self.background) + 2 * POINTS_OF_ROOM * len(self._rooms)
 
     def weighted(self, weights: np.ndarray) -> np.ndarray:
         """Sums of rows, (sums, cells) float32, for weights (sums, count) float32: 0 for rows of no point."""
         import torch
 
         sums = torch.zeros((len(weights), self._cells))
-        for rows, factors in self._in_rooms(tensor_of(weights)):
+        for rows, factors in self._counting(weights):
             _add_products(sums, factors, rows)
         return array_of(sums)
 
@@ -63,21 +71,21 @@ class KernelRows:
         import torch
 
         sums, places = torch.zeros((1, len(cells))), tensor_of(cells)
-        for rows, factors in self._in_rooms(tensor_of(weights[None])):
+        for rows, factors in self._counting(weights[None]):
             _add_products(sums, factors, rows[:, places])
         return array_of(sums[0])
 
-    def _in_rooms(self, weights: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
-        """The rows (rows, cells) of each room, as far as it is used, and what they are multiplied by, (sums, rows)."""
+    def _counting(self, weights: np.ndarray) -> Iterator[tuple[Tensor, Tensor]]:
+        """Stretches of rows (rows, cells) that are not multiplied by 0, and what they are multiplied by, (sums, rows)."""
         first = 0
-        for room in self._rooms:
-            used = min(len(room), self.count - first)
-            if used > 0:
-                yield room[:used], weights[:, first : first + used]
+        for room in (self._background, *itertools.chain.from_iterable(self._rooms)):
+            of_room = weights[:, first : first + len(room)]
+            for start, end in _stretches(np.flatnonzero(of_room.any(axis=0))):
+                yield room[start:end], tensor_of(of_room[:, start:end])
             first += len(room)
 
     def indices(self, keys: Sequence[bytes], write: Callable[[int, np.ndarray], np.ndarray]) -> np.ndarray:
-        """The rows of points, (points, 2): a kernel, and the same times something else.
+        """Which rows those of points are, (points, 2).
 
         Where there are none yet, `write` is given the point's index in `keys` and the first row, (cells,) float32, to write it;
         and returns what that is multiplied by in the second, (cells,) float32.
@@ -86,23 +94,46 @@ class KernelRows:
         """
         import torch
 
-        for gone in self._row_of_key.keys() - set(keys):
-            del self._row_of_key[gone]
-        taken = set(self._row_of_key.values())
+        for gone in self._slot_of_key.keys() - set(keys):
+            del self._slot_of_key[gone], self._added_of_key[gone]
+        taken = set(self._slot_of_key.values())
         for index, key in enumerate(keys):
-            if key not in self._row_of_key:
-                row = next(row for row in itertools.count(len(self.background), ROWS_OF_POINT) if row not in taken)
-                room, within = divmod(row - len(self.background), ROWS_OF_ROOM)
-                while len(self._rooms) < room + 2:
-                    self._rooms.append(long_rows(ROWS_OF_ROOM, self._cells))
-                own, times = self._rooms[room + 1][within : within + ROWS_OF_POINT]
+            if key not in self._slot_of_key:
+                # The first that is free: what stands before any that is in use was written, if only by a point that is gone.
+                slot = next(slot for slot in itertools.count() if slot not in taken)
+                if slot == POINTS_OF_ROOM * len(self._rooms):
+                    self._rooms.append((long_rows(POINTS_OF_ROOM, self._cells), long_rows(POINTS_OF_ROOM, self._cells)))
+                own, times = self._rows_of(slot)
                 torch.mul(own, tensor_of(write(index, array_of(own))), out=times)
-                self._row_of_key[key] = row
-                taken.add(row)
-        # Those of points that are gone stay among them, but are numbers, which weights of 0 cancel.
-        self.count = max(taken, default=len(self.background) - ROWS_OF_POINT) + ROWS_OF_POINT
-        first = np.array([self._row_of_key[key] for key in keys])
-        return first[:, None] + np.arange(ROWS_OF_POINT)
+                self._slot_of_key[key], self._added_of_key[key] = slot, 0.0
+                taken.add(slot)
+        rooms, places = np.divmod(np.array([self._slot_of_key[key] for key in keys], dtype=int), POINTS_OF_ROOM)
+        first = len(self.background) + 2 * POINTS_OF_ROOM * rooms + places
+        indices: np.ndarray = np.stack([first, first + POINTS_OF_ROOM], axis=1)
+        return indices
+
+    def added(self, keys: Sequence[bytes]) -> np.ndarray:
+        """How often each point's second row has been added to its first, (points,)."""
+        return np.array([self._added_of_key[key] for key in keys])
+
+    def add_second(self, key: bytes, times: float) -> None:
+        """Have a point's second row added so many times to its first: sums that need both in this proportion read one row."""
+        if times != self._added_of_key[key]:
+            first, second = self._rows_of(self._slot_of_key[key])
+            first.add_(second, alpha=times - self._added_of_key[key])
+            self._added_of_key[key] = times
+
+    def _rows_of(self, slot: int) -> tuple[Tensor, Tensor]:
+        room, place = divmod(slot, POINTS_OF_ROOM)
+        first, second = self._rooms[room]
+        return first[place], second[place]
+
+
+def _stretches(counting: np.ndarray) -> list[tuple[int, int]]:
+    """Where stretches of rows begin and end that hold those that count, given in order, and few others."""
+    breaks = np.flatnonzero(np.diff(counting) > READ_ANYWAY + 1)
+    begins, ends = np.append(-1, breaks) + 1, np.append(breaks, len(counting) - 1)
+    return [(int(counting[begin]), int(counting[end]) + 1) for begin, end in zip(begins, ends, strict=True) if len(counting)]
 
 
 def _add_products(sums: Tensor, factors: Tensor, rows: Tensor) -> None:

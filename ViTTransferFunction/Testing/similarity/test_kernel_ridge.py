@@ -221,13 +221,38 @@ def test_finer_features_take_over_how_points_are_connected(
     np.testing.assert_array_equal(maps_of(KernelRidge(features, volume, intensities), [a_class("a", IN_LEFT)]), before)
 
 
+def test_classes_clicked_in_turns_have_the_maps_of_all_clicks_at_once(blocks: tuple[NormalisedFeatures, Volume]) -> None:
+    rule = KernelRidge(*blocks)
+    points = {"left": np.concatenate([IN_LEFT, at_cell(3, 5, 4)]), "above": np.concatenate([IN_ABOVE, at_cell(10, 5, 5)])}
+    negative = np.concatenate([IN_RIGHT, at_cell(3, 7, 10)])
+    # How much connectedness counts changes with each click, in the class that was clicked.
+    for left, above, without, first in ((1, 1, 0, 0), (2, 1, 0, 0), (2, 2, 0, 1), (2, 2, 2, 0), (2, 2, 2, 1), (2, 1, 1, 1)):
+        clicked = [
+            a_class("a", points["left"][:left], negative=negative[:without]),
+            a_class("b", points["above"][:above]),
+        ]
+        of_class = dict(rule.maps(clicked, first=first))
+        for index, wanted in KernelRidge(*blocks).maps(clicked):
+            np.testing.assert_allclose(of_class[index].array, wanted.array, atol=2e-6)
+            assert of_class[index].prior == pytest.approx(wanted.prior, rel=1e-5)
+
+
+def test_the_same_clicks_have_maps_of_the_same_bits(blocks: tuple[NormalisedFeatures, Volume]) -> None:
+    clicked = [a_class("a", IN_LEFT, negative=IN_RIGHT), a_class("b", IN_ABOVE)]
+    once, again = (
+        [of_class.array for first in (0, 1) for _, of_class in rule.maps(clicked, first=first)]
+        for rule in (KernelRidge(*blocks), KernelRidge(*blocks))
+    )
+    np.testing.assert_array_equal(once, again)
+
+
 def test_points_for_which_there_was_no_room_are_told_apart_as_the_others(
     blocks: tuple[NormalisedFeatures, Volume], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     inside = np.concatenate([at_cell(4, j, i) for j in range(3, 9) for i in (2, 3, 4)])
     outside = np.concatenate([at_cell(7, j, i) for j in range(12) for i in range(5)])
     wanted = maps_of(KernelRidge(*blocks), [a_class("a", inside, negative=outside)])
-    monkeypatch.setattr(kernel_rows, "ROWS_OF_ROOM", 4)
+    monkeypatch.setattr(kernel_rows, "POINTS_OF_ROOM", 2)
     crowded = KernelRidge(*blocks)
     for count in range(1, len(outside) + 1, 7):
         maps_of(crowded, [a_class("a", inside[:count], negative=outside[:count])])
