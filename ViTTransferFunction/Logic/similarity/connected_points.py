@@ -115,7 +115,8 @@ def shares(points_ras: np.ndarray, between: np.ndarray, classes: np.ndarray, pos
     found = np.empty(len(classes))
     for index in np.unique(classes):
         own = np.flatnonzero((classes == index) & positive)
-        own = own[np.unique(points_ras[own], axis=0, return_index=True)[1]]
+        # By their bytes: NumPy takes ten times as long to find out which rows are the same.
+        own = np.array(list({points_ras[point].tobytes(): point for point in own}.values()), dtype=int)
         count = len(own)
         joined = np.triu(between[np.ix_(own, own)], 1).sum()
         found[classes == index] = LARGEST_SHARE * (joined + 0.5) / (count * (count - 1) / 2 + 1)

@@ -10,6 +10,7 @@ stable extremal regions: Matas et al., 2002).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
@@ -261,8 +262,9 @@ def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> 
 
 def _bins(similarity: np.ndarray) -> np.ndarray:
     """The logarithmic level, an index to `_LEVELS`, of values above `LOWEST_LEVEL`."""
-    depth = -np.log(LOWEST_LEVEL)
-    bins: np.ndarray = np.clip((np.log(similarity) + depth) / depth * (_BINS - 1), 0, _BINS - 1).astype(int)
+    # In the values' own precision, which one of NumPy's numbers would raise.
+    depth = -math.log(LOWEST_LEVEL)
+    bins: np.ndarray = np.clip((np.log(similarity) + depth) * ((_BINS - 1) / depth), 0, _BINS - 1).astype(int)
     return bins
 
 

@@ -256,7 +256,7 @@ def _in_turns(classes: int, first: int | None) -> list[list[int]]:
 
 
 def _different_positives(request: ClassRequest) -> int:
-    return len(np.unique(request.positive, axis=0))
+    return len({point.tobytes() for point in request.positive})
 
 
 @dataclass(frozen=True, eq=False)
