@@ -17,12 +17,12 @@ def interpolated_layers(
     """Layers of vectors interpolated trilinearly to another grid that fills the same box.
 
     Args:
-        layers: (J, I, C) float32, as many as `present` says; two of them are held at a time.
+        layers: (C, J, I) float32, as many as `present` says; two of them are held at a time.
         present: shape of their grid.
         shape: of the grid that is wanted.
 
     Yields:
-        (J', I', C) float32.
+        (C, J', I') float32.
     """
     import torch
 
@@ -30,7 +30,7 @@ def interpolated_layers(
         yield from layers
         return
     to_rows, to_columns = (resizing_matrix(present[axis], shape[axis]) for axis in (1, 2))
-    remaining = (tensor_of(layer) for layer in layers)
+    remaining = (tensor_of(layer).contiguous() for layer in layers)
     lower = next(remaining)
     upper, number = next(remaining, lower), 0
     for k in range(shape[0]):
@@ -38,4 +38,4 @@ def interpolated_layers(
         while number < int(position):
             lower, upper, number = upper, next(remaining, upper), number + 1
         between = torch.lerp(lower, upper, position - number)
-        yield array_of(to_columns @ (to_rows @ between.flatten(1)).unflatten(1, between.shape[1:]))
+        yield array_of(to_rows @ (between @ to_columns.T))

@@ -97,21 +97,26 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     if statistics != "none" and features.moments is None:
         features = replace(features, moments=_moments(features.array))
     transform = _fit_transform(features, statistics)
-    by_channels = long_rows(transform.channels, int(np.prod(features.cells.shape)))
+    by_channels = array_of(long_rows(transform.channels, int(np.prod(features.cells.shape))).unflatten(1, features.cells.shape))
     # An affine map of what is interpolated is what is interpolated of its values: the latter has fewer channels. Layer by
     # layer, so that no full-size float32 copy of the raw features is ever made.
-    mapped = (transform.apply(layer) for layer in features.array)
+    mapped = (np.moveaxis(transform.apply(layer), -1, 0) for layer in features.array)
     layers = interpolated_layers(mapped, features.geometry.shape, features.cells.shape)
-    array = by_channels.unflatten(1, features.cells.shape).movedim(0, -1)
-    for place, layer in zip(array, layers, strict=True):
-        place.copy_(tensor_of(unit_vectors(layer)))
-    return NormalisedFeatures(array_of(array), transform, features)
+    for k, layer in enumerate(layers):
+        unit_vectors(layer, axis=0, out=by_channels[:, k])
+    return NormalisedFeatures(np.moveaxis(by_channels, 0, -1), transform, features)
 
 
-def unit_vectors(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (…, C) scaled to length 1; zero vectors stay zero."""
-    norms = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit: np.ndarray = vectors / np.maximum(norms, SMALLEST_NORM)
+def unit_vectors(vectors: np.ndarray, axis: int = -1, out: np.ndarray | None = None) -> np.ndarray:
+    """Vectors scaled to length 1; zero vectors stay zero.
+
+    Args:
+        vectors: of any shape.
+        axis: along which a vector's channels lie.
+        out: where to write them; None: a new array.
+    """
+    norms = np.linalg.norm(vectors, axis=axis, keepdims=True)
+    unit: np.ndarray = np.divide(vectors, np.maximum(norms, SMALLEST_NORM), out=out)
     return unit
 
 
