@@ -32,10 +32,11 @@ CALIBRATION_TOKENS = 800
 """Short slices are run several at once, as they will be."""
 CALIBRATION_DEPTH = 2
 """The first block, and the keys of the second."""
-CALIBRATION_RUNS = (2, 3)
-"""Of each size, at least and at most: the first compiles kernels, the shortest counts."""
-CALIBRATION_SECONDS = 0.1
-"""More runs of a size than the least, only as far as they fit into this: a slow computer does not keep its user waiting."""
+CALIBRATION_ROUNDS = (2, 3)
+"""Through all sizes, at least and at most. The first compiles kernels; of each size the shortest counts, so that what else the
+computer does for a moment spoils none."""
+CALIBRATION_SECONDS = 0.3
+"""More rounds than the least, only as far as they fit into this: a slow computer does not keep its user waiting."""
 
 KERNELS_BYTES = 150_000_000
 """Measured (Benchmarks/results/features.json): kernels that a processor's libraries compile and keep, and gaps in memory."""
@@ -73,7 +74,7 @@ def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkS
     """Measure the network on its device, in the precision of the settings."""
     short = network.converted(network.device, settings.dtype_on(network.device)).first_blocks(CALIBRATION_DEPTH)
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    seconds = np.array([_seconds_for_one(short, rows, settings.merge_background) for rows in CALIBRATION_ROWS])
+    seconds = _seconds_of_slices(short, settings.merge_background)
     seconds *= [_operations(network.model, tokens) / _operations(short.model, tokens) for tokens in sizes]
     # Relative errors count: the shortest slice is as good a witness as the longest.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
@@ -121,22 +122,33 @@ def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, n
     return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
 
 
-def _seconds_for_one(network: VisionTransformer, rows: int, counted: bool) -> float:
-    """Seconds for one slice of rows × rows patches, in a batch; where patches stand for others, with their multiplicity."""
+def _seconds_of_slices(network: VisionTransformer, counted: bool) -> np.ndarray:
+    """Seconds for one slice of each size, in a batch, (sizes,); where patches stand for others, with their multiplicity."""
+    batches = [_batch(rows, network.model.patch_size, counted) for rows in CALIBRATION_ROWS]
+    buffers, rounds = BufferPool(), list[list[float]]()
+    least, most = CALIBRATION_ROUNDS
+    while len(rounds) < least or (len(rounds) < most and np.sum(rounds) + sum(rounds[-1]) <= CALIBRATION_SECONDS):
+        rounds.append([_seconds(network, batch, buffers) for batch in batches])
+    seconds: np.ndarray = np.min(rounds, axis=0) / [len(batch) for batch in batches]
+    return seconds
+
+
+def _batch(rows: int, patch_size: int, counted: bool) -> list[PatchTokens]:
+    """Slices of rows × rows patches that are run at once."""
     import torch
 
     tokens = rows * rows
-    patches = torch.ones(tokens, 3 * network.model.patch_size**2)
+    patches = torch.ones(tokens, 3 * patch_size**2)
     chosen = (torch.arange(tokens), torch.ones(tokens)) if counted else (None, None)
-    slices = [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
-    buffers, runs = BufferPool(), list[float]()
-    least, most = CALIBRATION_RUNS
-    while len(runs) < least or (len(runs) < most and sum(runs) + runs[-1] <= CALIBRATION_SECONDS):
-        start = time.perf_counter()
-        # Copying the keys waits for a device that works on while the program goes on.
-        network.keys_of_tokens(slices, buffers).cpu()
-        runs.append(time.perf_counter() - start)
-    return min(runs) / len(slices)
+    return [PatchTokens(patches, rows, rows, *chosen)] * max(1, CALIBRATION_TOKENS // tokens)
+
+
+def _seconds(network: VisionTransformer, batch: list[PatchTokens], buffers: BufferPool) -> float:
+    """What the batch takes."""
+    start = time.perf_counter()
+    # Copying the keys waits for a device that works on while the program goes on.
+    network.keys_of_tokens(batch, buffers).cpu()
+    return time.perf_counter() - start
 
 
 def _operations(model: PretrainedModel, tokens: int) -> int:

@@ -88,3 +88,24 @@ def test_calibration_does_not_keep_a_slow_computer_waiting(
     speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
     assert len(readings) == 2 * runs_of_each_size * len(cost_module.CALIBRATION_ROWS)
     assert (speed.coefficients >= 0.0).all()
+
+
+def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
+    tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, sizes = FeatureSettings(precision="float32"), len(cost_module.CALIBRATION_ROWS)
+
+    def seconds_with(slow: set[int]) -> float:
+        runs = itertools.count()
+
+        def run(*_: object) -> float:
+            number = next(runs)
+            return (number % sizes + 1) * (0.2 if number in slow else 0.02)
+
+        monkeypatch.setattr(cost_module, "_seconds", run)
+        return calibrate(tiny_network, settings).seconds([100, 400])
+
+    # Two runs in a row, of different sizes: the first round, or from one round to the next.
+    undisturbed = seconds_with(set())
+    for first in range(2 * sizes - 1):
+        assert seconds_with({first, first + 1}) == pytest.approx(undisturbed)
