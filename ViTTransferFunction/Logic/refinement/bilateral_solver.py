@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..core.bounding_box import bounding_box
 from ..core.errors import InputError
 from ..core.progress import Between, nothing_between
@@ -186,18 +188,30 @@ def _active_cells(where: Tensor, threshold: float, layout: GridLayout, between: 
     """(K, J, I) bool over spatial cells: whether a map of any resolution exceeds the threshold in or beside the cell."""
     import torch
 
-    above = where > threshold
-    for axis, (n, cells) in enumerate(zip(where.shape, layout.cells, strict=True)):
+    first, last = _reach(where.shape[0], layout.cells[0])
+    above = torch.zeros((layout.cells[0], *where.shape[1:]), dtype=torch.bool, device=where.device)
+    # Plane by plane: compared at once, a map as large as the volume would take a quarter of its memory once more.
+    for k, plane in enumerate(where):
         between()
-        # The map's elements from the first in the cell before each to the last in the cell after; axis by axis, as for boxes.
-        cell = torch.arange(cells, device=where.device)
-        first = (cell - 1).clamp_(min=0) * n // cells
-        last = -(-(cell + 2).clamp_(max=cells) * n // cells) - 1
-        near = above.index_select(axis, first)
-        for step in range(1, int((last - first).max()) + 1):
-            near |= above.index_select(axis, torch.minimum(first + step, last))
+        of_plane = plane > threshold
+        for cell in np.flatnonzero((first <= k) & (k <= last)):
+            above[cell] |= of_plane
+    for axis in (1, 2):
+        between()
+        first, last = _reach(where.shape[axis], layout.cells[axis])
+        steps = range(int((last - first).max()) + 1)
+        elements = [torch.as_tensor(np.minimum(first + step, last), device=where.device) for step in steps]
+        near = above.index_select(axis, elements[0])
+        for others in elements[1:]:
+            near |= above.index_select(axis, others)
         above = near
     return above
+
+
+def _reach(elements: int, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first and the last of a map's elements along an axis that lie in each cell or in those beside it, (cells,) each."""
+    cell = np.arange(cells)
+    return np.maximum(cell - 1, 0) * elements // cells, -(-np.minimum(cell + 2, cells) * elements // cells) - 1
 
 
 def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[Target, Tensor | None]:
@@ -215,8 +229,8 @@ def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[
 
 def _largest(target: Tensor) -> float:
     """The greatest magnitude."""
-    lowest, highest = target.aminmax()
-    return max(abs(float(lowest)), abs(float(highest)))
+    # `aminmax` would copy a part of a larger array.
+    return max(abs(float(target.amin())), abs(float(target.amax())))
 
 
 def _refine(

@@ -163,6 +163,19 @@ def a_small_bright_region(n=30):
     return target, luma
 
 
+def test_a_large_map_of_little_that_is_high_is_refined_in_place_without_a_copy_of_it() -> None:
+    # A part of a larger array, as a class's map is; what is high lies in two of its corners, so that the part is large.
+    part = torch.zeros(210, 170, 170)[5:-5, 5:-5, 5:-5]
+    part[:4, :4, :4], part[-4:, -4:, -4:] = 0.9, 0.9
+    counts = torch.rand(part.shape, generator=torch.Generator().manual_seed(2)) * 200.0
+    expected = refine_map(part.clone(), counts, (0.0, 200.0), UNIT_SPACING, some_settings(), threshold=0.3).map
+    with torch.autograd.profiler.profile(profile_memory=True) as profiler:
+        refine_map(part, counts, (0.0, 200.0), UNIT_SPACING, some_settings(), threshold=0.3, in_place=True)
+    # A byte for each voxel would be a quarter of the map.
+    assert max(event.self_cpu_memory_usage for event in profiler.function_events) < 0.2 * part.nbytes
+    torch.testing.assert_close(part, expected)
+
+
 @with_either_slice
 def test_far_from_the_threshold_the_target_is_kept(solve):
     target, luma = a_small_bright_region()
