@@ -229,8 +229,7 @@ def _without_unknown_voxels(target: Tensor, confidence: Tensor | None) -> tuple[
 
 def _largest(target: Tensor) -> float:
     """The greatest magnitude."""
-    # `aminmax` would copy a part of a larger array.
-    return max(abs(float(target.amin())), abs(float(target.amax())))
+    return max(abs(float(extreme)) for extreme in large_arrays.extremes(target))
 
 
 def _refine(

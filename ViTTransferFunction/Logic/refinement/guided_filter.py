@@ -81,7 +81,7 @@ def guided_filter(
     # The last blocks may reach beyond the volume.
     padded_shape = [n * edge for n, edge in zip(a.shape, edges, strict=True)]
     a_fine, b_fine = (Upsampling(c, padded_shape) for c in (a, b))
-    lowest, highest = torch.aminmax(known_target)
+    lowest, highest = large_arrays.extremes(known_target)
     rows, columns = slice(0, luma.shape[1]), luma.shape[2]
     filtered = large_arrays.empty(luma.shape, torch.float32, luma.device)
     # Slice by slice, so that nothing but the result has the volume's size.
