@@ -14,13 +14,15 @@ from ViTTransferFunction.CommandLine.options import Subparsers, add_segmentation
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
     parser = subparsers.add_parser("cohort", help="segment many volumes, each from an annotations file of its own")
-    parser.add_argument("cases", metavar="CASES.csv|FOLDER", type=Path, help="volumes with their annotations; see the README")
+    parser.add_argument(
+        "cases", metavar="CASES.csv|FOLDER", type=Path, help="volumes with their points; see docs/COMMAND_LINE.md"
+    )
     parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="folder for results and their table")
     add_settings_options(parser)
     add_segmentation_options(parser)
     parser.add_argument("--workers", metavar="N", type=int, help="processes on this computer; else as cores and memory allow")
     parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="a running scheduler of Dask instead, such as tls://host:8786; see the README"
+        "--scheduler", metavar="ADDRESS", help="a running scheduler of Dask, such as tls://host:8786; see docs/COMMAND_LINE.md"
     )
     parser.set_defaults(run=run)
 

@@ -34,7 +34,9 @@ def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
     parser = subparsers.add_parser("segment", help="segment structures from a few annotated points")
     add_feature_options(parser)
-    parser.add_argument("--annotations", metavar="A.json", type=Path, help="classes with their points; see the README")
+    parser.add_argument(
+        "--annotations", metavar="A.json", type=Path, help="structures with their points; see docs/COMMAND_LINE.md"
+    )
     parser.add_argument(
         "--positive", metavar="NAME=L.mrk.json", action="append", default=[], help="a Slicer point list on a structure"
     )

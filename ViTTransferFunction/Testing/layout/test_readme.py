@@ -84,17 +84,6 @@ def test_the_agreement_under_each_picture_is_the_one_that_was_measured_when_it_w
         assert ", ".join(f"{name} {value:.2f}" for name, value in agreement.items()) in unwrapped
 
 
-def test_every_link_to_a_file_or_heading_leads_somewhere() -> None:
-    titles = [line.lower() for line in README.splitlines() if line.startswith("#")]
-    headings = {re.sub(r"[^\w -]", "", title).strip().replace(" ", "-") for title in titles}
-    for target in re.findall(r"(?<!!)\[[^\]]+\]\(([^)]+)\)", README):
-        path, _, anchor = target.partition("#")
-        if path and not path.startswith("http"):
-            assert (ROOT / path).is_file(), target
-        elif anchor and not path:
-            assert anchor in headings, target
-
-
 def test_users_are_told_nothing_of_how_the_module_is_tested() -> None:
     for word in ("stand-in", "slicer-core", "benchmark", "pytest"):
         assert word not in for_users().lower(), word
