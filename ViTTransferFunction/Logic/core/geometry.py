@@ -13,6 +13,8 @@ import numpy as np
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 """Flips the first two axes; its own inverse."""
 
+FLATTEST_AXES = 1e-6
+"""Volume between unit vectors along the axes: of less, nothing is left but what matrices lose in files of single precision."""
 
 Box = tuple[slice, slice, slice]
 """A part of a grid: ranges of k, j and i, each with a start and an end."""
@@ -35,7 +37,7 @@ class Geometry:
 
     def __post_init__(self) -> None:
         matrix = np.array(self.ijk_to_ras, dtype=np.float64)
-        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all() or _are_in_one_plane(matrix[:3, :3]):
             raise ValueError(f"expected a finite, invertible 4×4 IJK-to-RAS matrix, got\n{matrix}")
         matrix.setflags(write=False)
         object.__setattr__(self, "ijk_to_ras", matrix)
@@ -104,6 +106,12 @@ class Geometry:
         shift[:3, 3] = [extent.start for extent in reversed(box)]
         k, j, i = (extent.stop - extent.start for extent in box)
         return Geometry((k, j, i), self.ijk_to_ras @ shift)
+
+
+def _are_in_one_plane(axes: np.ndarray) -> bool:
+    """Whether three vectors, the columns (3, 3), do not span space, however long they are."""
+    lengths = np.linalg.norm(axes, axis=0)
+    return bool(lengths.min() == 0.0 or abs(np.linalg.det(axes / lengths)) < FLATTEST_AXES)
 
 
 def transform_points(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:

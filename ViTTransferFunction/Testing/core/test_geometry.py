@@ -78,3 +78,24 @@ def test_spacing_and_volume_are_those_of_the_axes() -> None:
 def test_a_matrix_that_maps_nowhere_is_refused(matrix: np.ndarray) -> None:
     with pytest.raises(ValueError, match="invertible"):
         Geometry((2, 2, 2), matrix)
+
+
+SCALES = [1e-9, 1e-5, 1.0, 1e6]
+"""Of lengths in millimetres: microscopes have voxels of nanometres."""
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_voxels_may_have_any_size(scale: float) -> None:
+    geometry = Geometry((4, 6, 8), np.diag([scale, scale, 20.0 * scale, 1.0]))
+    np.testing.assert_allclose(geometry.extent_mm, np.array([8.0, 6.0, 80.0]) * scale)
+    np.testing.assert_allclose(geometry.ras_to_ijk(np.array([[scale, 2.0 * scale, 60.0 * scale]])), [[1.0, 2.0, 3.0]])
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_axes_in_one_plane_are_refused_whatever_their_lengths(scale: float) -> None:
+    matrix = np.eye(4)
+    first, second = np.random.default_rng(1).normal(size=(2, 3))
+    # In one plane but for rounding.
+    matrix[:3, :3] = scale * np.stack([first, second, 0.3 * first - 0.7 * second], axis=1)
+    with pytest.raises(ValueError, match="invertible"):
+        Geometry((2, 2, 2), matrix)
