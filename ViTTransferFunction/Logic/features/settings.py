@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 SMALLEST_GRID, LARGEST_GRID = 4, 128
 FORMAT_VERSION = 8
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
+FINE_SPACING_MM = 0.0073
+"""Below it, units of 2⁻¹⁴ mm would round away the proportions of voxels. Neither it nor a half of a half of it is a usual size,
+of which rounding errors would decide on which side it is."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +111,17 @@ def feature_key(volume: Volume, model_name: str, weights_digest: str, settings: 
     """
     digest = hashlib.sha256()
     digest.update(f"{FORMAT_VERSION} {model_name} {weights_digest} {sorted(asdict(settings.on(device)).items())}".encode())
-    # A turned volume's spacing is rounded otherwise, and a file may keep fewer digits. 400 mm / 512 is a whole number of these
-    # units, so that what is about as much is not rounded apart.
-    spacing = np.rint(volume.geometry.spacing_mm * 2**14).tolist()
-    digest.update(f"{canonical_orientation(volume.geometry)} {spacing}".encode())
+    digest.update(f"{canonical_orientation(volume.geometry)} {_rounded(volume.geometry.spacing_mm)}".encode())
     digest.update(volume.digest)
     return digest.hexdigest()
+
+
+def _rounded(spacing_mm: np.ndarray) -> list[float]:
+    """A volume's spacing, in units that are the same where it is turned, or where a file keeps fewer digits.
+
+    400 mm / 512 is a whole number of these units, so that what is about as much is not rounded apart. Microscopes' voxels have
+    smaller ones: features go by the proportions alone.
+    """
+    halvings = max(math.ceil(math.log2(FINE_SPACING_MM / spacing_mm.min())), 0)
+    rounded: list[float] = np.rint(np.ldexp(spacing_mm, 14 + halvings)).tolist()
+    return rounded

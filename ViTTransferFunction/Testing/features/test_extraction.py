@@ -266,6 +266,16 @@ def test_spacings_of_usual_scans_are_not_rounded_apart(field_of_view_mm: int, pi
     assert len(keys) == 1
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1e-6, 1e-4, 1e-2, 1.0])
+def test_the_proportions_of_voxels_are_told_apart_however_small_they_are(scale: float) -> None:
+    array = np.arange(8.0).reshape(2, 2, 2)
+    cubes, slabs, again = (
+        feature_key(volume_of(array, (scale, scale, k * scale)), "model", "weights", FeatureSettings(), CPU)
+        for k in (1.0, 1.1, 1.0 + 1e-12)
+    )
+    assert cubes == again != slabs
+
+
 @pytest.mark.parametrize("grid", [3, 129, -1])
 def test_a_grid_out_of_range_is_refused(grid: int) -> None:
     with pytest.raises(InputError, match=f"4 to 128 cells; got {grid}"):
