@@ -65,7 +65,7 @@ def weigh_by_intensity(
     for similarities, plane in zip(similarity, intensities, strict=True):
         between()
         voxels, bins = _near_voxels(similarities, plane, window, learned_from)
-        probability = similarities[voxels] ** 2 / (similarities[voxels] ** 2 + np.float32(iso) ** 2)
+        probability = _probability_inside(similarities[voxels], iso)
         inside += np.bincount(bins, probability, BINS)
         outside += np.bincount(bins, 1.0 - probability, BINS)
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
@@ -73,6 +73,14 @@ def weigh_by_intensity(
         between()
         voxels, bins = _near_voxels(similarities, plane, window, applied_to)
         similarities[voxels] = np.minimum(similarities[voxels] * factors[bins], 1.0)
+
+
+def _probability_inside(similarities: np.ndarray, iso: float) -> np.ndarray:
+    """What a map says of voxels before their intensities are looked at, (N,) float32 in [0, 1]: even odds at the iso value."""
+    squared = similarities**2
+    # An iso value of 0, which a user may fix, and values whose squares are 0 in single precision, are no even odds.
+    inside: np.ndarray = squared / np.maximum(squared + np.float32(iso) ** 2, np.finfo(np.float32).tiny)
+    return inside
 
 
 def _near_voxels(

@@ -74,6 +74,16 @@ def test_voxels_without_a_finite_intensity_keep_their_map_and_change_no_other(va
     np.testing.assert_allclose(weighed[10], with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)[10], atol=0.05)
 
 
+@pytest.mark.parametrize("iso", [0.0, 1e-30])
+def test_the_least_iso_value_that_a_user_may_fix_gives_a_map(iso: float) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    # Single precision has no squares of such values.
+    similarity[:2] = 1e-30
+    weighed = with_intensity_likelihood(similarity.astype(np.float32), intensities, WINDOW, iso)
+    assert weighed.min() >= 0.0
+    assert weighed.max() <= 1.0
+
+
 @pytest.mark.parametrize("similarity", [0.0, 0.35, 1.0])
 def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
     flat = np.full((6, 6, 6), similarity, dtype=np.float32)
