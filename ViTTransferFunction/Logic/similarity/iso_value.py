@@ -224,8 +224,9 @@ def proposals_around(iso: float, at_positives: np.ndarray) -> IsoProposals:
         iso: the chosen one.
         at_positives: (P, …) values of the map at the class's positive points, P ≥ 1.
     """
-    highest = min(SMALLER_SHARE_OF_POSITIVES * float(np.median(at_positives)), LARGEST_ISO)
-    return IsoProposals(max(min(SMALLER * iso, highest), LEAST_STEP * iso), iso, LARGER * iso)
+    highest = SMALLER_SHARE_OF_POSITIVES * float(np.median(at_positives))
+    smaller = min(max(min(SMALLER * iso, highest), LEAST_STEP * iso), LARGEST_ISO)
+    return IsoProposals(smaller, iso, LARGER * iso)
 
 
 def _strength_along_surfaces(levels: Levels, edge_strength: np.ndarray) -> np.ndarray:

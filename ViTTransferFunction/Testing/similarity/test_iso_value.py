@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.intensity_cdf import IntensityCdf
+from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_ISO, SMALLEST_ISO
 from ViTTransferFunction.Logic.similarity.iso_value import (
     choose_iso_by_edges,
     choose_refined_iso,
@@ -38,6 +39,12 @@ def test_the_smaller_proposal_keeps_the_points_and_no_step_is_empty() -> None:
     assert proposals.smaller == pytest.approx(0.475)
     tight = proposals_around(0.5, np.array([0.5]))
     assert tight.larger < tight.chosen < tight.smaller
+
+
+@pytest.mark.parametrize("iso", [SMALLEST_ISO, 0.5, 0.94, LARGEST_ISO])
+def test_all_proposals_are_iso_values(iso: float) -> None:
+    proposals = proposals_around(iso, np.ones(2))
+    assert 0.0 < proposals.larger <= proposals.chosen <= proposals.smaller < 1.0
 
 
 @pytest.mark.parametrize("level", [0.2, 0.3, 0.45])
