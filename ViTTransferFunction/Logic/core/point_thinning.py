@@ -46,11 +46,12 @@ def _thin(points_ras: np.ndarray, geometry: Geometry, most: int) -> np.ndarray:
     if len(points_ras) <= most:
         return points_ras
     # Voxels first; then cubes in millimetres, whose borders do not move with the points.
-    ijk = geometry.ras_to_ijk(points_ras) + 0.5
-    cells, edge_mm = np.floor(ijk), float(geometry.spacing_mm.max())
+    cells, edge_mm = geometry.nearest_voxels(points_ras), float(geometry.spacing_mm.max())
+    # Points of a face may be rounded to before it, where no cube, however large, would join them to the others.
+    places_mm = np.maximum(geometry.ras_to_ijk(points_ras) + 0.5, 0.0) * geometry.spacing_mm
     while True:
         _, first = np.unique(cells, axis=0, return_index=True)
         if len(first) <= most:
             return points_ras[np.sort(first)]
-        cells = np.floor(ijk * geometry.spacing_mm / edge_mm)
+        cells = np.floor(places_mm / edge_mm)
         edge_mm *= _GROWTH

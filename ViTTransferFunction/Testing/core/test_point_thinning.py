@@ -43,6 +43,14 @@ def test_points_in_one_voxel_count_once() -> None:
     np.testing.assert_allclose(request.positive, few, atol=1e-6)
 
 
+@pytest.mark.parametrize("face", [-0.5, EDGES[0]])
+def test_points_that_were_rounded_beyond_a_face_lie_in_its_voxels(face: float) -> None:
+    beside = GEOMETRY.ijk_to_ras_points(np.array([[face - 5e-4, 10.0, 10.0], [face + 5e-4, 10.0, 10.0]]))
+    assert GEOMETRY.contains(beside).all()
+    (request,) = thinned([ClassRequest("a", np.tile(beside, (MOST_POINTS, 1)))], GEOMETRY)
+    assert len(request.positive) == 1
+
+
 def test_few_points_of_a_class_are_all_kept_beside_many_of_another() -> None:
     few, many = thinned(
         [ClassRequest("few", points(3), points(4)), ClassRequest("many", points(9000), points(9000, 1))], GEOMETRY
