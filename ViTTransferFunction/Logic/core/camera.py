@@ -147,7 +147,7 @@ def framing(
     )
     focal_point = middle - middle_ras
     # What has no extent has no scale either.
-    position = focal_point + max(distance, 1.0) * towards
+    position = focal_point + (distance or 1.0) * towards
     return Camera(_vector(position), _vector(focal_point), seen_from.up, size)
 
 

@@ -56,6 +56,12 @@ def test_everything_is_in_the_picture_and_fills_it(elevation: float, size: tuple
     assert 0.9 < abs(projected(camera, CENTRE, points)).max() < 1.0
 
 
+def test_what_is_small_fills_the_picture_as_well() -> None:
+    points = CENTRE + 1e-4 * np.random.default_rng(0).normal(size=(500, 3))
+    camera = framing(points, CENTRE, direction(25.0, 8.0), size=SIZE)
+    assert 0.9 < abs(projected(camera, CENTRE, points)).max() < 1.0
+
+
 def test_a_turning_camera_sees_everything_from_all_sides() -> None:
     points = CENTRE + np.random.default_rng(1).normal(size=(500, 3)) * (10.0, 90.0, 20.0)
     camera = framing(points, CENTRE, direction(0.0, 8.0), size=SIZE, turning=True)
