@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy import ndimage
 
@@ -43,7 +45,7 @@ def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry
         low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
     margin = MARGIN * geometry.extent_mm.max() / geometry.spacing_mm[::-1]
     voxels = box_of_voxels(low - margin, high + margin, geometry.shape)
-    share = np.prod([extent.stop - extent.start for extent in voxels]) / np.prod(geometry.shape)
+    share = math.prod(extent.stop - extent.start for extent in voxels) / math.prod(geometry.shape)
     if share > LARGEST_SHARE:
         raise InputError(
             f"This structure's box fills {share:.0%} of the scan, and would show little more than the whole does. A closer "

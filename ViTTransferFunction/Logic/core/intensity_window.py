@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +107,7 @@ def finite_sample(volume: Volume) -> np.ndarray:
     """
     array = canonical_orientation(volume.geometry).to_canonical(volume.array)
     steps = [1, 1, 1]
-    while np.prod(left := [-(-size // step) for size, step in zip(array.shape, steps, strict=True)]) > SAMPLE_SIZE:
+    while math.prod(left := [-(-size // step) for size, step in zip(array.shape, steps, strict=True)]) > SAMPLE_SIZE:
         steps[int(np.argmax(left))] += 1
     spread = np.ascontiguousarray(array[tuple(slice(step // 2, None, step) for step in steps)])
     if np.issubdtype(spread.dtype, np.integer) and spread.dtype.itemsize <= 2:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,7 +71,7 @@ def _cell_steps(shape: list[int], spacing_mm: np.ndarray) -> tuple[int, int, int
     edge_mm = spacing_mm.min()
     while True:
         k, j, i = (max(int(edge_mm / spacing), 1) for spacing in spacing_mm)
-        if np.prod([-(-size // step) for size, step in zip(shape, (k, j, i), strict=True)]) <= MAX_CELLS:
+        if math.prod([-(-size // step) for size, step in zip(shape, (k, j, i), strict=True)]) <= MAX_CELLS:
             return k, j, i
         edge_mm *= 1.1
 
