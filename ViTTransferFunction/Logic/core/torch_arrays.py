@@ -22,7 +22,10 @@ _WIDER = {"uint16": np.int32, "uint32": np.int64, "uint64": np.float64}
 
 
 def tensor_of(array: np.ndarray) -> Tensor:
-    """The array as a tensor that shares its memory; a copy of one that may not be written, or whose type PyTorch lacks.
+    """The array as a tensor that shares its memory, or a copy of it.
+
+    Numbers of a type that PyTorch lacks are copied and, where PyTorch was built for another NumPy, what may not be written. A
+    PyTorch that was built for this one shares that as well, and warns.
 
     Raises:
         TypeError, ValueError: PyTorch has no numbers of this type or a wider one, or no strides below 0.

@@ -10,10 +10,10 @@ over the annotated points and a few random cells p, with target Y_pc 1 where p i
 classes' points and negative points count against c, and so do the random cells. Those stand for the background; each is
 believed little (Λ), since any of them may lie in a structure of interest, and those that turn out to are dropped.
 
-where k says how alike two places are (`place_kernel`). Where p is an annotated point it is multiplied by (1 − b) + b C_p(x),
-with C_p how nearly x is joined to p by intensities, and between two points by √((1 − b)(1 − b′)) + √(b b′) C
-(`connected_points`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
-(`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
+The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
+(1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
+√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). A negative point at the rim of its structure is looked at where its cell
+is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
 """
 
 from __future__ import annotations
