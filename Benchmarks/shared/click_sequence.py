@@ -26,10 +26,6 @@ class ClickSequence:
         counts = self.counts[min(number, len(self.counts)) - 1]
         return [list(of_class[:count]) for of_class, count in zip(self.clicks, counts, strict=True)]
 
-    def of_class(self, index: int) -> ClickSequence:
-        """The same for one class alone."""
-        return ClickSequence((self.clicks[index],), tuple((counts[index],) for counts in self.counts))
-
     def as_json(self) -> dict[str, Any]:
         """For a file; see `from_json`."""
         clicks = [[[*click.kji, int(click.positive)] for click in of_class] for of_class in self.clicks]
@@ -46,12 +42,3 @@ class ClickSequence:
         """The clicks of rounds 1, 2, … as the clicker gave them."""
         placed = [state.clicks for state in rounds]
         return cls(placed[-1], tuple(tuple(len(of_class) for of_class in clicks) for clicks in placed))
-
-    @classmethod
-    def side_by_side(cls, sequences: Iterable[ClickSequence]) -> ClickSequence:
-        """Sequences of one class each, of equally many rounds, as one of many classes."""
-        alone = list(sequences)
-        return cls(
-            tuple(sequence.clicks[0] for sequence in alone),
-            tuple(tuple(counts[0] for counts in of_round) for of_round in zip(*(s.counts for s in alone), strict=True)),
-        )

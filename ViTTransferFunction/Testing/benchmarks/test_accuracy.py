@@ -128,7 +128,7 @@ def test_clicks_are_read_as_they_were_written() -> None:
     sequence = ClickSequence(((Click((1, 2, 3), True), Click((4, 5, 6), False)), (Click((7, 8, 9), True),)), ((1, 1), (2, 1)))
     assert ClickSequence.from_json(json.loads(json.dumps(sequence.as_json()))) == sequence
     assert sequence.at(1) == [[Click((1, 2, 3), True)], [Click((7, 8, 9), True)]]
-    assert sequence.of_class(0).at(2) == [[Click((1, 2, 3), True), Click((4, 5, 6), False)]]
+    assert sequence.at(2) == sequence.at(9) == [list(of_class) for of_class in sequence.clicks]
 
 
 def test_a_method_without_negatives_gets_none(labelled: LabelledVolume) -> None:
