@@ -9,7 +9,7 @@ from ..Logic.core.errors import InputError, shown
 from ..Logic.scene.annotation_tool import TOOLS
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.choices import check_possible, choices
-from ..Logic.scene.classes import ClassState
+from ..Logic.scene.class_state import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.volume_window import set_window
 from ..Logic.scene.wording import style_words

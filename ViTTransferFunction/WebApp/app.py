@@ -22,7 +22,7 @@ from ..Logic.core.volume import Volume
 from ..Logic.files.series_choice import SeveralSeries
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.choices import choices, make_possible
-from ..Logic.scene.classes import ClassState
+from ..Logic.scene.class_state import ClassState
 from ..Logic.scene.messages import Messages
 from ..Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ..Logic.scene.session import SceneSession

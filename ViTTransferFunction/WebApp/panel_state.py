@@ -8,7 +8,7 @@ from ..Logic.core.colors import hex_color
 from ..Logic.core.progress import WorkProgress
 from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
-from ..Logic.scene.classes import ClassState
+from ..Logic.scene.class_state import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings
 from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
 from ..Logic.scene.session import SceneSession

@@ -9,7 +9,7 @@ import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.scene.classes import ClassState, Polarity
+from ViTTransferFunction.Logic.scene.class_state import ClassState, Polarity
 from ViTTransferFunction.Logic.scene.wording import threshold_text, volume_text
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
 Report = Callable[..., None]

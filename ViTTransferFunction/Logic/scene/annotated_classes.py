@@ -16,7 +16,7 @@ from ..core.class_request import check_requests
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
 from .class_requests import ClassRequests
-from .classes import ClassState, changed, new_class_state
+from .class_state import ClassState, changed, new_class_state
 from .point_lists import Point
 from .volume import matrix_to_world
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ..core.errors import InputError
-from .classes import ClassState
+from .class_state import ClassState
 from .place_mode import PlaceMode
 from .region_tool import RegionTool, Shape
 from .session import SceneSession

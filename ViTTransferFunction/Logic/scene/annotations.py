@@ -19,21 +19,16 @@ from ..core.class_request import check_name
 from ..core.colors import Color
 from ..core.errors import InputError
 from .class_size import stepped, turned
+from .class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, sharing
 from .classes import (
-    ClassState,
-    CloseUpBox,
-    changed,
     class_id,
     class_nodes,
     create_class,
-    duplicate_class_state,
     negative_node,
-    new_class_state,
     order_classes,
     read_class,
     remove_class,
     remove_widowed_lists,
-    sharing,
     write_class,
 )
 from .history import AnnotationHistory
@@ -84,7 +79,7 @@ class SceneAnnotations:
 
     def add_class(self, name: str | None = None, color: Color | None = None) -> ClassState:
         """Add a class without points."""
-        state = new_class_state(list(self.classes), name, color)
+        state = new_class_state(self.classes, name, color)
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
         return state
@@ -100,7 +95,7 @@ class SceneAnnotations:
 
         Where both have the same points, the voxels stay with the upper one.
         """
-        state = duplicate_class_state(list(self.classes), self._class(id_))
+        state = duplicate_class_state(self.classes, self._class(id_))
         ids = [present.id for present in self.classes]
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
@@ -122,7 +117,7 @@ class SceneAnnotations:
     def continue_segment(self, segment_id: str, name: str, color: Color, points_ras: np.ndarray) -> ClassState:
         """Add a class that begins with positive points (N, 3) in a segment, RAS millimetres; one step for undo."""
         points = tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
-        state = replace(new_class_state(list(self.classes), name, color), positive=points, continues=segment_id)
+        state = replace(new_class_state(self.classes, name, color), positive=points, continues=segment_id)
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
         return state

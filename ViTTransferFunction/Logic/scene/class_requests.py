@@ -12,7 +12,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.close_up import CloseUp
 from ..core.geometry import Geometry, transform_points
-from .classes import ClassState, CloseUpBox
+from .class_state import ClassState, CloseUpBox
 from .point_lists import Point
 from .volume import matrix_to_world
 

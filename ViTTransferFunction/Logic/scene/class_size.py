@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE, resized_iso
-from .classes import ClassState
+from .class_state import ClassState
 
 STEPS = (SMALLEST_SIZE, -2.5, -2.0, -1.5, -1.0, 0.0, 1.0, 1.5, 2.0, 2.5, LARGEST_SIZE)
 """Where keys stop: at the three proposals, which are structures of their own, and at every half beyond."""

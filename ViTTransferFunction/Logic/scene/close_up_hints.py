@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.gross_correction import corrects_grossly
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
-from .classes import ClassState, Polarity
+from .class_state import ClassState, Polarity
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .point_lists import Point

@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from ..core.geometry import transform_points
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
-from .classes import ClassState, CloseUpBox, EdgesMm
+from .class_state import ClassState, CloseUpBox, EdgesMm
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems

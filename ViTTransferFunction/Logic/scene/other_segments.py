@@ -9,7 +9,7 @@ import slicer
 
 from ..core.errors import InputError
 from .annotations import SceneAnnotations
-from .classes import ClassState
+from .class_state import ClassState
 from .outside_points import outside_points
 from .parameters import SceneParameters
 from .segment_points import SegmentPoints

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..core.geometry import Geometry, transform_points
-from .classes import ClassState
+from .class_state import ClassState
 from .labelmaps import labelmaps_of
 from .segment_points import SegmentPoints
 from .segment_tags import CORRECTED_TAG, read_tag, segments_of_classes

@@ -11,7 +11,7 @@ from ..compute.requests import Labels
 from ..core.errors import InputError
 from ..core.progress import WorkProgress
 from ..core.stepped_work import SteppedWork, Steps
-from .classes import ClassState
+from .class_state import ClassState
 from .corrections import Corrections, corrected_segments
 from .nodes import name_for_scene
 from .parameters import SceneParameters

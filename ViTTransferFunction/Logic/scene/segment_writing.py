@@ -13,7 +13,7 @@ from ..compute.requests import Labels
 from ..core.class_request import ClassRequest
 from ..core.errors import InputError
 from ..core.progress import WorkProgress
-from .classes import ClassState
+from .class_state import ClassState
 from .corrections import Corrections
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters

@@ -28,7 +28,7 @@ from .added_scene import AddedScene
 from .annotated_classes import annotated_classes, class_states
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
-from .classes import ClassState, EdgesMm, Polarity
+from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections

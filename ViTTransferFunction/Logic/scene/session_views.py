@@ -20,7 +20,7 @@ from ..rendering.intensity_histogram import IntensityHistogram, intensity_histog
 from ..rendering.structure_volume import StructureVolume
 from ..rendering.surroundings import Surroundings
 from .class_requests import ClassRequests
-from .classes import ClassState
+from .class_state import ClassState
 from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .display import SceneDisplay

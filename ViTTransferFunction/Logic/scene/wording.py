@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ..core.progress import WorkProgress
 from ..rendering.appearance import STYLES
-from .classes import ClassState, EdgesMm
+from .class_state import ClassState, EdgesMm
 from .context import OFF
 from .shortcuts import SHORTCUTS
 from .translation import tr as _

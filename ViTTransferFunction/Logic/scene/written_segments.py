@@ -14,7 +14,7 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from ..core.class_request import ClassRequest
-from .classes import ClassState
+from .class_state import ClassState
 from .parameters import SceneParameters
 from .segment_tags import segments_of_classes
 

@@ -11,7 +11,7 @@ import pytest
 from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.class_size import stepped, turned
-from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.proposal_outlines import STYLE
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, open_spheres, put_under

@@ -12,13 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.classes import (
-    ClassState,
-    changed,
     class_nodes,
     create_class,
     negative_node,
-    new_class_state,
     order_classes,
     read_class,
     remove_class,
@@ -77,29 +75,6 @@ def test_writing_what_is_there_already_touches_nothing(scene: Any, parameter_nod
     before = [n.GetMTime() for n in nodes]
     write_class(scene, node, LIVER)
     assert [n.GetMTime() for n in nodes] == before
-
-
-def test_another_style_brings_its_own_shades_fading_and_edges() -> None:
-    other = changed(LIVER, style="vessels", proximity=0.5)
-    assert other == replace(LIVER, look=replace(LIVER.look, style="vessels", ramp=None, edges=None), proximity=0.5)
-    assert changed(LIVER, style="vessels", ramp=0.75).look.ramp == 0.75
-
-
-@pytest.mark.parametrize("garbage", ["", "nan", "7", "-0.1", "much"])
-def test_garbled_settings_count_as_absent(scene: Any, parameter_node: Any, garbage: str) -> None:
-    node = create_class(scene, parameter_node, LIVER)
-    for name in ("iso", "opacity", "proximity"):
-        node.SetAttribute(f"ViTTransferFunction.{name}", garbage)
-    state = read_class(node)
-    assert (state.iso, state.look.opacity, state.proximity) == (None, 1.0, 0.0)
-
-
-@pytest.mark.parametrize(("text", "size"), [("-2.5", -2.5), ("3.0", 3.0), ("3.1", 0.0), ("nan", 0.0), ("larger", 0.0)])
-def test_a_size_is_read_within_its_own_range(scene: Any, parameter_node: Any, text: str, size: float) -> None:
-    node = create_class(scene, parameter_node, replace(LIVER, iso=None, size=1.0))
-    assert read_class(node).size == 1.0
-    node.SetAttribute("ViTTransferFunction.size", text)
-    assert read_class(node).size == size
 
 
 def test_polarities_differ_by_shape(scene: Any, parameter_node: Any) -> None:
@@ -167,22 +142,6 @@ def test_classes_are_brought_into_order(scene: Any, parameter_node: Any) -> None
         create_class(scene, parameter_node, replace(LIVER, id=id_))
     order_classes(parameter_node, ["c", "a", "b"])
     assert [read_class(node).id for node in class_nodes(parameter_node)] == ["c", "a", "b"]
-
-
-def test_new_classes_have_names_and_colours_of_their_own() -> None:
-    states: list[ClassState] = []
-    for _ in range(10):
-        states.append(new_class_state(states))
-    assert len({state.name for state in states}) == 10
-    assert len({state.color for state in states}) == 10
-    assert len({state.id for state in states}) == 10
-
-
-def test_a_freed_name_and_colour_are_used_again() -> None:
-    first, second = (new_class_state([]), None)
-    second = new_class_state([first])
-    again = new_class_state([second])
-    assert (again.name, again.color) == (first.name, first.color)
 
 
 def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any, parameter_node: Any) -> None:

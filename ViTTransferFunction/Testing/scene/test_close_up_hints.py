@@ -13,7 +13,7 @@ from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.class_requests import class_requests
-from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.close_up_hints import CloseUpHints
 from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, add_parameter_node, put_under

@@ -13,7 +13,7 @@ from ViTTransferFunction.Logic.compute.requests import Labels
 from ViTTransferFunction.Logic.core import stepped_work
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
-from ViTTransferFunction.Logic.scene.classes import ClassState
+from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.segment_output import SegmentOutput
 from ViTTransferFunction.Logic.scene.volume import set_image
