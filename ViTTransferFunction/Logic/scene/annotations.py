@@ -6,14 +6,13 @@ application counts as one placed here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 import slicer
-import vtk
 
 from ..core.class_request import check_name
 from ..core.colors import Color
@@ -30,9 +29,10 @@ from .classes import (
     remove_class,
     remove_widowed_lists,
     write_class,
+    write_classes,
 )
 from .history import AnnotationHistory
-from .observers import SceneObservers
+from .point_list_watch import PointListWatch
 from .point_lists import Point, index_of_new_point
 from .volume import matrix_to_world
 
@@ -65,13 +65,10 @@ class SceneAnnotations:
         self._parameter_node = parameter_node
         self._on_change = on_change
         self._settle = settle
-        self._on_displayed = on_displayed
-        self._observers = SceneObservers()
+        self._watch = PointListWatch(self._on_placed, self._on_step, self._on_passing, on_displayed)
         self._paused = 0
         self._last_grown: dict[str, str] = {}
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
-        # Of points that there are, and of those that were placed.
-        self._counts: dict[slicer.vtkMRMLMarkupsFiducialNode, tuple[int, int]] = {}
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
         self._history: AnnotationHistory[Classes] = AnnotationHistory(())
@@ -116,8 +113,8 @@ class SceneAnnotations:
 
     def continue_segment(self, segment_id: str, name: str, color: Color, points_ras: np.ndarray) -> ClassState:
         """Add a class that begins with positive points (N, 3) in a segment, RAS millimetres; one step for undo."""
-        points = tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
-        state = replace(new_class_state(self.classes, name, color), positive=points, continues=segment_id)
+        state = new_class_state(self.classes, name, color)
+        state = replace(state, positive=_as_points(points_ras), continues=segment_id)
         with self._edit():
             create_class(self._scene, self._parameter_node, state)
         return state
@@ -130,9 +127,7 @@ class SceneAnnotations:
     def set_class(self, id_: str, **fields: Any) -> None:
         """Change fields of a class (see `ClassState`), or of its look (see `Appearance`).
 
-        The steps of a slider being dragged count as one for undo.
-
-        A fixed iso value takes the place of the size.
+        The steps of a slider being dragged count as one for undo. A fixed iso value takes the place of the size.
 
         Raises:
             InputError: the name is empty, cannot be written, or is another class's.
@@ -140,12 +135,7 @@ class SceneAnnotations:
         state = changed(self._class(id_), **fields)
         # The list of its points may have been given any name, in the Data module, and the rest is to be set all the same.
         if "name" in fields:
-            state = replace(state, name=state.name.strip())
-            if not state.name:
-                raise InputError("A structure needs a name; it keeps the one that it had.")
-            check_name(state.name)
-            if any(other.name == state.name for other in self.classes if other.id != id_):
-                raise InputError(f"There is a structure called '{state.name}' already; this one keeps the name that it had.")
+            state = replace(state, name=_usable_name(state.name, {other.name for other in self.classes if other.id != id_}))
         if state.iso is not None:
             state = replace(state, size=0.0)
         with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
@@ -187,9 +177,9 @@ class SceneAnnotations:
         """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo."""
         field = "positive" if positive else "negative"
         state = self._class(id_)
-        added = tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
+        grown = getattr(state, field) + _as_points(points_ras)
         with self._edit(f"{id_} {field}", continued):
-            write_class(self._scene, self._positive(id_), replace(state, **{field: getattr(state, field) + added}))
+            write_class(self._scene, self._positive(id_), replace(state, **{field: grown}))
 
     def erase_points(self, points_ras: np.ndarray, radius_mm: float, continued: bool = False) -> None:
         """Remove the points of visible classes that lie within `radius_mm` of one of `points_ras` (N, 3)."""
@@ -249,12 +239,7 @@ class SceneAnnotations:
         negative = [node for node in map(negative_node, positive) if node is not None]
         self._negative.update(negative)
         lists = [*positive, *negative]
-        for node in lists:
-            self._observers.observe(node, self._reactions())
-            if node not in self._counts:
-                self._on_displayed(node)
-        self._observers.keep_only(lists)
-        self._counts = {node: (node.GetNumberOfControlPoints(), node.GetNumberOfDefinedControlPoints()) for node in lists}
+        self._watch.watch(lists)
         self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
@@ -268,65 +253,38 @@ class SceneAnnotations:
     @property
     def observer_count(self) -> int:
         """How many observers of point lists there are."""
-        return self._observers.count
+        return self._watch.observer_count
 
     def close(self) -> None:
         """Stop watching."""
-        self._observers.remove_all()
-
-    def _reactions(self) -> list[tuple[int | str, Callable[[vtk.vtkObject, str], None]]]:
-        markups = slicer.vtkMRMLMarkupsNode
-        steps = (markups.PointStartInteractionEvent, markups.PointEndInteractionEvent, markups.PointRemovedEvent)
-        displayed = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent
-        passing = ("ModifiedEvent", displayed, slicer.vtkMRMLTransformableNode.TransformModifiedEvent)
-        return [
-            (markups.PointPositionDefinedEvent, self._on_placed),
-            (markups.PointModifiedEvent, self._on_moved),
-            (displayed, lambda caller, event: self._on_displayed(caller)),
-            *((event, self._on_step) for event in steps),
-            *((event, self._on_passing) for event in passing),
-        ]
+        self._watch.close()
 
     @property
     def _listens(self) -> bool:
         """Whether what happens to a list counts by itself; where many nodes are changed at once, that comes later."""
         return not (self._paused or self._scene.IsBatchProcessing())
 
-    def _on_placed(self, caller: vtk.vtkObject, event: str) -> None:
+    def _on_placed(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
         if not self._listens:
             return
         known = {point for state in self.classes for point in (*state.positive, *state.negative)}
-        index = index_of_new_point(caller, known)
+        index = index_of_new_point(points, known)
         if index is not None:
-            placed = np.array(caller.GetNthControlPointPositionWorld(index))
+            placed = np.array(points.GetNthControlPointPositionWorld(index))
             settled = self._settle(placed)
             if settled is not placed:
                 with self._unheard():
-                    caller.SetNthControlPointPositionWorld(index, *settled)
-        self._on_step(caller, event)
+                    points.SetNthControlPointPositionWorld(index, *settled)
+        self._on_step(points)
 
-    def _on_moved(self, caller: vtk.vtkObject, event: str) -> None:
-        """A point was dragged, say; one that hangs on the mouse, or is just being added, is heard of when it is placed."""
-        count, before = self._counts.get(caller, (0, 0))
-        placed = caller.GetNumberOfDefinedControlPoints()
-        if count != caller.GetNumberOfControlPoints() or placed != caller.GetNumberOfDefinedControlPoints(True):
-            return
-        # Slicer's table of points can unset one, and restore it without saying that it is placed.
-        if placed > before:
-            self._on_placed(caller, event)
-        elif placed < before:
-            self._on_step(caller, event)
-        else:
-            self._on_passing(caller, event)
-
-    def _on_step(self, caller: vtk.vtkObject, event: str) -> None:
-        """A step of its own was made, or begins or ends: what passes before and after belongs to others."""
+    def _on_step(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+        """What passes before and after belongs to other steps."""
         if self._listens:
             self._changed(None)
             self._history.seal()
 
-    def _on_passing(self, caller: vtk.vtkObject, event: str) -> None:
-        """A point is being dragged, a colour being chosen, say: maps follow, but undo goes back to where it began."""
+    def _on_passing(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+        """Maps follow, but undo goes back to where it began."""
         if self._listens:
             self._changed("passing")
 
@@ -357,15 +315,7 @@ class SceneAnnotations:
     def _restore(self, states: Classes) -> None:
         """Bring the scene's classes to `states`."""
         with self._unheard():
-            present = {class_id(node): node for node in class_nodes(self._parameter_node)}
-            for id_ in present.keys() - {state.id for state in states}:
-                remove_class(self._scene, present[id_])
-            for state in states:
-                if state.id in present:
-                    write_class(self._scene, present[state.id], state)
-                else:
-                    create_class(self._scene, self._parameter_node, state)
-            order_classes(self._parameter_node, [state.id for state in states])
+            write_classes(self._scene, self._parameter_node, states)
         self.refresh()
         # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
         self._history.correct(self.classes)
@@ -392,6 +342,21 @@ class SceneAnnotations:
 
     def _positive(self, id_: str) -> slicer.vtkMRMLMarkupsFiducialNode:
         return next(node for node in class_nodes(self._parameter_node) if class_id(node) == id_)
+
+
+def _usable_name(name: str, taken: Collection[str]) -> str:
+    """A name that a user has typed, as the class gets it. Raises InputError where it cannot have it."""
+    name = name.strip()
+    if not name:
+        raise InputError("A structure needs a name; it keeps the one that it had.")
+    check_name(name)
+    if name in taken:
+        raise InputError(f"There is a structure called '{name}' already; this one keeps the name that it had.")
+    return name
+
+
+def _as_points(points_ras: np.ndarray) -> tuple[Point, ...]:
+    return tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
 
 
 def _transform_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> bytes | None:

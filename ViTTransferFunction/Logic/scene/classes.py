@@ -104,6 +104,21 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
     write_settings(positive, state)
 
 
+def write_classes(
+    scene: slicer.vtkMRMLScene, parameter_node: slicer.vtkMRMLScriptedModuleNode, states: Sequence[ClassState]
+) -> None:
+    """Bring all classes in the scene to `states`, in this order: those that are missing come, and all others go."""
+    present = {class_id(node): node for node in class_nodes(parameter_node)}
+    for id_ in present.keys() - {state.id for state in states}:
+        remove_class(scene, present[id_])
+    for state in states:
+        if state.id in present:
+            write_class(scene, present[state.id], state)
+        else:
+            create_class(scene, parameter_node, state)
+    order_classes(parameter_node, [state.id for state in states])
+
+
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     """Take a class's two lists out of the scene, and what displays them."""
     _remove_lists(scene, [node for node in (negative_node(positive), positive) if node is not None])

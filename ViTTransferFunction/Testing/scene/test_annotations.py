@@ -15,7 +15,7 @@ from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.classes import class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate, open_spheres, put_under
+from ViTTransferFunction.Testing.support.scenes import add_hanging_point, add_parameter_node, annotate, open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
@@ -38,15 +38,6 @@ def test_each_placed_point_is_a_step_of_its_own(session: SceneSession, spheres: 
         assert len(session.classes[0].positive) == left
     session.annotations.redo()
     assert len(session.classes[0].positive) == 1
-
-
-def add_hanging_point(scene: Any, node: Any) -> int:
-    """A point that hangs on the mouse, which Slicer's views add without a word; returns its index."""
-    scene.StartState(scene.BatchProcessState)
-    index: int = node.AddControlPointWorld(vtk.vtkVector3d(5.0, 0.0, 0.0))
-    node.SetNthControlPointPositionWorld(index, 5.0, 0.0, 0.0, node.PositionPreview)
-    scene.EndState(scene.BatchProcessState)
-    return index
 
 
 def test_a_point_that_hangs_on_the_mouse_is_heard_of_once_when_it_is_placed(slicer_app: Any) -> None:

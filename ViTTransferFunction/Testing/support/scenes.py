@@ -84,6 +84,15 @@ def put_under(node: Any, matrix: np.ndarray) -> Any:
     return transform
 
 
+def add_hanging_point(scene: Any, node: Any) -> int:
+    """A point that hangs on the mouse, which Slicer's views add without a word; returns its index."""
+    scene.StartState(scene.BatchProcessState)
+    index: int = node.AddControlPointWorld(vtk.vtkVector3d(5.0, 0.0, 0.0))
+    node.SetNthControlPointPositionWorld(index, 5.0, 0.0, 0.0, node.PositionPreview)
+    scene.EndState(scene.BatchProcessState)
+    return index
+
+
 def add_segment(
     segmentation_node: Any, name: str, mask: np.ndarray, ijk_to_ras: np.ndarray, dtype: type[np.number[Any]] = np.uint8
 ) -> str:
