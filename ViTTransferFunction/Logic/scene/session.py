@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import numpy as np
 import slicer
-import vtk
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
@@ -24,7 +23,6 @@ from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
-from .added_scene import AddedScene
 from .annotated_classes import annotated_classes, class_states
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
@@ -33,7 +31,6 @@ from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
 from .left_behind import LeftBehind
-from .observers import SceneObservers
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
@@ -42,6 +39,7 @@ from .point_tour import PointTour
 from .points_in_3d import hold_in_3d
 from .problems import Problems
 from .regions import SceneRegions
+from .scene_watch import SceneWatch
 from .segment_tags import segments_of_classes
 from .segment_writing import SegmentWriting
 from .session_views import SessionViews
@@ -49,8 +47,6 @@ from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
 
-SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
-"""After which other segments may have other voxels."""
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
 
@@ -107,7 +103,6 @@ class SceneSession:
         self.written = self._writing.written
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
-        self._observers = SceneObservers()
         self.annotations = SceneAnnotations(
             scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
         )
@@ -116,16 +111,15 @@ class SceneSession:
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
         self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
         self._look_due = True
-        other_scene = slicer.vtkMRMLScene.EndRestoreEvent, slicer.vtkMRMLScene.EndCloseEvent
-        self._added_scene = AddedScene(scene, parameter_node, self._on_other_scene)
-        reactions = [
-            (slicer.vtkMRMLScene.NodeRemovedEvent, self._on_node_removed),
-            *((event, self._on_other_scene) for event in other_scene),
-            (slicer.vtkMRMLScene.EndBatchProcessEvent, self._on_batch_end),
-        ]
-        self._observers.observe(scene, reactions)
-        self._observers.observe(parameter_node, [("ModifiedEvent", self._on_parameters)])
-        self._on_parameters()
+        self._watch = SceneWatch(
+            scene,
+            self.parameters,
+            on_parameters=self._on_parameters,
+            on_nodes=self.annotations.refresh_and_record,
+            on_segments=self._on_segments,
+            on_other_scene=self._on_other_scene,
+        )
+        self._watch.look()
 
     def add_observer(self, callback: Callable[[], None]) -> None:
         """Call `callback` after anything that a front end shows has changed."""
@@ -186,7 +180,7 @@ class SceneSession:
     @property
     def observer_count(self) -> int:
         """How many observers of the scene and its nodes there are."""
-        return self._observers.count + self._added_scene.observer_count + self.annotations.observer_count
+        return self._watch.observer_count + self.annotations.observer_count
 
     def take_error(self) -> str | None:
         """What went wrong since the last call, in words for the user."""
@@ -435,8 +429,7 @@ class SceneSession:
     def close(self) -> None:
         """End the compute process and take away what is shown; classes, parameters and segments stay in the scene."""
         self._listeners.clear()
-        self._observers.remove_all()
-        self._added_scene.close()
+        self._watch.close()
         self.annotations.close()
         self._proxy.close()
         self.views.remove()
@@ -462,10 +455,7 @@ class SceneSession:
         visible = {state.id for state in self.classes if state.visible}
         return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
 
-    def _on_parameters(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
-        if self._scene.IsBatchProcessing():
-            return  # The scene is half loaded or half closed.
-        self._watch_nodes()
+    def _on_parameters(self) -> None:
         self._on_opened(self._volume.open())
 
     def _on_opened(self, anew: bool) -> None:
@@ -479,42 +469,14 @@ class SceneSession:
             self._hints.forget()
         self._follow()
 
-    def _on_node_removed(self, caller: vtk.vtkObject, event: str) -> None:
-        if not self._scene.IsBatchProcessing():
-            self.annotations.refresh_and_record()
-            self._on_parameters()
-
-    def _on_other_scene(self, caller: vtk.vtkObject | None = None, event: str = "") -> None:
+    def _on_other_scene(self) -> None:
         self.annotations.restart()
         self._close_ups.forget()
         self._hints.forget()
         self._other_segments.forget()
 
-    def _on_batch_end(self, caller: vtk.vtkObject, event: str) -> None:
-        """Many nodes were changed at once; where a scene replaces another one, not before the new one is complete."""
-        self.annotations.refresh_and_record()
-        self._on_parameters()
-
-    def _on_segments(self, caller: vtk.vtkObject, event: str) -> None:
-        self._segments_changed = True  # Such events come in storms.
-
-    def _watch_nodes(self) -> None:
-        volume, kept = self.parameters.volume, [self._scene, self.parameters.node]
-        if volume is not None:
-            reactions = (
-                (slicer.vtkMRMLVolumeNode.ImageDataModifiedEvent, self._on_parameters),
-                (slicer.vtkMRMLTransformableNode.TransformModifiedEvent, self._on_parameters),
-                ("ModifiedEvent", self._on_parameters),
-            )
-            self._observers.observe(volume, reactions)
-            kept.append(volume)
-        segmentation = self.parameters.segmentation
-        if segmentation is not None:
-            events = (getattr(slicer.vtkSegmentation, name) for name in SEGMENT_EVENTS)
-            shown = slicer.vtkMRMLDisplayableNode.DisplayModifiedEvent, slicer.vtkMRMLTransformableNode.TransformModifiedEvent
-            self._observers.observe(segmentation, [(event, self._on_segments) for event in (*events, *shown)])
-            kept.append(segmentation)
-        self._observers.keep_only(kept)
+    def _on_segments(self) -> None:
+        self._segments_changed = True  # For the next poll, since such calls come in storms.
 
     def _show(self) -> None:
         self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)
