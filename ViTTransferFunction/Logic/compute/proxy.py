@@ -19,6 +19,7 @@ from ..core.progress import SEGMENTING, WorkProgress
 from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
+from .answered_maps import AnsweredMaps
 from .client import ComputeClient
 from .pending_requests import PendingRequests
 from .requests import (
@@ -82,11 +83,7 @@ class SegmentationProxy:
         usable: whether maps can be had: once features are ready, or while they still become finer.
         estimate: what its features will cost; None until known.
         progress: of the running work; None where nothing runs that takes long.
-        maps: by class id; S_H where `refined`, else S_L. From when the map of the class that is waited for has come until all
-            others have, those are as before.
-        low_maps: by class id, S_L, also where `maps` are refined.
         awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
-        volumes_ml: by class id, of the segment that the class gets by these maps, millilitres; a moment later than the maps.
         rendering: for the 3D views; None until there is one.
         rendered: ids of the classes in it, in the order of their numbers.
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
@@ -127,15 +124,7 @@ class SegmentationProxy:
         self.usable = False
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
-        # What `low_maps` and what `maps` are the answers to.
-        self._low: tuple[ClassRequest, ...] = ()
-        self._answered: tuple[ClassRequest, ...] = ()
-        self.maps: dict[str, ClassMap] = {}
-        self.low_maps: dict[str, ClassMap] = {}
-        # What has come of the maps that are under way.
-        self._first_map: ClassMap | None = None
-        self.volumes_ml: dict[str, float] = {}
-        self.refined = False
+        self._answers = AnsweredMaps()
         self.rendering: StructureVolume | None = None
         self.rendered: tuple[str, ...] = ()
         self._rendered: tuple[str, ...] = ()
@@ -197,7 +186,7 @@ class SegmentationProxy:
             self.progress = None
         self._classes, self._refinement, self._first = tuple(classes), refinement, first
         self._maps_due, self._refine_due_s = True, None
-        self._resize()
+        self._answers.resize(self._classes)
         self._send_due()
 
     def look(self, mode: RenderingMode | None, casting: Casting, surroundings: bool = False) -> None:
@@ -212,6 +201,26 @@ class SegmentationProxy:
         """Ask for a label map of the classes of the last `update`."""
         self.progress = WorkProgress(0, 0, SEGMENTING, None)
         self._pending.ask(SegmentClasses(self._classes, refinement))
+
+    @property
+    def maps(self) -> Mapping[str, ClassMap]:
+        """By class id, S_H where there are, else S_L; see `AnsweredMaps`."""
+        return self._answers.maps
+
+    @property
+    def refined(self) -> bool:
+        """Whether `maps` are S_H."""
+        return self._answers.refined
+
+    @property
+    def low_maps(self) -> Mapping[str, ClassMap]:
+        """By class id, S_L, also where `maps` are refined."""
+        return self._answers.low_maps
+
+    @property
+    def volumes_ml(self) -> Mapping[str, float]:
+        """By class id, of the segment that the class gets by `maps`, millilitres; a moment later than these."""
+        return self._answers.volumes_ml
 
     @property
     def looks_closer(self) -> bool:
@@ -240,7 +249,7 @@ class SegmentationProxy:
     @property
     def first_up_to_date(self) -> bool:
         """Whether that of the class that is waited for is."""
-        return self.up_to_date or (not self._maps_due and self._first_map is not None)
+        return self.up_to_date or (not self._maps_due and self._answers.first_came)
 
     @property
     def awaits_maps(self) -> bool:
@@ -300,10 +309,11 @@ class SegmentationProxy:
         elif self._close_ups_due:
             self._close_ups_due = False
             self.progress = WorkProgress(0, 0, "Looking closer", None)
-            self._pending.ask(LookCloser(self._low))
+            self._pending.ask(LookCloser(self._answers.low_classes))
         elif self._volumes_due:
             self._volumes_due = False
-            self._pending.ask(MeasureMaps(self._low, self._refinement is None or self._refinement.only_annotated_components))
+            annotated_alone = self._refinement is None or self._refinement.only_annotated_components
+            self._pending.ask(MeasureMaps(self._answers.low_classes, annotated_alone))
         elif self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
             self._send_rendering()
         elif self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
@@ -314,10 +324,9 @@ class SegmentationProxy:
         self._maps_due = False
         if not self._classes:
             self._close_ups_due = self._volumes_due = False
-            self.maps, self.low_maps, self.volumes_ml, self.rendering = {}, {}, {}, None
-            self._low = self._answered = ()
+            self._answers, self.rendering = AnsweredMaps(), None
             return
-        self._first_map = None
+        self._answers.expect()
         several = len(self._classes) > 1 and self._first in [annotated.id for annotated in self._classes]
         self._pending.ask(ComputeMaps(self._classes, self._first if several else ""))
         self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
@@ -403,49 +412,27 @@ class SegmentationProxy:
         return {"state"}
 
     def _on_first_map(self, request: ComputeMaps, reply: FirstMap) -> set[Event]:
-        self._first_map = reply.map
-        self.maps = {**self.maps, request.first: reply.map}
-        # They are of no one request until the others come.
-        self._answered = ()
+        self._answers.take_first(request, reply)
         return {"first map"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        maps = list(reply.maps)
-        if self._first_map is not None:
-            maps.insert([annotated.id for annotated in request.classes].index(request.first), self._first_map)
-        self._take_maps(request.classes, maps)
-        self._low, self.low_maps = request.classes, self.maps
-        self.refined, self._rendering_due_s, self._volumes_due = False, time.monotonic() + RENDER_AFTER_S, True
+        self._answers.take(request, reply)
+        self._rendering_due_s, self._volumes_due = time.monotonic() + RENDER_AFTER_S, True
         self.awaiting_close_ups = reply.awaiting_close_ups
         wanted = bool(reply.awaiting_close_ups) and self.phase == "ready"
         self._close_ups_due = wanted and _close_ups(request.classes) != self._declined
         # It may be the answer to what the user has scrolled past.
-        self._resize()
+        self._answers.resize(self._classes)
         return {"maps"}
 
-    def _on_volumes(self, request: MeasureMaps | RefineMaps, reply: Volumes | RefinedMaps) -> set[Event]:
-        ids = [annotated.id for annotated in request.classes]
-        self.volumes_ml = dict(zip(ids, reply.volumes_ml, strict=True))
+    def _on_volumes(self, request: MeasureMaps, reply: Volumes) -> set[Event]:
+        self._answers.take_volumes(request, reply)
         return {"volumes"}
 
     def _on_refined_maps(self, request: RefineMaps, reply: RefinedMaps) -> set[Event]:
-        self._take_maps(request.classes, reply.maps)
-        self._on_volumes(request, reply)
-        self.refined, self._rendering_due_s = True, time.monotonic()
+        self._answers.take_refined(request, reply)
+        self._rendering_due_s = time.monotonic()
         return {"refined"}
-
-    def _take_maps(self, classes: Sequence[ClassRequest], maps: Sequence[ClassMap]) -> None:
-        self._answered = tuple(classes)
-        self.maps = dict(zip([annotated.id for annotated in classes], maps, strict=True))
-
-    def _resize(self) -> None:
-        """Let `maps` be of the sizes that are asked for now, where nothing else has changed since they were asked for."""
-        asked, low = self._classes, self._low
-        if asked == self._answered or len(asked) != len(low) or not all(map(ClassRequest.asks_for_map_of, asked, low)):
-            return
-        # Refined maps end near the surface that they were made for.
-        self.low_maps = {request.id: self.low_maps[request.id].resized(request) for request in asked}
-        self.maps, self.refined, self._answered = self.low_maps, False, asked
 
     def _on_rendering(self, request: Render, reply: StructureVolume) -> set[Event]:
         self.rendering, self.rendered = reply, self._rendered

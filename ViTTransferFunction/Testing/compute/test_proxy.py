@@ -458,19 +458,6 @@ def test_the_answer_to_a_size_that_was_scrolled_past_does_not_bring_it_back(refi
     assert client.asked[-1] == ComputeMaps((replace(LIVER, size=-1.0),))
 
 
-def test_where_a_point_came_with_another_size_the_answer_is_waited_for(refined: SegmentationProxy) -> None:
-    shown = refined.maps["liver"]
-    refined.update([ClassRequest("liver", np.ones((1, 3)), size=1.0)], Refinement())
-    assert refined.maps["liver"] is shown
-    assert refined.refined
-
-
-def test_maps_of_cells_are_kept_beside_the_refined_ones_and_go_with_the_classes(refined: SegmentationProxy) -> None:
-    assert refined.low_maps["liver"].proposals == PROPOSALS
-    refined.update([], Refinement())
-    assert refined.low_maps == {}
-
-
 def test_maps_go_with_the_last_class_whatever_is_being_computed_of_it(refined: SegmentationProxy, client: Client) -> None:
     refined.update([replace(LIVER, positive=np.ones((9, 3)))], Refinement())
     answering = len(client.asked)
