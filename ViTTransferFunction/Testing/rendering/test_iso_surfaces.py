@@ -9,14 +9,12 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.rendering.composition import (
     DEPTH,
     LIGHT,
-    MOST_STRUCTURES,
     NUMBER,
     SURFACE,
     VOXEL_BUDGET,
     shape_within_budget,
 )
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_shape, similarity_volume
-from ViTTransferFunction.Logic.rendering.shader import CONTEXT_COLORS, capacity
 from ViTTransferFunction.Testing.support.views import ball
 
 SHAPE = (24, 24, 24)
@@ -76,8 +74,6 @@ def test_twelve_classes_have_their_own_numbers() -> None:
 def test_more_structures_than_graphics_cards_have_room_for_are_refused() -> None:
     with pytest.raises(InputError, match="up to 207 structures, and there are 208"):
         similarity_volume([np.zeros((2, 2, 2), dtype=np.float32)] * 208, [0.5] * 208)
-    # Lights, matrices and all else that VTK needs take some hundreds.
-    assert 16 * capacity(MOST_STRUCTURES) + 4 * CONTEXT_COLORS < 4096 - 400
 
 
 def test_classes_that_overlap_meet_where_their_ratios_to_the_iso_values_are_equal() -> None:
