@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ViTTransferFunction.Logic.core.class_request import ClassRequest
     from ViTTransferFunction.Logic.core.geometry import Geometry
     from ViTTransferFunction.Logic.session.refined_map import RefinedMap
-    from ViTTransferFunction.Logic.session.segmentation_session import Segmentation
+    from ViTTransferFunction.Logic.session.segmentation import Segmentation
 
 
 def add_arguments(subparsers: Subparsers) -> None:

@@ -23,7 +23,8 @@ from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap
-from ViTTransferFunction.Logic.session.segmentation_session import ClassResult, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation import ClassResult, Segmentation
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 logger = logging.getLogger(__name__)
 

@@ -27,7 +27,8 @@ from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.map_crop import MapCrop, SegmentCrops, on_common_box
 from ..session.opening import open_session
-from ..session.segmentation_session import Segmentation, SegmentationSession
+from ..session.segmentation import Segmentation
+from ..session.segmentation_session import SegmentationSession
 from .requests import (
     ComputeMaps,
     Done,

@@ -5,8 +5,7 @@ It knows no widgets, no files and no MRML. `opening.open_session` makes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from threading import Lock
 
@@ -26,50 +25,18 @@ from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine
 from ..refinement.settling import settle
-from ..similarity.cell_intensities import CellIntensities
 from ..similarity.proximity import proximity
 from ..similarity.similarity_map import SimilarityMap
 from ..similarity.similarity_rule import NEEDS_INTENSITIES, SimilarityRule, similarity_rule
 from .close_ups import CloseUps, Part, PartSession
 from .feature_estimate import FeatureEstimate
 from .feature_source import FeatureProvenance, FeatureSource
-from .labels import Competition, count_labels, keep_annotated_components
+from .labels import Competition, keep_annotated_components
+from .loaded_features import LoadedFeatures, SharedIntensities
 from .memory_need import check_memory_for_refinement
 from .presets import Preset
 from .refined_map import RefinedMap
-
-
-@dataclass(frozen=True)
-class ClassResult:
-    """What became of one class.
-
-    Attributes:
-        name: of the class.
-        iso: the threshold that was used on the full-resolution map.
-        voxels: how many voxels the segment has.
-        millilitres: their volume.
-        reaches_iso: whether its map reaches that threshold anywhere; if it does, a segment without voxels lost them to others.
-    """
-
-    name: str
-    iso: float
-    voxels: int
-    millilitres: float
-    reaches_iso: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Segmentation:
-    """Labels of all classes.
-
-    Attributes:
-        labels: (K, J, I), 0 for background, 1 + index of the class elsewhere; uint8, or uint16 from 256 classes on.
-        classes: one entry for each class, in order.
-    """
-
-    labels: np.ndarray
-    classes: tuple[ClassResult, ...]
-
+from .segmentation import Segmentation, label_sizes, segmentation_of
 
 _Asked = tuple[tuple[ClassRequest, Part | None], ...]
 """Classes, and the parts in which they are looked at."""
@@ -99,8 +66,8 @@ class SegmentationSession:
         self.preset = preset
         self.watch = Stopwatch()
         self._source = source
-        self._loaded: _Loaded | None = None
-        self._intensities = _Intensities(volume)
+        self._loaded: LoadedFeatures | None = None
+        self._intensities = SharedIntensities(volume)
         self._computing_maps = Lock()
         self._close_ups = CloseUps(volume, open_part)
         self._answered: tuple[SimilarityRule, _Asked, list[ClassMap]] | None = None
@@ -131,11 +98,6 @@ class SegmentationSession:
     def use_features(self, features: FeatureVolume) -> None:
         """Take these features of the volume, from wherever they are."""
         self._use(normalised_features(features, self.preset.statistics))
-
-    def _use(self, normalised: NormalisedFeatures) -> None:
-        self._loaded = _Loaded(
-            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities.on)
-        )
 
     def prepare_clicks(self) -> None:
         """Compute ahead what the first click would wait for; while there are no features, what does not depend on them.
@@ -176,12 +138,6 @@ class SegmentationSession:
         """From annotations to maps and thresholds. Raises RuntimeError before `load_features`."""
         return self._the_loaded.rule
 
-    @property
-    def _the_loaded(self) -> _Loaded:
-        if self._loaded is None:
-            raise RuntimeError("load_features comes first")
-        return self._loaded
-
     @cached_property
     def display_window(self) -> IntensityWindow:
         """The window in which a person would look at the volume; found once, since it takes a look at many voxels."""
@@ -212,26 +168,11 @@ class SegmentationSession:
         requests = thinned(requests, self.volume.geometry)
         with self._computing_maps, self.watch.step("similarity"):
             loaded = self._the_loaded
-            features, rule = loaded.features, loaded.rule
             parts = [self._close_ups.of(request) for request in requests]
             asked = tuple(zip(requests, parts, strict=True))
-            if self._answered is not None and self._answered[0] is rule and self._answered[1] == asked:
-                return list(self._answered[2])
-            geometry = features.geometry
-            found: dict[int, ClassMap] = {}
-            sooner = next((index for index, request in enumerate(requests) if request.id == first), None)
-            for index, coarse in rule.maps(requests, between, sooner):
-                request, part = requests[index], parts[index]
-                if part is not None:
-                    found[index] = part.map_on(geometry, requests, index, between)
-                else:
-                    if request.proximity > 0.0:
-                        faded = proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
-                        np.multiply(coarse.array, faded, out=coarse.array)
-                    found[index] = _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
-                if index == sooner:
-                    on_first(found[index])
-            self._answered = rule, asked, [found[index] for index in range(len(requests))]
+            if self._answered is None or self._answered[0] is not loaded.rule or self._answered[1] != asked:
+                maps = self._class_maps(loaded, requests, parts, between, first, on_first)
+                self._answered = loaded.rule, asked, maps
             return list(self._answered[2])
 
     def refined_map(
@@ -313,9 +254,10 @@ class SegmentationSession:
             # Before the next one is made.
             del full
             progress(index + 1, len(requests), SEGMENTING)
+        labels, geometry = competition.labels, self.volume.geometry
         between = partial(progress, len(requests), len(requests), SEGMENTING)
-        self._drop_parts_without_points(competition.labels, self.volume.geometry, requests, only_annotated_components, between)
-        return Segmentation(competition.labels, tuple(self._results(requests, thresholds, competition.labels)))
+        self._drop_unannotated_components(labels, geometry, requests, only_annotated_components, between)
+        return segmentation_of(labels, geometry, requests, thresholds)
 
     def low_resolution_volumes_ml(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], only_annotated_components: bool = True
@@ -326,8 +268,51 @@ class SegmentationSession:
         for low in low_maps:
             box = bounding_box(low.array >= low.iso)
             competition.enter(low.array[box] if box else None, low.iso, box)
-        self._drop_parts_without_points(competition.labels, geometry, requests, only_annotated_components)
-        return tuple(cells * _voxel_ml(geometry) for cells in count_labels(competition.labels, len(requests)))
+        self._drop_unannotated_components(competition.labels, geometry, requests, only_annotated_components)
+        return tuple(millilitres for _, millilitres in label_sizes(competition.labels, geometry, len(requests)))
+
+    def _use(self, normalised: NormalisedFeatures) -> None:
+        self._loaded = LoadedFeatures(
+            normalised, partial(similarity_rule, self.preset.similarity, normalised, self.volume, self._intensities.on)
+        )
+
+    @property
+    def _the_source(self) -> FeatureSource:
+        if self._source is None:
+            raise RuntimeError("this session has no source of features; give it some by use_features")
+        return self._source
+
+    @property
+    def _the_loaded(self) -> LoadedFeatures:
+        if self._loaded is None:
+            raise RuntimeError("load_features comes first")
+        return self._loaded
+
+    def _class_maps(
+        self,
+        loaded: LoadedFeatures,
+        requests: Sequence[ClassRequest],
+        parts: Sequence[Part | None],
+        between: Between,
+        first: str,
+        on_first: Callable[[ClassMap], None],
+    ) -> list[ClassMap]:
+        """See `low_resolution_maps`; `parts` are those in which the classes are looked at, None for the whole."""
+        rule, geometry = loaded.rule, loaded.features.geometry
+        found: dict[int, ClassMap] = {}
+        sooner = next((index for index, request in enumerate(requests) if request.id == first), None)
+        for index, coarse in rule.maps(requests, between, sooner):
+            request, part = requests[index], parts[index]
+            if part is not None:
+                found[index] = part.map_on(geometry, requests, index, between)
+            else:
+                if request.proximity > 0.0:
+                    faded = proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
+                    np.multiply(coarse.array, faded, out=coarse.array)
+                found[index] = _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
+            if index == sooner:
+                on_first(found[index])
+        return [found[index] for index in range(len(requests))]
 
     def _check_memory(
         self, requests: Sequence[ClassRequest], low_maps: Sequence[ClassMap], method: RefinementMethod, bytes_per_label: int
@@ -338,69 +323,18 @@ class SegmentationSession:
             held.append(held_voxels(low.array, self.volume.shape, usual, wanted, low.iso))
         check_memory_for_refinement(self.volume, held, bytes_per_label)
 
-    def _drop_parts_without_points(
+    def _drop_unannotated_components(
         self,
         labels: np.ndarray,
         geometry: Geometry,
         requests: Sequence[ClassRequest],
-        wanted: bool,
+        only_annotated_components: bool,
         between: Between = nothing_between,
     ) -> None:
         with self.watch.step("components"):
-            if wanted:
+            if only_annotated_components:
                 points = {label: request.positive for label, request in enumerate(requests, start=1)}
                 keep_annotated_components(labels, geometry, points, between)
-
-    @property
-    def _the_source(self) -> FeatureSource:
-        if self._source is None:
-            raise RuntimeError("this session has no source of features; give it some by use_features")
-        return self._source
-
-    def _results(
-        self, requests: Sequence[ClassRequest], thresholds: Sequence[tuple[float, bool]], labels: np.ndarray
-    ) -> Iterator[ClassResult]:
-        """The results by the classes' iso values, and whether their maps reach these."""
-        voxel_ml = _voxel_ml(self.volume.geometry)
-        counts = count_labels(labels, len(requests))
-        for request, (iso, reaches), count in zip(requests, thresholds, counts, strict=True):
-            yield ClassResult(request.name, iso, count, count * voxel_ml, reaches)
-
-
-class _Loaded:
-    """Features, and the rule on them, which is made by whoever needs it first."""
-
-    def __init__(self, features: NormalisedFeatures, make_rule: Callable[[], SimilarityRule]) -> None:
-        self.features = features
-        self._make_rule = make_rule
-        self._rule: SimilarityRule | None = None
-        self._making = Lock()
-
-    @property
-    def rule(self) -> SimilarityRule:
-        with self._making:
-            if self._rule is None:
-                self._rule = self._make_rule()
-            return self._rule
-
-
-class _Intensities:
-    """A volume's intensities, looked at once for the same cells, however often their features become finer.
-
-    Not the session's own method: what a session has would then lead back to it, and volume and features stay in memory after
-    it until Python looks for such circles, which it does for many small objects and not for a few large arrays.
-    """
-
-    def __init__(self, volume: Volume) -> None:
-        self._volume = volume
-        self._of_cells: CellIntensities | None = None
-        self._looking = Lock()
-
-    def on(self, cells: Geometry) -> CellIntensities:
-        with self._looking:
-            if self._of_cells is None or not self._of_cells.are_of(cells):
-                self._of_cells = CellIntensities(self._volume, cells)
-            return self._of_cells
 
 
 def _class_map(
@@ -416,7 +350,3 @@ def _class_map(
 def _refinement(low: ClassMap, request: ClassRequest, method: RefinementMethod) -> tuple[RefinementMethod, float]:
     """How a class's map is refined, and the threshold that is expected then: that of the chosen proposal."""
     return method if request.refine else "none", low.proposals.chosen if low.proposals else low.iso
-
-
-def _voxel_ml(geometry: Geometry) -> float:
-    return geometry.voxel_volume_mm3 / 1000.0

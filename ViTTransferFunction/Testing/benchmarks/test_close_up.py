@@ -24,7 +24,8 @@ from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
-from ViTTransferFunction.Logic.session.segmentation_session import Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation import Segmentation
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 
 class WatchedSession(SegmentationSession):

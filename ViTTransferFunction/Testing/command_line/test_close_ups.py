@@ -24,7 +24,8 @@ from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.session.opening import open_session
-from ViTTransferFunction.Logic.session.segmentation_session import ClassResult, Segmentation, SegmentationSession
+from ViTTransferFunction.Logic.session.segmentation import ClassResult, Segmentation
+from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS

@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
-from ViTTransferFunction.Logic.session import segmentation_session
+from ViTTransferFunction.Logic.session import loaded_features
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
@@ -165,7 +165,7 @@ def test_intensities_are_looked_at_once_for_the_same_cells_and_anew_for_others(
             looked_at.append(cells.shape)
             super().__init__(volume, cells)
 
-    monkeypatch.setattr(segmentation_session, "CellIntensities", Counted)
+    monkeypatch.setattr(loaded_features, "CellIntensities", Counted)
     features = session.features.source
     other = SegmentationSession(session.volume, session.preset)
     for _ in range(2):
