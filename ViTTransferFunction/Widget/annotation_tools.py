@@ -10,6 +10,9 @@ from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 
+IN_HAND = "QToolButton:checked { border: 2px solid palette(highlight); border-radius: 3px; }"
+"""Style of the buttons: in Slicer's dark colours, a button that is down looks all but like the others."""
+
 
 class AnnotationTools(Section):
     """At most one tool is in the user's hand; it works on the selected class, whichever that becomes."""
@@ -83,6 +86,7 @@ class AnnotationTools(Section):
             self.session.annotations.remove_last_point(selected.id)
 
     def _connect(self, tool: Tool, button: Any) -> None:
+        button.styleSheet = IN_HAND
         button.clicked.connect(lambda: self.toggle(tool))
 
     def _check_buttons(self) -> None:

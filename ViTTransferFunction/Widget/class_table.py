@@ -30,6 +30,7 @@ class ClassTable(Section):
         super().__init__(ui, report)
         self._on_added = on_added
         self._table = ui.classTable
+        self._tips = _tips()
         header = self._table.horizontalHeader()
         # Fonts and translations vary.
         header.setSectionResizeMode(qt.QHeaderView.ResizeToContents)
@@ -75,26 +76,16 @@ class ClassTable(Section):
     def _fill(self, row: int, state: ClassState) -> None:
         color = self._item(row, COLOR)
         color.setData(qt.Qt.DecorationRole, qt.QColor.fromRgbF(*state.color))
-        color.setToolTip(_("Double-click to change the colour."))
         name = self._item(row, NAME, qt.Qt.ItemIsEditable)
         _set_text(name, state.name)
         name.setToolTip(state.name)
         shown = self._item(row, SHOWN, qt.Qt.ItemIsUserCheckable)
         shown.setCheckState(qt.Qt.Checked if state.visible else qt.Qt.Unchecked)
         for column, polarity in _POLARITIES.items():
-            count = self._item(row, column)
-            _set_text(count, str(len(getattr(state, polarity))))
-            count.setToolTip(_("Double-click to go from point to point in the slice views."))
+            _set_text(self._item(row, column), str(len(getattr(state, polarity))))
         chosen = self.session.chosen_iso(state.id) if self.session else None
         _set_text(self._item(row, THRESHOLD), threshold_text(state, chosen))
-        volume = self._item(row, VOLUME)
-        _set_text(volume, volume_text(self.session.volume_ml(state.id) if self.session else None))
-        volume.setToolTip(
-            _(
-                "Volume in millilitres, by the points as they are: roughly at once, exactly a moment later. What the segment "
-                "leaves to other segments is not taken off."
-            )
-        )
+        _set_text(self._item(row, VOLUME), volume_text(self.session.volume_ml(state.id) if self.session else None))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""
@@ -105,6 +96,7 @@ class ClassTable(Section):
             item.setFlags(flags | ability if ability is not None else flags)
             if column in (POSITIVE, NEGATIVE, THRESHOLD, VOLUME):
                 item.setTextAlignment(qt.Qt.AlignCenter)
+            item.setToolTip(self._tips.get(column, ""))
             self._table.setItem(row, column, item)
         return item
 
@@ -134,6 +126,20 @@ class ClassTable(Section):
         row = self._table.currentRow()
         if self.session is not None and 0 <= row < len(self.session.classes):
             self.session.select_class(self.session.classes[row].id)
+
+
+def _tips() -> dict[int, str]:
+    """What the tool tip of each column's cells says: once, since Slicer takes its time to look for a translation."""
+    tour = _("Double-click to go from point to point in the slice views.")
+    return {
+        COLOR: _("Double-click to change the colour."),
+        POSITIVE: tour,
+        NEGATIVE: tour,
+        VOLUME: _(
+            "Volume in millilitres, by the points as they are: roughly at once, exactly a moment later. What the segment "
+            "leaves to other segments is not taken off."
+        ),
+    }
 
 
 def ask_color(color: Color, name: str, parent: Any) -> Color | None:

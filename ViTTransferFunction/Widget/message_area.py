@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ViTTransferFunction.Logic.scene.messages import Messages
+from ViTTransferFunction.Widget.wording import breakable
 
 
 class MessageArea:
@@ -29,7 +30,7 @@ class MessageArea:
     def refresh(self) -> None:
         """Show what is not solved yet."""
         standing = self._messages.standing()
-        self._label.text = "\n\n".join(f"⚠ {message}" for message in standing)
+        self._label.text = breakable("\n\n".join(f"⚠ {message}" for message in standing))
         self._frame.visible = bool(standing)
 
     def close(self) -> None:

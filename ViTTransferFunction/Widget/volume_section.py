@@ -16,6 +16,7 @@ from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
+from ViTTransferFunction.Widget.wording import breakable
 
 
 class VolumeSection(Section):
@@ -68,7 +69,7 @@ class VolumeSection(Section):
         names = {state.id: state.name for state in session.classes} if session else {}
         lines = [points_beyond_text(names[id_], count) for id_, count in outside.items() if id_ in names]
         self.ui.pointsOutsideLabel.visible = bool(lines)
-        self.ui.pointsOutsideLabel.text = "\n".join(lines)
+        self.ui.pointsOutsideLabel.text = breakable("\n".join(lines))
 
     def _tell_of_name(self, session: SceneSession | None) -> None:
         """Slicer writes an & in a volume's name into scenes as no XML; the name is the user's to change."""

@@ -29,7 +29,8 @@ class CacheContents:
     def text(self) -> str:
         """Where the cache is, and how much it holds."""
         return _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
-            folder=cache_folder(),
+            # Windows takes it with these slashes as well, after which lines can be broken.
+            folder=cache_folder().as_posix(),
             features=self._features_size,
             model=self._model.name,
             weights=size(self._weights.stat().st_size) if self._weights else _("not downloaded"),

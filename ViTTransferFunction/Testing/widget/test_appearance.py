@@ -10,13 +10,11 @@ import pytest
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
-import slicer
 
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.appearance import STYLES
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
-from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -124,16 +122,6 @@ def test_fading_and_edges_are_the_styles_until_they_are_set(shown: Any) -> None:
     ui.styleComboBox.setCurrentText("Vessels")
     assert session.classes[0].look.ramp is None
     assert (ui.lookFadeSlider.value, ui.lookEdgesSlider.value) == (1.0, 0.0)
-
-
-def test_the_panel_gets_no_wider_when_its_sections_are_opened(widget: Any, host: Host) -> None:
-    add_class(widget)
-    slicer.app.processEvents()
-    width = host.representation.minimumSizeHint().width()
-    for name in ("appearance", "pictures"):
-        getattr(widget.ui, f"{name}CollapsibleButton").click()
-        slicer.app.processEvents()
-    assert host.representation.minimumSizeHint().width() <= width
 
 
 def test_surroundings_are_ours_or_slicers_presets_and_kept_in_the_scene(widget: Any) -> None:

@@ -182,3 +182,22 @@ def test_all_columns_fit_into_the_panel_and_leave_room_for_a_name(widget: Any) -
     table = widget.ui.classTable
     assert table.horizontalHeader().length() <= table.viewport().width()
     assert table.columnWidth(NAME) >= QFontMetrics(table.font()).horizontalAdvance("Left adrenal gland")
+
+
+def test_a_click_looks_for_no_translation_for_each_structure(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In Slicer each takes some hundredth of a millisecond, in the way of the answer to the click."""
+    from ViTTransferFunction.Widget import class_table
+
+    for _ in range(3):
+        add_class(widget)
+    looked_for: list[str] = []
+
+    def look_for(words: str) -> str:
+        looked_for.append(words)
+        return words
+
+    monkeypatch.setattr(class_table, "_", look_for)
+    widget.panel.refresh()
+    assert looked_for == []
+    assert "colour" in widget.ui.classTable.item(2, 0).toolTip()
+    assert "millilitres" in widget.ui.classTable.item(2, VOLUME).toolTip()

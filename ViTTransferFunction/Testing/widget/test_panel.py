@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,9 +14,19 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 from PySide6.QtCore import QObject, Qt
-from PySide6.QtGui import QKeySequence
+from PySide6.QtGui import QColor, QKeySequence, QPalette
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QAbstractButton, QAbstractSpinBox, QComboBox, QDialog, QLabel, QLineEdit, QProgressBar, QWidget
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractSpinBox,
+    QApplication,
+    QComboBox,
+    QDialog,
+    QLabel,
+    QLineEdit,
+    QProgressBar,
+    QWidget,
+)
 
 from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
@@ -402,3 +413,30 @@ def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready:
     add_class(ready)
     session = ready.panel.session
     assert session.annotations.points_node(session.classes[0].id, positive=True).GetDisplayNode() in asked
+
+
+@pytest.fixture
+def in_dark_colours(host: Host) -> Iterator[Any]:
+    """The panel in Slicer's dark colours (qSlicerStyle), as far as the buttons have them."""
+    before, dark = QApplication.palette(), QPalette(QColor("#323232"), QColor("#323232"))
+    dark.setColor(QPalette.ColorRole.Highlight, QColor("#3ca4ff"))
+    QApplication.setPalette(dark)
+    yield host.open_panel()
+    QApplication.setPalette(before)
+
+
+def test_the_tool_in_hand_is_seen_in_dark_colours_as_well(in_dark_colours: Any) -> None:
+    add_class(in_dark_colours)
+    buttons = in_dark_colours.ui.brushOnButton, in_dark_colours.ui.brushOffButton
+    height = buttons[0].sizeHint().height()
+
+    def are_framed() -> list[bool]:
+        pictures = [button.grab().toImage() for button in buttons]
+        return [image.pixelColor(0, image.height() // 2) == QColor("#3ca4ff") for image in pictures]
+
+    assert are_framed() == [False, False]
+    buttons[0].click()
+    assert are_framed() == [True, False]
+    assert buttons[0].sizeHint().height() == height
+    buttons[1].click()
+    assert are_framed() == [False, True]

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import (
     QDoubleSpinBox,
     QHBoxLayout,
     QLineEdit,
+    QSizePolicy,
     QSlider,
     QStyle,
     QStyleOption,
@@ -31,6 +32,7 @@ class ctkCollapsibleButton(QAbstractButton):  # noqa: N801
         self._collapsed = False
         self._waiting: set[QWidget] = set()
         self._puts_away = False
+        self.setSizePolicy(QSizePolicy.Policy.Minimum, QSizePolicy.Policy.Preferred)
         self.setContentsMargins(0, self._header(), 0, 0)
         self.clicked.connect(lambda: self._set_collapsed(not self._collapsed))
 

@@ -8,14 +8,17 @@ from typing import Any
 import slicer
 import vtk
 from PySide6.QtCore import Property, QSignalBlocker, Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSizePolicy, QWidget
 
 _LAST = -10.0
 """After all who do not say when they want to hear of it."""
 
 
 class qMRMLNodeComboBox(QWidget):  # noqa: N801
-    """Lists the nodes of `nodeTypes` that are in the scene and not hidden."""
+    """Lists the nodes of `nodeTypes` that are in the scene and not hidden.
+
+    By itself, it wants to be as wide as the longest name.
+    """
 
     currentNodeChanged = Signal(object)  # noqa: N815
 
@@ -27,7 +30,8 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         self._types: list[str] = []
         self._none, self._none_display = False, "None"
         self._combo_box = QComboBox(self)
-        self._combo_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self._combo_box.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self._combo_box)

@@ -1,0 +1,111 @@
+"""Slicer makes its module panel as wide as what is in it wants to be, and so the views narrower: ours stays as it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer")
+pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
+
+import slicer
+from PySide6.QtGui import QImageReader
+from PySide6.QtWidgets import QLabel
+
+from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.standin.host import MODULE_FILE, PANEL_WIDTH, Host
+from ViTTransferFunction.Testing.support.widgets import add_class
+
+pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
+
+SECTIONS = ("volume", "classes", "display", "appearance", "pictures", "output", "shortcuts", "advanced")
+LONG_NAME = "5: CT Thorax Abdomen Pelvis with contrast, portal venous phase 1.0 B31f iMAR"
+ONE_LONG_WORD = "5_CT_Thorax_Abdomen_Pelvis_with_contrast_portal_venous_phase_1.0_B31f_iMAR"
+WINDOWS_PATH = "C:\\Users\\Firstname.Lastname\\AppData\\Local\\ViTTransferFunction\\Cache\\weights\\dinov2_vits14_pretrain.pth"
+LARGEST_SCALE = 3
+"""Device pixels for each of Qt's, of the finest screens."""
+
+
+def width(host: Host) -> int:
+    """What the panel wants at least, as qSlicerModulePanel asks it."""
+    slicer.app.processEvents()
+    wanted: int = host.representation.minimumSizeHint().width()
+    return wanted
+
+
+def test_the_panel_gets_no_wider_when_its_sections_are_opened(widget: Any, host: Host) -> None:
+    add_class(widget)
+    before = width(host)
+    for name in SECTIONS:
+        button = getattr(widget.ui, f"{name}CollapsibleButton")
+        if button.property("collapsed"):
+            button.click()
+        assert width(host) <= before, name
+    assert before < PANEL_WIDTH
+
+
+@pytest.mark.parametrize("name", [LONG_NAME, ONE_LONG_WORD])
+def test_a_scan_with_a_long_name_makes_no_wider_panel(host: Host, slicer_app: Any, spheres: Any, name: str) -> None:
+    before = width(host)
+    node = add_volume(slicer_app.scene, Volume(spheres[0].array, spheres[0].geometry, name))
+    assert node.GetName() == name
+    widget = host.open_panel()
+    widget.ui.volumeSelector.setCurrentNode(node)
+    assert before < width(host) < PANEL_WIDTH
+
+
+def test_no_words_make_the_panel_wider(widget: Any, host: Host) -> None:
+    for name in SECTIONS:
+        if getattr(widget.ui, f"{name}CollapsibleButton").property("collapsed"):
+            getattr(widget.ui, f"{name}CollapsibleButton").click()
+    before = width(host)
+    wrapped = [each for each in vars(widget.ui).values() if isinstance(each, QLabel) and each.wordWrap()]
+    assert len(wrapped) > 10
+    for label in wrapped:
+        label.setText(f"{LONG_NAME}, about 1 h 10 min left. " * 3)
+        row = label.parentWidget()
+        assert row is not None
+        row.show()
+        label.show()
+        assert width(host) <= before, label.objectName()
+
+
+@pytest.mark.parametrize("word", [ONE_LONG_WORD, WINDOWS_PATH], ids=["a name", "a path"])
+def test_long_words_in_messages_are_broken(widget: Any, host: Host, word: str) -> None:
+    before = width(host)
+    widget.panel._messages.show(f"'{word}' cannot be read.", lambda: False)
+    assert width(host) <= before
+    assert widget.ui.messageLabel.isVisible()
+
+
+def test_the_cache_folder_is_written_so_that_it_can_be_broken(widget: Any, host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pathlib import PureWindowsPath
+
+    from ViTTransferFunction.Logic.scene import cache_contents
+
+    before = width(host)
+    monkeypatch.setattr(cache_contents, "cache_folder", lambda: PureWindowsPath(WINDOWS_PATH))
+    widget.ui.advancedCollapsibleButton.click()
+    assert "Firstname.Lastname" in widget.ui.cacheFolderLabel.text()
+    assert width(host) <= before
+
+
+def test_points_beyond_the_volume_of_a_structure_with_a_long_name_make_no_wider_panel(ready: Any, host: Host) -> None:
+    state = add_class(ready, ONE_LONG_WORD)
+    before = width(host)
+    ready.panel.session.annotations.add_points(state.id, [[1000.0, 0.0, 0.0]], positive=True)
+    slicer.app.processEvents()
+    assert ready.ui.pointsOutsideLabel.isVisible()
+    assert width(host) <= before
+
+
+def test_icons_are_sharp_on_the_finest_screens(widget: Any) -> None:
+    """Slicer's engine for icons draws a file once, in the size that it names, and makes it smaller but never larger."""
+    shown = widget.ui.pointOnButton.iconSize()
+    paths = sorted((MODULE_FILE.parent / "Resources" / "Icons").glob("*.svg"))
+    sizes = {path.name: QImageReader(str(path)).size() for path in paths}
+    assert len(sizes) > 10
+    small = {name: size for name, size in sizes.items() if size.width() < LARGEST_SCALE * shown.width()}
+    assert not small
