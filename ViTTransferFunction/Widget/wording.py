@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 
-_LONGEST_WORD = 30
-"""Letters that fit into a line of the panel, and some more."""
-_AFTER_A_MARK = re.compile(r"(?<=[\\/_.,-])(?=[^\\/_.,-])")
+_LONG_WORD = re.compile(r"(?<!\S)(?!\S*://)\S{30,}")
+"""Longer than what fits into a line of the panel beside some others. Addresses are copied, and Qt breaks them by itself."""
+_AFTER_A_MARK = re.compile(r"(?<=[\\_.,-])(?=[^\\_.,-])")
+"""Not after a slash, where Qt breaks words by itself."""
 _ZERO_WIDTH_SPACE = "\u200b"
 
 
@@ -20,4 +21,4 @@ def breakable(text: str) -> str:
 
     A label is at least as wide as its longest word, and Slicer makes its whole panel so wide.
     """
-    return re.sub(rf"\S{{{_LONGEST_WORD},}}", lambda word: _AFTER_A_MARK.sub(_ZERO_WIDTH_SPACE, word[0]), text)
+    return _LONG_WORD.sub(lambda word: _AFTER_A_MARK.sub(_ZERO_WIDTH_SPACE, word[0]), text)

@@ -80,6 +80,13 @@ def test_long_words_in_messages_are_broken(widget: Any, host: Host, word: str) -
     assert widget.ui.messageLabel.isVisible()
 
 
+def test_an_address_in_a_message_can_be_copied(widget: Any, host: Host) -> None:
+    before, address = width(host), "https://ai.meta.com/resources/models-and-libraries/dinov3-downloads/"
+    widget.panel._messages.show(f"Ask for the weights ({address}).", lambda: False)
+    assert address in widget.ui.messageLabel.text()
+    assert width(host) <= before
+
+
 def test_the_cache_folder_is_written_so_that_it_can_be_broken(widget: Any, host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     from pathlib import PureWindowsPath
 
