@@ -24,7 +24,9 @@ def no_points() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class ClassRequest:
-    """One structure of interest, and everything that decides which voxels belong to it. Equal where all values are.
+    """One structure of interest, and everything that decides which voxels belong to it.
+
+    Requests are equal where all of that is, whatever the names are: who renames a structure asks for nothing new.
 
     Attributes:
         id: unique among the classes, and the same for as long as the class lives.
@@ -85,7 +87,7 @@ class ClassRequest:
     @property
     def _values(self) -> tuple[Any, ...]:
         points = (self.positive.tobytes(), self.negative.tobytes())
-        return self.id, self.name, self.iso, self.size, self.proximity, self.refine, self.close_up, *points
+        return self.id, self.iso, self.size, self.proximity, self.refine, self.close_up, *points
 
 
 def points_against(requests: Sequence[ClassRequest], index: int) -> np.ndarray:

@@ -48,17 +48,16 @@ def test_classes_of_one_name_may_be_requested_together_and_those_of_one_id_may_n
         check_requests([first, replace(second, id="a")], GEOMETRY)
 
 
-def test_requests_are_equal_where_all_their_values_are() -> None:
+def test_requests_are_equal_where_all_that_decides_their_voxels_is_whatever_they_are_called() -> None:
     request = ClassRequest("a", POINTS_RAS, iso=0.3)
-    assert request == ClassRequest("a", POINTS_RAS.tolist(), iso=0.3)
-    assert hash(request) == hash(ClassRequest("a", POINTS_RAS.copy(), iso=0.3))
+    assert request == ClassRequest("a", POINTS_RAS.tolist(), iso=0.3, name="liver")
+    assert hash(request) == hash(ClassRequest("a", POINTS_RAS.copy(), iso=0.3, name="liver"))
 
 
 @pytest.mark.parametrize(
     "change",
     [
         {"id": "b"},
-        {"name": "liver"},
         {"positive": POINTS_RAS + 1e-9},
         {"positive": POINTS_RAS[:1]},
         {"negative": POINTS_RAS},

@@ -81,6 +81,19 @@ def test_a_point_that_is_still_being_placed_does_not_count(session: SceneSession
     assert session.chosen_iso(state.id) is None
 
 
+def test_a_structure_that_is_renamed_keeps_its_map_and_is_written_under_its_new_name(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    id_ = annotate(session, spheres)[0]
+    session.wait()
+    session.annotations.set_class(id_, name="renamed")
+    assert session.up_to_date
+    session.write_segments()
+    session.wait()
+    masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
+    assert list(masks) == ["renamed", "sphere 2", "sphere 3"]
+
+
 def test_segments_are_written_where_the_spheres_are(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
