@@ -10,7 +10,7 @@ from ViTTransferFunction.CommandLine.options import Subparsers
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
     parser = subparsers.add_parser("cache", help="show or clear the cached features")
-    parser.add_argument("action", choices=["info", "clear"])
+    parser.add_argument("action", choices=["info", "clear"], help="info: where they are, and how large; clear: delete them")
     parser.set_defaults(run=run)
 
 

@@ -10,13 +10,33 @@ from pathlib import Path
 
 from ViTTransferFunction.CommandLine.options import Subparsers, add_segmentation_options, add_settings_options
 
+_DESCRIPTION = """
+Segment many volumes, as vittf segment does one. Run again, it goes on where it
+was interrupted.
+"""
+_EPILOG = """
+CASES.csv has a line for each case; relative paths begin at its folder:
+
+  case,volume,annotations
+  A,scans/a.nii.gz,scans/a.annotations.json
+  B,scans/b_dicom,scans/b.annotations.json
+
+A FOLDER has scan.nii.gz with scan.annotations.json beside it, or folders of
+DICOM files with annotations.json in them. vittf segment --help shows what is
+in an annotations file.
+"""
+
 
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
-    parser = subparsers.add_parser("cohort", help="segment many volumes, each from an annotations file of its own")
-    parser.add_argument(
-        "cases", metavar="CASES.csv|FOLDER", type=Path, help="volumes with their points; see docs/COMMAND_LINE.md"
+    parser = subparsers.add_parser(
+        "cohort",
+        help="segment many volumes, each from an annotations file of its own",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("cases", metavar="CASES.csv|FOLDER", type=Path, help="volumes with their points; see below")
     parser.add_argument("-o", "--output", metavar="OUT", type=Path, required=True, help="folder for results and their table")
     add_settings_options(parser)
     add_segmentation_options(parser)

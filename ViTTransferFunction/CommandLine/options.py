@@ -38,12 +38,21 @@ def add_series_option(parser: argparse.ArgumentParser) -> None:
 
 def add_settings_options(parser: argparse.ArgumentParser) -> None:
     """Add what decides the features of any volume; see `session_settings`."""
-    parser.add_argument("--model", metavar="NAME", help=f"pretrained model: {', '.join(PRETRAINED_MODELS)}")
+    parser.add_argument(
+        "--model",
+        metavar="NAME",
+        help=f"pretrained model, else that of the weights file or the preset: {', '.join(PRETRAINED_MODELS)}",
+    )
     parser.add_argument("--weights", metavar="PATH", help="weights file (else VITTF_WEIGHTS, the cache, or a download)")
     presets = "; ".join(f"{name}: {meaning}" for name, meaning in PRESET_MEANINGS.items())
-    parser.add_argument("--preset", default=DEFAULT_PRESET, metavar="P", help=presets)
-    parser.add_argument("--grid", type=int, metavar="N", help="feature cells along the longest edge")
-    parser.add_argument("--device", default="auto", choices=DEVICE_NAMES)
+    parser.add_argument("--preset", default=DEFAULT_PRESET, metavar="P", help=f"{presets} (default: {DEFAULT_PRESET})")
+    parser.add_argument("--grid", type=int, metavar="N", help="feature cells along the longest edge; else as in the preset")
+    parser.add_argument(
+        "--device",
+        default="auto",
+        choices=DEVICE_NAMES,
+        help="what computes; auto, the default: a graphics card where there is one, else the processor",
+    )
     parser.add_argument(
         "--window", nargs=2, type=float, metavar=("LOW", "HIGH"), help="intensities that the network sees; else chosen robustly"
     )
@@ -51,10 +60,21 @@ def add_settings_options(parser: argparse.ArgumentParser) -> None:
 
 def add_segmentation_options(parser: argparse.ArgumentParser) -> None:
     """Add what decides how maps become segments."""
-    parser.add_argument("--refine", default="bilateral", choices=REFINEMENT_METHODS, help="how maps are sharpened")
+    parser.add_argument(
+        "--refine",
+        default="bilateral",
+        choices=REFINEMENT_METHODS,
+        help="how maps are sharpened; none: not at all (default: bilateral)",
+    )
     parser.add_argument(
         "--keep-all-components", action="store_true", help="also keep parts of a segment that hold none of its positive points"
     )
+
+
+def check_is_no_points(path: Path, expected: str) -> None:
+    """Raise InputError where a file of points is named in place of what is expected: arguments are easily swapped."""
+    if path.suffix.lower() == ".json":
+        raise InputError(f"{path} is a file of points, by its ending; expected {expected}. Points are named by --annotations.")
 
 
 def session_settings(args: argparse.Namespace) -> SessionSettings:

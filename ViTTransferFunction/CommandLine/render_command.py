@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option
+from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, check_is_no_points
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -59,7 +59,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument("--turntable", metavar="F.mp4|F.gif", type=Path, help="a film, once around the patient")
     parser.add_argument("--annotations", metavar="A.json", type=Path, help="also mark these points in the slices")
     parser.add_argument("--context", choices=CONTEXTS, help="what is shown around the segments; else, in CT, faint bones")
-    parser.add_argument("--style", choices=STYLES, default="surface", help="how the segments look")
+    parser.add_argument("--style", choices=STYLES, default="surface", help="how the segments look (default: surface)")
     parser.add_argument("--size", metavar="WxH", help="pixels in all, such as 1920x1080; else as wide as what is shown")
     parser.add_argument(
         "--view", choices=VIEW_DEGREES, help="the patient's side that is seen; else the front, from slightly above"
@@ -69,13 +69,15 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument("--camera", metavar="C.json", type=Path, help="see it as another picture did, side and scale")
     parser.add_argument("--save-camera", metavar="C.json", type=Path, help="write the camera, for other cases")
     parser.add_argument("--transparent", action="store_true", help="3D picture without background, legend and letters")
-    parser.add_argument("--frames", metavar="N", type=int, help="of the film (default 96)")
-    parser.add_argument("--seconds", metavar="S", type=float, help="that the film takes (default 8)")
+    parser.add_argument("--frames", metavar="N", type=int, help="of the film (default: 96)")
+    parser.add_argument("--seconds", metavar="S", type=float, help="that the film takes (default: 8)")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    check_is_no_points(args.volume, "the volume here")
+    check_is_no_points(args.segmentation, "its segmentation here")
     outputs = _outputs(args)
     size, seen_from = _size(args), _direction(args)
     from ViTTransferFunction.CommandLine.pictures import draw_slice_picture, open_rendering

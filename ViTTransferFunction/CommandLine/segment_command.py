@@ -13,6 +13,7 @@ from ViTTransferFunction.CommandLine.options import (
     Subparsers,
     add_feature_options,
     add_segmentation_options,
+    check_is_no_points,
     opened_session,
     parse_named_paths,
     print_features,
@@ -30,15 +31,41 @@ if TYPE_CHECKING:
     from ViTTransferFunction.Logic.session.segmentation import Segmentation
 
 
+_DESCRIPTION = """
+Segment structures of one volume, from points on them that --annotations or
+--positive names, and print how large each is.
+"""
+_EPILOG = """
+A.json has points in RAS or LPS millimetres, or in IJK voxels:
+
+  {"coordinate_system": "RAS",
+   "classes": [{"name": "liver",
+                "positive": [[103.2, -265.6, 1158.0]],
+                "negative": [[-68.1, -260.8, 1186.0]]}]}
+
+Positive points lie on the structure, negative ones off it. Save points in
+Slicer's panel, and Download points in vittf app, write such files. What else
+may be in them is in docs/COMMAND_LINE.md.
+"""
+
+
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
-    parser = subparsers.add_parser("segment", help="segment structures from a few annotated points")
-    add_feature_options(parser)
-    parser.add_argument(
-        "--annotations", metavar="A.json", type=Path, help="structures with their points; see docs/COMMAND_LINE.md"
+    parser = subparsers.add_parser(
+        "segment",
+        help="segment structures from a few annotated points",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_feature_options(parser)
+    parser.add_argument("--annotations", metavar="A.json", type=Path, help="structures with their points; see below")
     parser.add_argument(
-        "--positive", metavar="NAME=L.mrk.json", action="append", default=[], help="a Slicer point list on a structure"
+        "--positive",
+        metavar="NAME=L.mrk.json",
+        action="append",
+        default=[],
+        help="a Slicer point list on a structure; again for each",
     )
     parser.add_argument("--negative", metavar="NAME=N.mrk.json", action="append", default=[], help="a Slicer point list off it")
     parser.add_argument(
@@ -56,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
     from ViTTransferFunction.Logic.files.segmentation_files import check_segmentation_path
 
+    check_is_no_points(args.volume, "the volume here")
     check_segmentation_path(args.output)
     inputs = _inputs(args)
     check_outputs(_outputs(args), inputs)

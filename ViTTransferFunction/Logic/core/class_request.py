@@ -120,10 +120,15 @@ def check_inside(requests: Sequence[ClassRequest], geometry: Geometry) -> None:
 
 
 def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str:
-    """What to do about points outside the volume: LPS that is called RAS, or the reverse, is recognised by all points."""
+    """What to do about points outside the volume: the coordinates in which all points of all classes lie inside are named."""
     points = np.concatenate([points for request in requests for points in (request.positive, request.negative)])
-    if not geometry.contains(points).any() and geometry.contains(transform_points(LPS_TO_RAS, points)).all():
-        return 'They lie inside when read as LPS: set "coordinate_system": "LPS" ("RAS", where it is "LPS" already).'
+    readings = (
+        ("LPS", LPS_TO_RAS, '"LPS" ("RAS", where it is "LPS" already)'),
+        ("voxels", geometry.ijk_to_ras, '"IJK"'),
+    )
+    for called, to_ras, to_set in readings:
+        if geometry.contains(transform_points(to_ras, points)).all():
+            return f'But all points lie inside when read as {called}; if they are that, set "coordinate_system": {to_set}.'
     return "Check the coordinate system of the points, and that they belong to this volume."
 
 
@@ -153,15 +158,15 @@ def as_points(points: Any, what: str) -> np.ndarray:
     """(N, 3) float64 of whatever says positions. Raises InputError, which calls them `what`, where that is impossible."""
     if isinstance(points, (list, tuple)):
         if not all(_is_position(point) for point in points):
-            raise _no_points(what)
+            raise _no_points(points, what)
         points = np.array([[float(coordinate) for coordinate in point] for point in points], dtype=np.float64).reshape(-1, 3)
     if not isinstance(points, np.ndarray) or points.dtype.kind not in "iuf":
-        raise _no_points(what)
+        raise _no_points(points, what)
     array = np.array(points, dtype=np.float64)
     if array.size == 0 and array.ndim <= 2 and not len(array):
         return no_points()
     if array.ndim != 2 or array.shape[1] != 3 or not (np.abs(array) <= FARTHEST).all():
-        raise _no_points(what)
+        raise _no_points(points, what)
     return array
 
 
@@ -176,7 +181,8 @@ def _is_position(point: Any) -> bool:
     )
 
 
-def _no_points(what: str) -> InputError:
+def _no_points(points: Any, what: str) -> InputError:
     return InputError(
-        f"The {what} are not a list of finite [x, y, z] positions: three numbers each, none beyond ±{FARTHEST:g}."
+        f"The {what} are not a list of finite [x, y, z] positions: got {shown(points)}; expected three numbers each, none "
+        f"beyond ±{FARTHEST:g}, such as [[10.5, -20, 300]]."
     )

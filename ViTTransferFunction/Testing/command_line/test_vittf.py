@@ -264,6 +264,16 @@ def test_a_missing_scan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "There is no file" in refusal(arguments, capsys)
 
 
+def test_points_that_are_named_where_an_image_is_expected_are_told_from_it(
+    tmp_path: Path, scan: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, output = str(points_file(tmp_path, [LEFT])), str(tmp_path / "out.png")
+    swapped = ["segment", path, "--annotations", str(scan), "-o", str(tmp_path / "out.seg.nrrd")]
+    assert f"{path} is a file of points, by its ending; expected the volume here" in refusal(swapped, capsys)
+    assert "expected its segmentation here" in refusal(["render", str(scan), path, "-o", output], capsys)
+    assert "expected the volume here" in refusal(["render", path, str(scan), "-o", output], capsys)
+
+
 def test_corrupt_weights_and_a_wrong_checkpoint_are_refused(
     tmp_path: Path, scan: Path, real_weights: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

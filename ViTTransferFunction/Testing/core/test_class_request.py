@@ -30,10 +30,26 @@ def test_classes_must_exist_differ_in_name_and_lie_inside_the_volume() -> None:
 
 def test_points_that_lie_inside_as_lps_are_said_to_be_so() -> None:
     flipped = ClassRequest("a", POINTS_RAS * [-1.0, -1.0, 1.0])
-    with pytest.raises(InputError, match=r"class 'a' lie outside.*inside when read as LPS: set \"coordinate_system\": \"LPS\""):
+    advice = (
+        r"class 'a' lie outside.*all points lie inside when read as LPS; if they are that, set \"coordinate_system\": \"LPS\""
+    )
+    with pytest.raises(InputError, match=advice):
         check_requests([flipped], GEOMETRY)
     with pytest.raises(InputError, match="Check the coordinate system"):
         check_requests([flipped, ClassRequest("b", POINTS_RAS)], GEOMETRY)
+
+
+def test_points_of_which_some_lie_inside_by_chance_are_said_to_be_lps_too() -> None:
+    around_zero = Geometry((10, 10, 10), np.diag([1.0, 1.0, 1.0, 1.0]) + np.eye(4, k=3) * -3.0)
+    lps = ClassRequest("a", np.array([[0.0, 0.0, 2.0], [-5.0, 0.0, 2.0]]))
+    with pytest.raises(InputError, match=r"1 of 2 points.*inside when read as LPS"):
+        check_requests([lps], around_zero)
+
+
+def test_points_that_lie_inside_as_voxels_are_said_to_be_so() -> None:
+    voxels = ClassRequest("a", GEOMETRY.ras_to_ijk(POINTS_RAS))
+    with pytest.raises(InputError, match=r"all points lie inside when read as voxels; if they are that, .*: \"IJK\""):
+        check_requests([voxels], GEOMETRY)
 
 
 def test_a_class_without_a_name_is_called_by_its_id() -> None:

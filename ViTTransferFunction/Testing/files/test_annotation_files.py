@@ -153,7 +153,7 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         ({"classes": [{"name": "a", "positive": [[0, 0, 0]]}]}, "'coordinate_system' is None"),
         ({"coordinate_system": "XYZ", "classes": []}, "'coordinate_system' is 'XYZ'"),
         (one_class(positive=[]), "'liver' has no positive points"),
-        (one_class(positive=[[1, 2]]), "not a list of finite"),
+        (one_class(positive=[[1, 2]]), r"not a list of finite.*got \[\[1, 2\]\]"),
         (one_class(positive=[[1, 2, float("nan")]]), "not a list of finite"),
         (one_class(positive="here"), "not a list of finite"),
         (one_class(positive=3), "not a list of finite"),
