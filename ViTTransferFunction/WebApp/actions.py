@@ -39,7 +39,7 @@ class Actions:
             "extract": app.extraction.press,
             "cancel": self._cancel,
             "consent": app.extraction.answer,
-            "series": lambda line: app.series.answer(str(line)),
+            "series": lambda line: app.opening.series.answer(str(line)),
             "addClass": self._add_class,
             "select": lambda id_: app.session.select_class(self._class(id_).id),
             "rename": lambda id_, name: self._set(id_, name=str(name)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from functools import partial
@@ -16,10 +15,7 @@ from trame_slicer.core import SlicerApp
 
 from ..Logic.core.errors import InputError
 from ..Logic.core.intensity_window import IntensityWindow
-from ..Logic.core.private_folder import PREFIX, private_folder
-from ..Logic.core.user_path import user_path
 from ..Logic.core.volume import Volume
-from ..Logic.files.series_choice import SeveralSeries
 from ..Logic.scene.annotation_tool import AnnotationTool
 from ..Logic.scene.choices import choices, make_possible
 from ..Logic.scene.class_state import ClassState
@@ -32,15 +28,14 @@ from .access import Access
 from .actions import Actions
 from .extraction import ExtractionButton
 from .films import Films
+from .opening import Opening
 from .page import build_page
-from .panel_state import session_state
-from .points_file import add_points, are_points
+from .panel_state import session_state, window_ends
 from .routes import Routes
-from .scene_files import import_scene, parameter_node, unpacked_session
-from .series_question import SeriesQuestion
+from .scene_files import import_scene, parameter_node
 from .serving import Serving
 from .slicer_views import SlicerViews, slice_tools
-from .volumes import OPENING, add_volume, sample_path, volume_of_files, windows_of
+from .volumes import add_volume, windows_of
 
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""
@@ -51,7 +46,6 @@ PICTURE_S = 0.05
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
 BRUSH_MM = 6.0
-SESSION_ENDING = ".mrb"
 OF_THIS_COMPUTER = ("device", "weightsPath")
 """Parameters that a session from elsewhere does not decide."""
 OF_ALL_VOLUMES = (*OF_THIS_COMPUTER, "preset", "model", "grid", "refinement", "onlyAnnotatedParts")
@@ -77,7 +71,7 @@ class WebApp:
         tool: what the mouse does in the views.
         extraction: the button that computes features.
         films: the film that the page has made of the 3D view.
-        series: the question which of several DICOM series to open.
+        opening: volumes, sessions and points from files.
         actions: what the page can ask for.
     """
 
@@ -91,10 +85,9 @@ class WebApp:
         self._news = asyncio.Event()
         self._stale = False
         self._downloads_when_written = False
-        self._opening: list[Path] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
-        self.server.state.update({"opening": "", "brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
+        self.server.state.update({"brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
         self.server.state.update({"saving": None, "film": None, "film_ready": False, "download_due": False})
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, self._delays_3d)
         self.tool = AnnotationTool(
@@ -106,11 +99,11 @@ class WebApp:
         self._saved = self.work
         self.extraction = ExtractionButton(lambda: self.session)
         self.films = Films(self)
-        self.series = SeriesQuestion(self.server.state)
+        self.opening = Opening(self)
         self.actions = Actions(self)
         self.server.trigger("act")(self.actions)
-        self.server.trigger("open_path")(self._open_typed)
-        self.server.trigger("open_sample")(self._open_sample)
+        self.server.trigger("open_path")(self.opening.open_typed)
+        self.server.trigger("open_sample")(self.opening.open_sample)
         self.server.state.change("brush_mm")(lambda **_: self.tool.follow_brush_size())
         build_page(self.server, self.session.views.context_names)
         self.refresh()
@@ -145,15 +138,14 @@ class WebApp:
         serving = Serving(self.server, access, port)
         following = asyncio.create_task(self._follow())
         if volume is not None:
-            self.begin(self.open_files([volume], series))
+            self.begin(self.opening.open([volume], series))
         stopped = asyncio.create_task(self._stopped.wait())
         try:
             await serving.until_any(following, stopped)
         finally:
             for task in (following, stopped, *self._tasks):
                 task.cancel()
-            self._opening = []
-            self.series.answer("")
+            self.opening.give_up()
             self.films.give_up()
             self.session.close()
             await serving.end()
@@ -245,42 +237,40 @@ class WebApp:
         with self.server.state as state:
             state.saving = None if share is None else {"name": name, "percent": int(100 * share)}
 
-    async def open_files(self, paths: list[Path], series: str | None = None) -> None:
-        """Open a volume or a session in place of what is open, unless others are asked for meanwhile; errors are shown.
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Have work done beside everything else, until it or the app ends."""
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
-        A file of points is no scan: its structures are added to the one that is open.
-        Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
+    def replace_by_session(self, name: str, scene_file: Path) -> None:
+        """Replace what is open by an unpacked session, which users know by a name.
+
+        Raises:
+            InputError: it cannot be read whole, or no volume is chosen in it.
         """
-        if are_points(paths):
-            self._add_points(paths[0])
-            return
-        self._opening = paths
-        self.try_again(OPENING)
-        self.series.answer("")
-        with self.server.state as state:
-            state.opening = paths[0].name if len(paths) == 1 else f"{len(paths)} files"
+        self._close_scene()
         try:
-            with private_folder() as folder:
-                take_up = await self._read_or_ask(paths, Path(folder), series)
-                if take_up is not None and self._opening is paths:
-                    take_up()
-        except InputError as error:
-            if self._opening is paths:
-                self.report(_as_users_know(str(error), paths), OPENING)
+            import_scene(self.scene, scene_file)
         finally:
-            if self._opening is paths:
-                with self.server.state as state:
-                    state.opening = ""
-                self.refresh()
+            self._take_session(saved=True)
+        if self.session.parameters.volume is None:
+            raise InputError(
+                f"In {name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
+                "ViT Transfer Function, and save the session again."
+            )
 
-    def _add_points(self, path: Path) -> None:
-        try:
-            if self.server.state.opening:
-                raise InputError(f"A scan is just being opened. Open {path.name} again when it is there.")
-            add_points(self.session, path)
-        except InputError as error:
-            self.report(str(error))
-        self.refresh()
+    def replace_by_volume(self, volume: Volume, warnings: list[str]) -> None:
+        """Replace what is open by a volume without structures; users are told what is to be warned of."""
+        self._close_scene()
+        node = add_volume(self.scene, volume)
+        self._take_session()
+        self.session.set_volume(node)
+        self.views.show(node)
+        first, *_ = self._offer_windows(node)
+        set_window(node, first.low, first.high)
+        for warning in warnings:
+            self.report(warning)
 
     async def _follow(self) -> None:
         """Have the session take in what was computed, and the page show it."""
@@ -319,67 +309,6 @@ class WebApp:
         session.add_observer(self._on_changed)
         return session
 
-    def _open_typed(self, path: str) -> None:
-        """Open a path that the user typed."""
-        try:
-            if str(path).strip():
-                self.begin(self.open_files([user_path(str(path).strip(), "a volume, a session or points")]))
-        except InputError as error:
-            self.report(str(error), OPENING)
-
-    def _open_sample(self) -> None:
-        try:
-            self.begin(self.open_files([sample_path()]))
-        except InputError as error:
-            self.report(str(error), OPENING)
-
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Have work done beside everything else, until it or the app ends."""
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    async def _read_or_ask(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None] | None:
-        """What `_read` returns, of the series that the user chooses where there are several; None where none was chosen."""
-        try:
-            return await asyncio.to_thread(self._read, paths, folder, series)
-        except SeveralSeries as several:
-            chosen = await self.series.ask(several.lines) if self._opening is paths else ""
-        return await self._read_or_ask(paths, folder, chosen) if chosen else None
-
-    def _read(self, paths: list[Path], folder: Path, series: str | None) -> Callable[[], None]:
-        """Read a volume or a session, by any thread; returns what puts it in place of what is open, by the loop's."""
-        if paths[0].name.lower().endswith(SESSION_ENDING):
-            return partial(self._open_session, paths[0].name, unpacked_session(paths[0], folder))
-        warnings: list[str] = []
-        volume = volume_of_files(paths, lambda warning: warnings.append(_as_users_know(warning, paths)), series)
-        return partial(self._begin_anew, volume, warnings)
-
-    def _open_session(self, name: str, scene_file: Path) -> None:
-        """Replace what is open by an unpacked session, which users know by a name."""
-        self._close_scene()
-        try:
-            import_scene(self.scene, scene_file)
-        finally:
-            self._take_session(saved=True)
-        if self.session.parameters.volume is None:
-            raise InputError(
-                f"In {name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
-                "ViT Transfer Function, and save the session again."
-            )
-
-    def _begin_anew(self, volume: Volume, warnings: list[str]) -> None:
-        """Replace what is open by a volume without structures; users are told what is to be warned of."""
-        self._close_scene()
-        node = add_volume(self.scene, volume)
-        self._take_session()
-        self.session.set_volume(node)
-        self.views.show(node)
-        first, *_ = self._offer_windows(node)
-        set_window(node, first.low, first.high)
-        for warning in warnings:
-            self.report(warning)
-
     def _close_scene(self) -> None:
         self.tool.put_down()
         self.extraction.give_up()
@@ -411,7 +340,7 @@ class WebApp:
         """Have the page offer the windows in which people look at a volume; returns them."""
         windows = windows_of(volume) if volume else {}
         with self.server.state as state:
-            state.windows = [{"text": text, "low": window.low, "high": window.high} for text, window in windows.items()]
+            state.windows = [{"text": text, **window_ends(window.low, window.high)} for text, window in windows.items()]
         return list(windows.values())
 
     def _size_wheel(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> SizeWheel:
@@ -434,11 +363,3 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
-
-
-def _as_users_know(text: str, paths: list[Path]) -> str:
-    """A message about files without the private folder that they were sent to, of which users do not know."""
-    folder = paths[0].parent
-    if not folder.parent.name.startswith(PREFIX):
-        return text
-    return text.replace(f"{folder}{os.sep}", "").replace(f"{folder.parent}{os.sep}", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..Logic.core.colors import hex_color
@@ -84,6 +85,12 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "window": _window(volume),
         **(look_state(session) if with_look else NO_LOOK),
     }
+
+
+def window_ends(low: float, high: float) -> dict[str, float]:
+    """Both ends of a window of intensities, to four digits of its width: nobody sees more, and no more fit into a field."""
+    digits = 3 - math.floor(math.log10(high - low)) if high > low else 3
+    return {"low": round(low, max(0, digits)), "high": round(high, max(0, digits))}
 
 
 def color_of_hex(text: str) -> tuple[float, float, float]:
@@ -190,5 +197,4 @@ def _window(volume: Any) -> dict[str, Any] | None:
     display = volume.GetScalarVolumeDisplayNode() if volume else None
     if display is None:
         return None
-    low, high = display.GetWindowLevelMin(), display.GetWindowLevelMax()
-    return {"low": round(low, 3), "high": round(high, 3)}
+    return window_ends(display.GetWindowLevelMin(), display.GetWindowLevelMax())

@@ -16,13 +16,13 @@ from ..Logic.core.file_names import kept_name
 from ..Logic.core.private_folder import private_folder
 from ..Logic.core.progress import Progress
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
+from .opening import OPENING
 from .packing import gzip_nrrd, zip_folder
 from .points_file import save_points
 from .scene_files import stage_segmentation, stage_session
 from .uploads import receive_files
 from .view_camera import save_camera
 from .view_pictures import asked_size, pack_picture, stage_picture
-from .volumes import OPENING
 
 if TYPE_CHECKING:
     from .app import WebApp
@@ -65,7 +65,7 @@ class Routes:
                 # What a series in it will be called, and its segments, and what is saved of them.
                 folder = Path(private, SERIES)
                 folder.mkdir()
-                await self._app.open_files(await receive_files(request, folder))
+                await self._app.opening.open(await receive_files(request, folder))
         except InputError as error:
             self._app.report(str(error), OPENING)
             self._app.refresh()

@@ -20,8 +20,6 @@ from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_
 from ..Logic.files.volume_files import read_volume
 from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
 
-OPENING = "opening"
-"""What messages are about where nothing could be opened."""
 CT_WINDOWS = {"Soft tissue": CT_SOFT_TISSUE, "Lung": CT_LUNG, "Bone": CT_BONE}
 
 

@@ -112,7 +112,7 @@ def opened(in_app: Callable[[Journey], None], file: Path) -> Callable[[Journey],
 
     def run(journey: Journey) -> None:
         async def go(app: Any) -> None:
-            await app.open_files([file])
+            await app.opening.open([file])
             await journey(app)
 
         in_app(go)

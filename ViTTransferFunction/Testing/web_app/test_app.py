@@ -37,7 +37,7 @@ from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.views import drag
 from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
-from ViTTransferFunction.WebApp import packing, scene_files, serving
+from ViTTransferFunction.WebApp import opening, packing, scene_files, serving
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 
@@ -149,7 +149,7 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journe
         app.actions("addClass")
         bad = tmp_path / "bad.nii.gz"
         bad.write_bytes(b"no image")
-        await app.open_files([bad])
+        await app.opening.open([bad])
         assert app.server.state.message
         assert app.server.state.volume_name == "spheres"
         assert len(app.server.state.classes) == 1
@@ -163,7 +163,7 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journe
 )
 def test_a_path_that_leads_nowhere_is_answered(opened: Callable[[Journey], None], typed: str, why: str) -> None:
     async def journey(app: WebApp) -> None:
-        app._open_typed(typed)
+        app.opening.open_typed(typed)
         await asyncio.gather(*app._tasks)
         app.refresh()
         assert why in app.server.state.message
@@ -178,7 +178,7 @@ def test_where_temporary_files_cannot_be_kept_the_page_says_so_and_stays_usable(
     async def journey(app: WebApp) -> None:
         with monkeypatch.context() as there:
             there.setattr(tempfile, "tempdir", str(tmp_path / "removed"))
-            await app.open_files([file.rename(file.with_name("again.nrrd"))])
+            await app.opening.open([file.rename(file.with_name("again.nrrd"))])
         state = app.server.state
         assert "No temporary files can be kept: No such file" in state.message
         assert (state.volume_name, state.opening) == ("spheres", "")
@@ -190,7 +190,7 @@ def test_several_volumes_at_once_are_refused(opened: Callable[[Journey], None], 
     async def journey(app: WebApp) -> None:
         other = file.with_name("other.nii.gz")
         other.write_bytes(b"")
-        await app.open_files([file, other])
+        await app.opening.open([file, other])
         assert "one volume at a time" in app.server.state.message
         assert app.server.state.volume_name == "spheres"
 
@@ -202,7 +202,7 @@ def test_where_slices_are_missing_the_page_says_so(in_app: Callable[[Journey], N
         scan = make_scan(random.Random(0), ("int16",))
         paths = write_dicom(tmp_path / "series", scan)
         paths.pop(len(paths) // 2).unlink()
-        await app.open_files([tmp_path / "series"])
+        await app.opening.open([tmp_path / "series"])
         assert app.server.state.volume_name == "series"
         assert "slices may be missing" in app.server.state.message
 
@@ -214,7 +214,7 @@ def test_of_several_series_the_user_is_asked_for_one(opened: Callable[[Journey],
 
     async def journey(app: WebApp) -> None:
         state = app.server.state
-        opening = asyncio.create_task(app.open_files([tmp_path / "disk"]))
+        opening = asyncio.create_task(app.opening.open([tmp_path / "disk"]))
         await until(lambda: state.series_offered)
         assert state.series_offered == ["2: T1 axial (MR, 7×6×3)", "12: T2 axial (MR, 7×6×5)"]
         app.actions("series", "no such line")
@@ -236,12 +236,12 @@ def test_who_chooses_no_series_keeps_what_is_open_or_gets_what_was_asked_for_sin
 
     async def journey(app: WebApp) -> None:
         state = app.server.state
-        opening = asyncio.create_task(app.open_files([tmp_path / "disk"]))
+        opening = asyncio.create_task(app.opening.open([tmp_path / "disk"]))
         await until(lambda: state.series_offered)
         if way == "cancel":
             app.actions("series", "")
         else:
-            await app.open_files([tmp_path / "other.nrrd"])
+            await app.opening.open([tmp_path / "other.nrrd"])
         await opening
         shown = "spheres" if way == "cancel" else "other"
         assert (state.series_offered, state.opening, state.volume_name, state.message) == ([], "", shown, "")
@@ -253,7 +253,7 @@ def test_a_series_that_is_named_beforehand_is_opened_unasked(in_app: Callable[[J
     write_two(tmp_path / "disk")
 
     async def journey(app: WebApp) -> None:
-        await app.open_files([tmp_path / "disk"], "T2")
+        await app.opening.open([tmp_path / "disk"], "T2")
         assert app.session.parameters.volume.GetImageData().GetDimensions() == (7, 6, 5)
 
     in_app(journey)
@@ -280,7 +280,7 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
         for voxels in (tmp_path / "session" / "Data").glob("*.nrrd") if without else ():
             voxels.unlink()
         packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
-        await app.open_files([tmp_path / "session.mrb"])
+        await app.opening.open([tmp_path / "session.mrb"])
         assert why in app.server.state.message
         assert [shown["name"] for shown in app.server.state.classes] == ["Structure 1"]
         assert all(view.get_background_volume_id() is None for view in app.views.slices)
@@ -293,7 +293,7 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
         app.actions("addClass")
         other = tmp_path / "other.nrrd"
         sitk.WriteImage(sitk.GetImageFromArray(np.arange(1000, dtype=np.int16).reshape(10, 10, 10)), str(other))
-        await app.open_files([other])
+        await app.opening.open([other])
         assert (app.server.state.volume_name, app.server.state.classes, app.server.state.tool) == ("other", [], "")
         assert app.scene.GetNumberOfNodesByClass("vtkMRMLScalarVolumeNode") == 1
         assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
@@ -305,7 +305,7 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
     in_app: Callable[[Journey], None], file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def journey(app: WebApp) -> None:
-        state, may_be_read, read = app.server.state, threading.Event(), app_module.volume_of_files
+        state, may_be_read, read = app.server.state, threading.Event(), opening.volume_of_files
 
         def read_late(paths: list[Path], on_warning: Callable[[str], None], series: str | None) -> Volume:
             if paths == [file]:
@@ -313,12 +313,12 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
                 on_warning("a slice may be missing")
             return read(paths, on_warning, series)
 
-        monkeypatch.setattr(app_module, "volume_of_files", read_late)
+        monkeypatch.setattr(opening, "volume_of_files", read_late)
         other = tmp_path / "other.nrrd"
         sitk.WriteImage(sitk.GetImageFromArray(np.arange(1000, dtype=np.int16).reshape(10, 10, 10)), str(other))
-        first = asyncio.create_task(app.open_files([file]))
+        first = asyncio.create_task(app.opening.open([file]))
         await asyncio.sleep(0)
-        second = asyncio.create_task(app.open_files([other]))
+        second = asyncio.create_task(app.opening.open([other]))
         await asyncio.sleep(0)
         assert state.opening == "other.nrrd"
         await second
@@ -496,7 +496,7 @@ def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Ca
             app.actions("parameter", "grid", grid)
         assert state.message == "The grid must have 4 to 128 cells; got 300."
         for typed in ("/nowhere/a.nrrd", "/nowhere/b.nrrd", '"/nowhere/c.nrrd"'):
-            app._open_typed(typed)
+            app.opening.open_typed(typed)
             await asyncio.gather(*app._tasks)
         app.refresh()
         first, second = state.message.split("\n\n")
@@ -506,6 +506,23 @@ def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Ca
         assert state.message == second
 
     opened(journey)
+
+
+def test_the_window_that_is_shown_is_one_of_those_that_are_offered_whatever_the_voxels(
+    in_app: Callable[[Journey], None], tmp_path: Path
+) -> None:
+    array = np.random.default_rng(0).normal(300.0, 70.0, (12, 12, 12)).astype(np.float32)
+    sitk.WriteImage(sitk.GetImageFromArray(array), str(tmp_path / "mr.nrrd"))
+
+    async def journey(app: WebApp) -> None:
+        await app.opening.open([tmp_path / "mr.nrrd"])
+        state = app.server.state
+        (offered,) = state.windows
+        assert {"low": offered["low"], "high": offered["high"]} == state.window
+        # Four digits of the width fit into a field, and nobody sees more.
+        assert all(len(f"{end:g}") <= 5 and end == round(end, 1) for end in state.window.values())
+
+    in_app(journey)
 
 
 def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opened: Callable[[Journey], None]) -> None:

@@ -67,7 +67,7 @@ def test_settings_stay_when_another_volume_is_opened_but_not_its_intensities(
         app.actions("parameter", "preset", "fine")
         app.actions("parameter", "weightsPath", "/no/such/file.pt")
         app.actions("networkWindow", -100.0, 200.0, False)
-        await app.open_files([file])
+        await app.opening.open([file])
         parameters = app.session.parameters
         names = ("preset", "weightsPath", "windowAutomatic")
         assert [parameters.get(name) for name in names] == ["fine", "/no/such/file.pt", True]
@@ -155,7 +155,7 @@ def test_a_setting_of_another_version_becomes_its_default_and_the_page_says_so(
         path = tmp_path / "session.mrb"
         assert app.scene.WriteToMRB(path.as_posix())
         app.session.parameters.set(name, default)
-        await app.open_files([path])
+        await app.opening.open([path])
         assert why in app.server.state.message
         assert "The saved setting was replaced by the default." in app.server.state.message
         assert app.session.parameters.get(name) == default

@@ -156,7 +156,7 @@ def test_a_film_that_is_given_up_leaves_nothing(with_ball: Callable[[Journey], N
         if end == "cancelFilm":
             app.actions(end)
         else:
-            await app.open_files([tmp_path / "spheres.nrrd"])
+            await app.opening.open([tmp_path / "spheres.nrrd"])
         await until(lambda: not folder.exists())
         assert (app.server.state.film, app.server.state.film_ready) == (None, False)
         assert app.server.state.message == ""

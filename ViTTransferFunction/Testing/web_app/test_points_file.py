@@ -43,7 +43,7 @@ def test_points_are_downloaded_under_the_name_by_which_a_cohort_finds_them(
     scan = file.rename(file.with_name("CT 3.2 Müller.nrrd"))
 
     async def journey(app: WebApp) -> None:
-        await app.open_files([scan])
+        await app.opening.open([scan])
         assert not app.server.state.annotated
         id_ = app.session.annotations.add_class("liver").id
         app.session.annotations.add_points(id_, np.array([[-10.0, -20.0, 12.0]]), positive=True)
@@ -96,7 +96,7 @@ def test_a_file_of_points_adds_its_structures_to_the_scan_in_one_step_for_undo(
         assert [each["name"] for each in state.classes] == ["Structure 1"]
         path = file.with_name("annotations.json")
         path.write_bytes(points())
-        await app.open_files([path])
+        await app.opening.open([path])
         assert len(state.classes) == 3
 
     opened(journey)
@@ -120,6 +120,17 @@ def test_what_cannot_be_added_is_refused_without_names_of_this_computer(
         assert why in app.server.state.message
         assert "vittf-" not in app.server.state.message
         assert not app.session.classes
+
+    opened(journey)
+
+
+def test_another_file_takes_the_place_of_what_was_said_of_the_one_before(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        async with browser_of(app) as browser:
+            await send(browser, one=points(colour="red"))
+            await send(browser, two=b"[]")
+        assert app.server.state.message.startswith("two.annotations.json")
+        assert "one.annotations.json" not in app.server.state.message
 
     opened(journey)
 

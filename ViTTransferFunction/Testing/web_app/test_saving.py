@@ -267,7 +267,7 @@ def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
                     assert disposition.isascii()
                     if kind == "session":
                         session.write_bytes(await response.read())
-        await app.open_files([session])
+        await app.opening.open([session])
         assert (app.server.state.message, app.server.state.volume_name) == ("", kept)
 
     opened(journey)
