@@ -180,7 +180,8 @@ def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Pa
 def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np.ndarray:
     matrices = {"RAS": np.eye(4), "LPS": LPS_TO_RAS, "IJK": geometry.ijk_to_ras}
     if not isinstance(coordinate_system, str) or coordinate_system not in matrices:
-        raise InputError(f'{path}: \'coordinate_system\' is {shown(coordinate_system)}; expected "RAS", "LPS" or "IJK".')
+        given = "missing" if coordinate_system is None else shown(coordinate_system)
+        raise InputError(f'{path}: \'coordinate_system\' is {given}; expected "RAS", "LPS" or "IJK".')
     return matrices[coordinate_system]
 
 

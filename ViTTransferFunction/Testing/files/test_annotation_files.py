@@ -150,7 +150,7 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
     ("content", "message"),
     [
         ([], "not an annotation file"),
-        ({"classes": [{"name": "a", "positive": [[0, 0, 0]]}]}, "'coordinate_system' is None"),
+        ({"classes": [{"name": "a", "positive": [[0, 0, 0]]}]}, "'coordinate_system' is missing; expected"),
         ({"coordinate_system": "XYZ", "classes": []}, "'coordinate_system' is 'XYZ'"),
         (one_class(positive=[]), "'liver' has no positive points"),
         (one_class(positive=[[1, 2]]), r"not a list of finite.*got \[\[1, 2\]\]"),
