@@ -44,7 +44,7 @@ def volume_of_files(paths: list[Path], on_warning: Callable[[str], None], series
 
     Args:
         paths: the files, or a folder.
-        on_warning: is told where positions are off; see `read_volume`.
+        on_warning: is told what was found odd, or read otherwise than it is stored; see `read_volume`.
         series: which of several DICOM series, as `choose_series` takes it.
 
     Raises:

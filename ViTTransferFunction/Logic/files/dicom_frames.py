@@ -1,8 +1,8 @@
 """Where the frames of a DICOM file lie that has several: ITK takes them for a stack, whatever they are.
 
-Enhanced images say it of each frame, in functional groups (DICOM PS3.3, C.7.6.16.2.3 and C.7.6.16.2.4), which ITK does not
-show. Two phases, one after the other, frames in any order, and planes in several directions are all read as one volume; where
-the distances differ, all spacings become 1 mm.
+Enhanced images say it of each frame, in functional groups (DICOM PS3.3, C.7.6.16.2), which ITK does not show. Two phases, one
+after the other, frames in any order, and planes in several directions are all read as one volume; where the distances differ,
+all spacings become 1 mm, within the plane too.
 """
 
 from __future__ import annotations
@@ -17,25 +17,32 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
+from .straightening import warn_of_gaps
 
-LARGEST_DEVIATION = 0.1
-"""How far a frame may lie from its place in the stack, as a share of the distance between two."""
+SAME_DISTANCE = 0.01
+"""Distances between frames that differ by no more than this share are equal, and one as small is none."""
 
 LARGEST_TURN = 0.01
 """By which entries of the frames' directions may differ: that of rounding."""
 
 
-def check_frames(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:
-    """Raise InputError where a file's frames do not lie where ITK has put them; warn where they do not say where they lie.
+def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> np.ndarray | None:
+    """Where the frames of a file lie; the image is given the size of their pixels where ITK has lost it.
 
     Args:
         path: a DICOM file.
         image: as ITK read it.
-        on_warning: is told that the distance between the frames is a guess.
+        on_warning: is told that the distance between the frames is a guess, or where some seem to be missing.
+
+    Returns:
+        Of the first pixel of each frame, (K, 3) LPS millimetres; None of a single frame, or where the file does not say.
+
+    Raises:
+        InputError: they are no stack of slices, one after the other.
     """
     frames = image.GetSize()[2] if image.GetDimension() > 2 else 1
     if frames < 2:
-        return
+        return None
     positions = _numbers(path, _POSITION, 3, frames + 1)
     if not len(positions):
         spacing = " × ".join(f"{mm:g}" for mm in image.GetSpacing()[:3])
@@ -43,30 +50,58 @@ def check_frames(path: Path, image: sitk.Image, on_warning: Callable[[str], None
             f"{path}: its {frames} frames do not say where they lie; they are taken for slices of one stack, with a spacing of "
             f"{spacing} mm."
         )
-        return
+        return None
     directions = _numbers(path, _ORIENTATION, 6, frames + 1)
     turned = len(directions) > 1 and np.abs(directions - directions[0]).max() > LARGEST_TURN
-    if turned or len(positions) != frames or _deviation(positions, image) > LARGEST_DEVIATION:
+    heights = _heights(positions, image)
+    if turned or len(positions) != frames or not _in_order(heights) or not _has_pixel_size(path, image, heights):
         raise InputError(
-            f"The {frames} frames of {path} are no stack of slices at equal distances, one after the other: several phases, "
-            "echoes or directions, perhaps, or some are missing. Open it in 3D Slicer, and save the volume to use as .nrrd."
+            f"The {frames} frames of {path} are no stack of slices, one after the other: several phases, echoes or directions, "
+            "perhaps. Open it in 3D Slicer, and save the volume to use as .nrrd."
         )
+    warn_of_gaps(path, heights, [f"frame {number}" for number in range(1, frames + 1)], on_warning)
+    return positions
 
 
-def _deviation(positions: np.ndarray, image: sitk.Image) -> float:
-    """How far frames lie from where ITK has put them, at most, as a share of the distance between two."""
+def _heights(positions: np.ndarray, image: sitk.Image) -> np.ndarray:
+    """Where frames lie along their normal, (K,), millimetres."""
     axes = image.GetDimension()
-    normal = np.array(image.GetDirection()).reshape(axes, axes)[:3, 2]
-    distance_mm = image.GetSpacing()[2]
-    placed = np.array(image.GetOrigin()[:3]) + distance_mm * np.arange(len(positions))[:, None] * normal
-    return float(np.linalg.norm(positions - placed, axis=1).max() / distance_mm)
+    heights: np.ndarray = positions @ np.array(image.GetDirection()).reshape(axes, axes)[:3, 2]
+    return heights
 
 
-def _in_sequence(sequence: bytes, element: bytes) -> re.Pattern[bytes]:
-    """An element that is the first of the one item in a sequence, in little-endian files, with types written or without."""
+def _in_order(heights: np.ndarray) -> bool:
+    """Whether each lies beyond the one before."""
+    steps = np.diff(heights) * np.sign(heights[-1] - heights[0])
+    return bool((steps > SAME_DISTANCE * np.median(np.abs(steps))).all())
+
+
+def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
+    """Whether the image has the size of its pixels; it is given that where ITK has lost it together with the distances."""
+    across_mm, down_mm, distance_mm, *further = image.GetSpacing()
+    distances = np.abs(np.diff(heights))
+    if np.abs(distances - distance_mm).max() <= SAME_DISTANCE * distance_mm:
+        return True
+    sizes = _numbers(path, _PIXEL_SPACING, 2, len(heights) + 1)
+    if not len(sizes) or not (sizes == sizes[0]).all() or not (sizes[0] > 0.0).all():
+        return False
+    down_mm, across_mm = sizes[0].tolist()
+    image.SetSpacing((across_mm, down_mm, float(distances.mean()), *further))
+    return True
+
+
+def _in_sequence(sequence: bytes, element: bytes, behind: int = 0) -> re.Pattern[bytes]:
+    """An element in the one item of a sequence, in little-endian files, with types written or without.
+
+    Args:
+        sequence: its tag, as written in the file.
+        element: likewise.
+        behind: how many bytes other elements before it may take.
+    """
     return re.compile(
         re.escape(sequence)
         + rb"(?:SQ\0\0)?.{4}\xfe\xff\x00\xe0.{4}"
+        + rb".{0,%d}?" % behind
         + re.escape(element)
         + rb"(?:DS(?P<a>.)\0|(?P<b>.)\0\0\0)",
         re.DOTALL,
@@ -75,6 +110,8 @@ def _in_sequence(sequence: bytes, element: bytes) -> re.Pattern[bytes]:
 
 _POSITION = _in_sequence(b"\x20\x00\x13\x91", b"\x20\x00\x32\x00")
 _ORIENTATION = _in_sequence(b"\x20\x00\x16\x91", b"\x20\x00\x37\x00")
+# Before it are how thick a slice is and how far it is to the next, two numbers as text.
+_PIXEL_SPACING = _in_sequence(b"\x28\x00\x10\x91", b"\x28\x00\x30\x00", behind=64)
 
 
 def _numbers(path: Path, element: re.Pattern[bytes], count: int, most: int) -> np.ndarray:

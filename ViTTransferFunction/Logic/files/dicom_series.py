@@ -1,4 +1,4 @@
-"""DICOM series: a folder's slices as one image, where they are a stack on a grid."""
+"""DICOM series: a folder's slices as one image, where they are a stack, and where each of them was taken."""
 
 from __future__ import annotations
 
@@ -10,24 +10,28 @@ import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
 from .dicom_folder import read_content
-from .dicom_frames import check_frames
+from .dicom_frames import frame_positions
 from .dicom_slice import DicomSlice, heights, turned
 from .itk_errors import last_line
 from .series_choice import choose_series
-
-LARGEST_SPACING_DEVIATION = 0.01
-"""Relative deviation of slice distances above which a DICOM series is not a regular grid; and of slices from lying straight
-above each other."""
+from .straightening import warn_of_gaps
+from .volumes_of_series import SAME_PLACE
 
 
-def read_series(folder: Path, on_warning: Callable[[str], None], series: str | None = None) -> sitk.Image:
+def read_series(
+    folder: Path, on_warning: Callable[[str], None], series: str | None = None
+) -> tuple[sitk.Image, np.ndarray | None]:
     """Read a DICOM series of a folder.
 
     Args:
         folder: with its slices, or with folders that have them.
-        on_warning: is told where slices are missing or shifted, so that positions are off; and where other series were passed
-            over, since they are no volumes.
+        on_warning: is told where slices seem to be missing; and where other series were passed over, since they are no
+            volumes.
         series: which one, as `choose_series` takes it; None: the only one that can be a volume.
+
+    Returns:
+        The slices, which ITK takes for straight above each other and at equal distances, and where the first pixel of each
+        was taken, (K, 3) LPS millimetres; None where its one file does not say.
 
     Raises:
         SeveralSeries: more than one may be meant, or the wanted one is not there.
@@ -46,7 +50,7 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
         )
     slices = choose_series(content.series, folder, series, on_warning).slices
     _warn_of_unread_files(folder, list(content.unread), on_warning)
-    _check_slices(slices, folder, on_warning)
+    _check_slices(slices, folder)
     reader = sitk.ImageSeriesReader()
     reader.SetFileNames([str(each.path) for each in slices])
     if len({each.kind for each in slices}) > 1:
@@ -57,8 +61,9 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
     except RuntimeError as error:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
     if len(slices) == 1:
-        check_frames(slices[0].path, image, on_warning)
-    return image
+        return image, frame_positions(slices[0].path, image, on_warning)
+    warn_of_gaps(folder, heights(slices), [_name(each.path, folder) for each in slices], on_warning)
+    return image, np.array([each.position for each in slices])
 
 
 def _warn_of_unread_files(folder: Path, unread: Sequence[Path], on_warning: Callable[[str], None]) -> None:
@@ -68,15 +73,12 @@ def _warn_of_unread_files(folder: Path, unread: Sequence[Path], on_warning: Call
         on_warning(f"{folder}: DICOM files without a slice that can be read: {len(unread)}, such as {first}.")
 
 
-def _check_slices(slices: Sequence[DicomSlice], folder: Path, on_warning: Callable[[str], None]) -> None:
-    """Raise InputError where slices cannot be a stack; warn where they are one, but not on the grid that ITK makes of it.
+def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
+    """Raise InputError where slices cannot be a stack.
 
     Args:
         slices: sorted by their heights.
         folder: for messages.
-        on_warning: is told of gaps and shifts.
-
-    ITK takes any two slices for neighbours, straight above each other.
     """
     names = [_name(each.path, folder) for each in slices]
     sizes = np.array([each.size for each in slices])
@@ -103,23 +105,11 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path, on_warning: Callab
     if len(gaps) == 0:
         return
     closest = int(gaps.argmin())
-    if gaps[closest] <= LARGEST_SPACING_DEVIATION * np.median(gaps):
+    if gaps[closest] <= SAME_PLACE * np.median(gaps):
         one, other = sorted(names[closest : closest + 2])
         raise InputError(
             f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
             "several phases or echoes, which the headers do not tell apart here, put one into a folder of its own."
-        )
-    if np.ptp(gaps) > LARGEST_SPACING_DEVIATION * np.median(gaps):
-        on_warning(
-            f"{folder}: slice distances vary from {gaps.min():.2f} to {gaps.max():.2f} mm: slices may be missing, and "
-            "positions beyond them off."
-        )
-    shift = slices[-1].position - slices[0].position - np.sum(gaps) * slices[0].directions[:, 2]
-    shift_mm = float(np.linalg.norm(shift))
-    if shift_mm > LARGEST_SPACING_DEVIATION * np.sum(gaps):
-        on_warning(
-            f"{folder}: the last slice is shifted against the first by {shift_mm:.1f} mm, as with a tilted gantry, and is "
-            "taken for straight above it: positions are off by as much. Have the slices straightened first."
         )
 
 

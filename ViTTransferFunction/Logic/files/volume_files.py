@@ -14,17 +14,18 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
 from ..core.errors import InputError, shown
-from ..core.geometry import LPS_TO_RAS, Geometry
+from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.given_numbers import FARTHEST
 from ..core.private_folder import private_folder
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
 from .dicom_folder import series_files
-from .dicom_frames import check_frames
+from .dicom_frames import frame_positions
 from .dicom_series import read_series
 from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
+from .straightening import straightened
 
 logger = logging.getLogger(__name__)
 
@@ -47,10 +48,12 @@ _SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
 def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, series: str | None = None) -> Volume:
     """Read a scalar 3D volume.
 
+    DICOM slices that are shifted against each other, or lie at uneven distances, are put on a straight grid (`straightened`).
+
     Args:
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
-        on_warning: is told where slices are missing or shifted, so that positions are off; which other series of the folder
-            were passed over, since they are no volumes; and where an image looks like a map of labels.
+        on_warning: is told where slices were put on a straight grid, and where some seem to be missing; which other series of
+            the folder were passed over, since they are no volumes; and where an image looks like a map of labels.
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
@@ -62,17 +65,17 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         raise InputError(f"{path} is no folder of DICOM series; leave --series {shown(series)} out, or name the folder.")
     if not is_folder(path):
         _check_no_segmentation(path)
-    image = _read_series(path, on_warning, series) if is_folder(path) else _read_file(path)
-    if not is_folder(path) and image_format(path).reader == DICOM_READER:
-        check_frames(path, image, on_warning)
+    # Slices of DICOM say themselves where they lie, and what they are.
+    is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
+    image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)
     array = _voxels(image)
+    if positions is not None:
+        array, geometry = straightened(path, array, geometry, positions, on_warning)
     if not is_folder(path) and (stored := locate_voxels(path)):
         stored.restore_not_finite(array)
-    # Slices say themselves what they are.
-    is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
     if not is_dicom and (_says_labels(image) or looks_like_labels(array)):
         on_warning(
             f"{path.name} looks like a map of labels, few whole numbers in even regions. If it is one, open the scan that it "
@@ -244,10 +247,15 @@ def _namesake(path: Path) -> Path:
     return path.with_name(path.name[: -len(".gz")]) if path.name.endswith(".gz") else path.with_name(f"{path.name}.gz")
 
 
-def _read_series(folder: Path, on_warning: Callable[[str], None], series: str | None) -> sitk.Image:
-    image = read_series(folder, on_warning, series)
-    _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), folder)
-    return image
+def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | None) -> tuple[sitk.Image, np.ndarray | None]:
+    """A folder's series, or a file, and where the first pixel of each slice lies, (K, 3) RAS millimetres, as far as it says."""
+    if is_folder(path):
+        image, positions = read_series(path, on_warning, series)
+        _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), path)
+    else:
+        image = _read_file(path)
+        positions = frame_positions(path, image, on_warning)
+    return image, None if positions is None else transform_points(LPS_TO_RAS, positions)
 
 
 def _check_header(size: Sequence[int], components: int, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""DICOM series whose slices are no stack on a grid: refused, or read with a warning."""
+"""DICOM series whose slices are no stack on a grid: refused, or put on one with a word about it."""
 
 from __future__ import annotations
 
@@ -53,10 +53,29 @@ def test_a_file_beside_the_slices_is_none_of_them_and_may_be_written_again(tmp_p
     assert files_of(tmp_path) == sorted(paths)
 
 
-def test_slices_of_a_tilted_gantry_are_read_with_a_warning_of_how_far_off_they_are(tmp_path: Path) -> None:
-    write_moved(tmp_path, stack(), (0.0, 0.5, 0.0))
-    (warning,) = warnings_of(tmp_path)
-    assert "shifted against the first by 3.5 mm" in warning
+def test_slices_of_a_tilted_gantry_lie_where_they_were_taken_and_it_is_said_so(tmp_path: Path) -> None:
+    write_moved(tmp_path, stack(), (0.0, 1.0, 0.0))
+    warnings: list[str] = []
+
+    volume = read_volume(tmp_path, warnings.append)
+
+    (warning,) = warnings
+    assert "shifted against each other by up to 7.0 mm, as with a tilted gantry" in warning
+    assert "straight grid of 1.00 × 1.00 × 3.00 mm" in warning
+    taken = stack().array
+    for k in range(len(taken)):
+        # DICOM's coordinates are LPS.
+        points = np.array([[-i, -j - k, 3.0 * k] for j in range(6) for i in range(7)])
+        at = tuple(volume.geometry.nearest_voxels(points).T)
+        assert volume.array[at].tolist() == taken[k].ravel().tolist()
+    assert volume.array.dtype == np.int16
+
+
+def test_the_same_tilted_series_is_read_to_the_same_bits(tmp_path: Path) -> None:
+    write_moved(tmp_path, stack(), (0.3, -0.7, 0.2))
+    one, other = read_volume(tmp_path), read_volume(tmp_path)
+    np.testing.assert_array_equal(one.array, other.array)
+    np.testing.assert_array_equal(one.geometry.ijk_to_ras, other.geometry.ijk_to_ras)
 
 
 def test_rounded_positions_are_no_shift(tmp_path: Path) -> None:
@@ -91,8 +110,9 @@ def test_distances_are_those_along_the_stack_whatever_order_the_files_have(tmp_p
         path.rename(tmp_path / f"{(5 * number) % 8}.dcm")
     assert warnings_of(tmp_path) == []
     (tmp_path / "2.dcm").unlink()
-    (warning,) = warnings_of(tmp_path)
-    assert "vary from 3.00 to 6.00 mm" in warning
+    missing, straightened = warnings_of(tmp_path)
+    assert "slices seem to be missing between 5.dcm and 7.dcm, which are 6.00 mm apart" in missing
+    assert "lie 3.00 to 6.00 mm apart" in straightened
 
 
 def test_a_series_with_a_missing_slice_is_read_with_a_warning(
@@ -103,7 +123,7 @@ def test_a_series_with_a_missing_slice_is_read_with_a_warning(
             (tmp_path / file.name).write_bytes(file.read_bytes())
     with caplog.at_level(logging.WARNING):
         read_volume(tmp_path)
-    assert "slices may be missing" in caplog.text
+    assert "slices seem to be missing" in caplog.text
 
 
 def test_a_series_whose_last_slice_was_cut_off_is_read_with_a_warning(
@@ -138,13 +158,18 @@ def sequence(group: int, number: int, *items: bytes) -> bytes:
 
 
 def write_frames(
-    path: Path, heights: list[float], orientations: list[str] | None = None, kind: str = ENHANCED_CT, placed: bool = True
+    path: Path,
+    heights: list[float],
+    orientations: list[str] | None = None,
+    kind: str = ENHANCED_CT,
+    placed: bool = True,
+    shift: float = 0.0,
 ) -> Path:
-    """Write an image with a frame at each height, whose voxels are ten times that."""
-    measures = sequence(0x28, 0x9110, element(0x18, 0x50, "DS", "2") + element(0x28, 0x30, "DS", "1.5\\1.5"))
+    """Write an image with a frame at each height, shifted by a share of that, whose voxels are ten times as many."""
+    measures = sequence(0x28, 0x9110, element(0x18, 0x50, "DS", "2") + element(0x28, 0x30, "DS", "1.5\\1.25"))
     rescaling = sequence(0x28, 0x9145, element(0x28, 0x1052, "DS", "0") + element(0x28, 0x1053, "DS", "1"))
     frames = [
-        sequence(0x20, 0x9113, element(0x20, 0x32, "DS", f"10\\20\\{height}"))
+        sequence(0x20, 0x9113, element(0x20, 0x32, "DS", f"10\\{20 + shift * height}\\{height}"))
         + sequence(0x20, 0x9116, element(0x20, 0x37, "DS", orientation))
         for height, orientation in zip(heights, orientations or [AXIAL] * len(heights), strict=True)
     ]
@@ -207,12 +232,11 @@ def test_frames_of_one_file_lie_where_they_say(tmp_path: Path, heights: list[flo
 @pytest.mark.parametrize(
     ("heights", "orientations"),
     [
-        ([0.0, 2.0, 4.0, 8.0, 10.0], None),
         ([4.0, 0.0, 8.0, 2.0, 6.0], None),
         ([0.0, 2.0, 4.0, 0.0, 2.0, 4.0], None),
         ([0.0, 2.0, 4.0, 6.0], [AXIAL, AXIAL, CORONAL, CORONAL]),
     ],
-    ids=["one is missing", "in any order", "two phases", "two directions"],
+    ids=["in any order", "two phases", "two directions"],
 )
 def test_frames_that_are_no_stack_are_refused(
     tmp_path: Path, heights: list[float], orientations: list[str] | None, as_folder: bool
@@ -220,6 +244,37 @@ def test_frames_that_are_no_stack_are_refused(
     file = write_frames(tmp_path / "scan" / "1.dcm", heights, orientations)
     with pytest.raises(InputError, match="no stack of slices"):
         read_volume(file.parent if as_folder else file)
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+@pytest.mark.parametrize("heights", [[0.0, 2.0, 4.0, 8.0, 10.0], [10.0, 8.0, 4.0, 2.0, 0.0]])
+def test_frames_of_which_one_is_missing_lie_where_they_say(tmp_path: Path, heights: list[float], as_folder: bool) -> None:
+    """ITK makes a millimetre of all their spacings."""
+    file = write_frames(tmp_path / "scan" / "1.dcm", heights)
+    warnings: list[str] = []
+
+    volume = read_volume(file.parent if as_folder else file, warnings.append)
+
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(6)]))
+    full = [*ASCENDING, 10.0][:: 1 if heights[0] == 0.0 else -1]
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in full], atol=1e-6)
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.25, 1.5, 2.0])
+    assert volume.array[:, 3, 3].tolist() == [10 * height for height in full]
+    missing, straightened = warnings
+    names = "frame 3 and frame 4" if heights[0] == 0.0 else "frame 2 and frame 3"
+    assert f"missing between {names}, which are 4.00 mm apart" in missing
+    assert "lie 2.00 to 4.00 mm apart" in straightened
+
+
+def test_frames_of_a_tilted_gantry_lie_where_they_say(tmp_path: Path) -> None:
+    file = write_frames(tmp_path / "1.dcm", ASCENDING, shift=0.75)
+    warnings: list[str] = []
+
+    volume = read_volume(file, warnings.append)
+
+    pixels = np.array([[-10 - 1.25 * 3, -20 - 0.75 * height - 1.5 * 3, height] for height in ASCENDING])
+    assert volume.array[tuple(volume.geometry.nearest_voxels(pixels).T)].tolist() == [10 * height for height in ASCENDING]
+    assert ["shifted against each other by up to 6.0 mm" in warning for warning in warnings] == [True]
 
 
 def test_of_frames_that_do_not_say_where_they_lie_there_is_a_warning(tmp_path: Path) -> None:

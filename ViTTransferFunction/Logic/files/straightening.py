@@ -1,0 +1,240 @@
+"""Scans whose slices are no straight stack, put on a straight grid: of a tilted gantry, or at uneven distances.
+
+A tilted gantry takes slices at a slant to the table, which moves on from one to the next: each lies shifted within its plane
+against the one before. Distances differ where the base of a skull was scanned more finely than what is above it, or where
+slices are missing. Here every slice is where it was taken, and between two the image is interpolated along the lines from each
+pixel of the one to the same pixel of the other: along the way of the table, and so along the patient. 3D Slicer shows such
+scans in the same way, by a transform.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..core.available_memory import require_memory
+from ..core.errors import InputError
+from ..core.geometry import Geometry
+from ..core.volume import finite_range
+
+LARGEST_DEVIATION = 0.25
+"""How far a slice may be from where it was taken, as a share of a voxel's shortest edge. Nobody sees a quarter of a voxel, and
+to interpolate blurs; positions that were rounded are off by less."""
+
+SHARE_OF_SHORTER_DISTANCES = 0.1
+"""How many distances between slices may be shorter than that of the straight grid. Of a part that was scanned more finely
+nothing shall be lost; but one short distance, such as where two parts meet, need not make the whole grid as fine."""
+
+MOST_GROWTH = 10.0
+"""How many times as many voxels a straight grid may have as were measured: slices so far apart are no one stack."""
+
+GAP = 1.5
+"""How many times as far apart as those beside them slices are that have others missing between them."""
+
+
+def straightened(
+    path: Path, array: np.ndarray, geometry: Geometry, positions_ras: np.ndarray, on_warning: Callable[[str], None]
+) -> tuple[np.ndarray, Geometry]:
+    """A scan with each slice where it was taken.
+
+    Args:
+        path: of the scan, for messages.
+        array: its slices, (K, J, I), any real dtype.
+        geometry: of a straight stack of these slices, which they need not be.
+        positions_ras: of the first pixel of each slice, (K, 3) RAS millimetres, in an order along the slices' normal.
+        on_warning: is told what was done.
+
+    Returns:
+        Array and geometry as they are where that is where the slices were taken. Else a straight grid that holds all of them,
+        of the same dtype, with the lowest value where nothing was measured. It has their pixels' size; its first and last
+        slice are the scan's, and so are all where distances are even, each as it was but for where it lies.
+
+    Raises:
+        InputError: most of the grid would be empty or made up, or it does not fit into memory.
+    """
+    stack = _stack(geometry, positions_ras)
+    if not (stack.is_uneven or stack.is_shifted):
+        return array, geometry
+    places = _places(stack)
+    grid = _grid(array.shape, geometry, positions_ras[0], stack, places)
+    voxels = float(np.prod(grid.shape, dtype=np.float64))
+    if voxels > MOST_GROWTH * array.size:
+        raise InputError(
+            f"{path} is no one stack of slices: they {stack.description}. A straight grid that holds all of them would have "
+            f"{voxels / array.size:.0f} times as many voxels. Name a folder with one stack."
+        )
+    require_memory(
+        int(voxels) * array.itemsize, f"Straightening the slices of {path}", "Close other programs, or name fewer slices."
+    )
+    spacing = " × ".join(f"{mm:.2f}" for mm in grid.spacing_mm)
+    on_warning(
+        f"{path}: the slices {stack.description}. They were put on a straight grid of {spacing} mm, each where it was taken; "
+        "segmentations lie on that grid."
+    )
+    return _resampled(array, places, grid.shape), grid
+
+
+def warn_of_gaps(path: Path, heights_mm: np.ndarray, names: Sequence[str], on_warning: Callable[[str], None]) -> None:
+    """Tell where slices seem to be missing.
+
+    They are interpolated as others are: beyond them everything lies where it was, and what they cut has about the size that it
+    had. But what was only there is lost, and nothing in the volume shows that.
+
+    Args:
+        path: of the scan.
+        heights_mm: where its slices lie along their normal, (K,), ascending or descending.
+        names: of the slices.
+        on_warning: is told.
+    """
+    distances = np.abs(np.diff(heights_mm))
+    beside = np.maximum(np.append(0.0, distances[:-1]), np.append(distances[1:], 0.0))
+    gaps = np.flatnonzero((distances > GAP * beside) & (beside > 0.0))
+    if len(gaps):
+        widest = gaps[distances[gaps].argmax()]
+        places = "" if len(gaps) == 1 else f" in {len(gaps)} places, the widest"
+        on_warning(
+            f"{path}: slices seem to be missing{places} between {names[widest]} and {names[widest + 1]}, which are "
+            f"{distances[widest]:.2f} mm apart; what lies between them is interpolated."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Stack:
+    """Where slices lie, as seen from the first.
+
+    Attributes:
+        heights_mm: along their normal, (K,), ascending.
+        shifts: of each within its plane, (K, 2), in pixels along I and J.
+        pixel_mm: the size of a pixel, (2,), along I and J.
+        normal_ras: (3,), of length 1.
+    """
+
+    heights_mm: np.ndarray
+    shifts: np.ndarray
+    pixel_mm: np.ndarray
+    normal_ras: np.ndarray
+
+    @property
+    def distances_mm(self) -> np.ndarray:
+        """From each slice to the next, (K - 1,)."""
+        distances: np.ndarray = np.diff(self.heights_mm)
+        return distances
+
+    @property
+    def tolerance_mm(self) -> float:
+        """By how much a slice may be off."""
+        return LARGEST_DEVIATION * float(min(self.pixel_mm.min(), np.median(self.distances_mm)))
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether slices lie elsewhere than at equal distances."""
+        even = np.linspace(0.0, self.heights_mm[-1], len(self.heights_mm))
+        return bool(np.abs(self.heights_mm - even).max() > self.tolerance_mm)
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether slices lie elsewhere than straight above the first."""
+        return self.largest_shift_mm > self.tolerance_mm
+
+    @property
+    def largest_shift_mm(self) -> float:
+        """Of any slice against any other."""
+        shifts_mm = self.shifts * self.pixel_mm
+        return float(np.linalg.norm(np.ptp(shifts_mm, axis=0)))
+
+    @property
+    def description(self) -> str:
+        """What is irregular, as the end of a sentence about the slices."""
+        shortest, longest = self.distances_mm.min(), self.distances_mm.max()
+        uneven = f"lie {shortest:.2f} to {longest:.2f} mm apart" if self.is_uneven else ""
+        shifted = f"are shifted against each other by up to {self.largest_shift_mm:.1f} mm, as with a tilted gantry"
+        return " and ".join(filter(None, (uneven, shifted if self.is_shifted else "")))
+
+
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """The slices of a straight grid, (M,), as places in the stack.
+
+    Attributes:
+        indices: in slices of the stack, ascending, with fractions between two.
+        shifts: as those of the stack, (M, 2).
+        distance_mm: between two.
+    """
+
+    indices: np.ndarray
+    shifts: np.ndarray
+    distance_mm: float
+
+    @property
+    def first_pixels(self) -> np.ndarray:
+        """The pixel of the grid, (M, 2) along I and J from the first slice's, whose middle is in each slice's first pixel."""
+        return np.ceil(self.shifts - 0.5).astype(int)
+
+
+def _stack(geometry: Geometry, positions_ras: np.ndarray) -> _Stack:
+    pixel_mm = geometry.spacing_mm[:2]
+    in_plane = geometry.ijk_to_ras[:3, :2] / pixel_mm
+    steps = positions_ras - positions_ras[0]
+    normal = np.cross(*in_plane.T)
+    normal *= np.copysign(1.0, steps[-1] @ normal)
+    return _Stack(steps @ normal, steps @ in_plane / pixel_mm, pixel_mm, normal)
+
+
+def _places(stack: _Stack) -> _Places:
+    count, last_mm = len(stack.heights_mm), float(stack.heights_mm[-1])
+    indices = np.arange(count, dtype=np.float64)
+    if stack.is_uneven:
+        shortest_mm = float(np.quantile(stack.distances_mm, SHARE_OF_SHORTER_DISTANCES, method="lower"))
+        heights_mm = np.linspace(0.0, last_mm, round(last_mm / shortest_mm) + 1)
+        indices = np.interp(heights_mm, stack.heights_mm, indices)
+        # Slices that were measured are taken as they are, not blurred with the next.
+        nearest = np.rint(indices).astype(int)
+        measured = np.abs(heights_mm - stack.heights_mm[nearest]) <= stack.tolerance_mm
+        indices = np.where(measured, nearest, indices)
+    shifts = np.zeros((len(indices), 2))
+    if stack.is_shifted:
+        shifts = np.stack([np.interp(indices, np.arange(count), along) for along in stack.shifts.T], axis=1)
+    return _Places(indices, shifts, last_mm / (len(indices) - 1))
+
+
+def _grid(shape: Sequence[int], geometry: Geometry, position_ras: np.ndarray, stack: _Stack, places: _Places) -> Geometry:
+    """The straight grid of all pixels of the slices at `places`; `position_ras` is of the first of the stack."""
+    _, rows, columns = shape
+    lowest, highest = places.first_pixels.min(axis=0), places.first_pixels.max(axis=0)
+    more_columns, more_rows = highest - lowest
+    matrix = geometry.ijk_to_ras.copy()
+    matrix[:3, 2] = places.distance_mm * stack.normal_ras
+    matrix[:3, 3] = position_ras + matrix[:3, :2] @ lowest
+    return Geometry((len(places.indices), rows + int(more_rows), columns + int(more_columns)), matrix)
+
+
+def _resampled(array: np.ndarray, places: _Places, shape: tuple[int, int, int]) -> np.ndarray:
+    """The slices at `places`, each where it lies on a grid of `shape`; a slice at a time, so that no large copy is made."""
+    lowest, _ = finite_range(array)
+    straight = np.full(shape, lowest, array.dtype)
+    _, rows, columns = array.shape
+    starts = places.first_pixels - places.first_pixels.min(axis=0)
+    within = places.first_pixels - places.shifts
+    for target, index, (column, row), (along_i, along_j) in zip(straight, places.indices, starts, within, strict=True):
+        pixels = _moved(_moved(_between(array, float(index)), along_i, axis=1), along_j, axis=0)
+        whole = array.dtype.kind in "iu"
+        target[row : row + rows, column : column + columns] = np.rint(pixels) if whole else pixels
+    return straight
+
+
+def _between(array: np.ndarray, index: float) -> np.ndarray:
+    """The slice at an index with a fraction, (J, I), in a floating-point type that holds it."""
+    lower = int(index)
+    share = index - lower
+    below = array[lower].astype(np.result_type(array.dtype, np.float32))
+    return below + share * (array[lower + 1] - below) if share else below
+
+
+def _moved(pixels: np.ndarray, step: float, axis: int) -> np.ndarray:
+    """The values (J, I) that lie a step from the pixels along an axis, from -½ to ½; at the border those of its pixels."""
+    count = pixels.shape[axis]
+    neighbours = np.clip(np.arange(count) + int(np.sign(step)), 0, count - 1)
+    return pixels + abs(step) * (pixels.take(neighbours, axis) - pixels) if step else pixels
