@@ -8,11 +8,14 @@ of `xyzt_units`.
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
+from .straightening import LARGEST_DEVIATION
 
 LONGEST_QUATERNION = 1.01
 """Sum of the squares of b, c and d, which no rotation has beyond 1 but by rounding."""
@@ -46,4 +49,30 @@ def check_place(path: Path, header: bytes, order: str) -> None:
         raise InputError(
             f"{path} does not say where it lies: its header's qform has the quaternion {quaternion}, which is no rotation: the "
             "sum of its squares exceeds 1. Save it again from its source."
+        )
+
+
+def warn_of_lost_shift(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:
+    """Warn where slices are shifted against each other by `sform`: ITK then goes by `qform`, which cannot say that.
+
+    Args:
+        path: of the file.
+        image: as ITK read it; of another format than NIfTI, nothing is found.
+        on_warning: is told how far off positions are.
+    """
+    if not image.HasMetaDataKey("sform_code") or image.GetMetaData("sform_code") == "0":
+        return
+    rows = (image.GetMetaData(f"srow_{axis}").split()[:3] for axis in "xyz")
+    axes = np.array([[float(number) for number in row] for row in rows])
+    if np.linalg.matrix_rank(axes) < 3:
+        return
+    spacing, (*_, slices) = image.GetSpacing()[:3], image.GetSize()[:3]
+    along, across, step = axes.T * (spacing[0] / np.linalg.norm(axes[:, 0]))  # In millimetres, whatever the header's unit.
+    normal = np.cross(along, across)
+    shift_mm = (slices - 1) * float(np.linalg.norm(step - (step @ normal) / (normal @ normal) * normal))
+    if shift_mm > LARGEST_DEVIATION * min(spacing):
+        on_warning(
+            f"{path}: by its header's sform, slices are shifted against each other by up to {shift_mm:.1f} mm, as with a "
+            "tilted gantry. It is read by the qform, as 3D Slicer does, which has them straight above each other: positions "
+            "are off by as much. Name the folder with the DICOM files instead."
         )

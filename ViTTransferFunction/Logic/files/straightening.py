@@ -31,6 +31,9 @@ nothing shall be lost; but one short distance, such as where two parts meet, nee
 MOST_GROWTH = 10.0
 """How many times as many voxels a straight grid may have as were measured: slices so far apart are no one stack."""
 
+RIGHT_ANGLE = 1e-3
+"""Largest cosine of one, as headers round them."""
+
 GAP = 1.5
 """How many times as far apart as those beside them slices are that have others missing between them."""
 
@@ -43,18 +46,21 @@ def straightened(
     Args:
         path: of the scan, for messages.
         array: its slices, (K, J, I), any real dtype.
-        geometry: of a straight stack of these slices, which they need not be.
+        geometry: where its reader has put them; of that, the axes in the plane of the slices count.
         positions_ras: of the first pixel of each slice, (K, 3) RAS millimetres, in an order along the slices' normal.
         on_warning: is told what was done.
 
     Returns:
-        Array and geometry as they are where that is where the slices were taken. Else a straight grid that holds all of them,
-        of the same dtype, with the lowest value where nothing was measured. It has their pixels' size; its first and last
-        slice are the scan's, and so are all where distances are even, each as it was but for where it lies.
+        Array and geometry as they are where that is where the slices were taken, or where pixels are no rectangles, as those
+        of no scanner are. Else a straight grid that holds all of them, of the same dtype, with the lowest value where nothing
+        was measured. It has their pixels' size; its first and last slice are the scan's, and so are all where distances are
+        even, each as it was but for where it lies.
 
     Raises:
         InputError: most of the grid would be empty or made up, or it does not fit into memory.
     """
+    if len(array) < 2 or not _has_rectangular_pixels(geometry):
+        return array, geometry
     stack = _stack(geometry, positions_ras)
     if not (stack.is_uneven or stack.is_shifted):
         return array, geometry
@@ -172,6 +178,11 @@ class _Places:
     def first_pixels(self) -> np.ndarray:
         """The pixel of the grid, (M, 2) along I and J from the first slice's, whose middle is in each slice's first pixel."""
         return np.ceil(self.shifts - 0.5).astype(int)
+
+
+def _has_rectangular_pixels(geometry: Geometry) -> bool:
+    along_i, along_j = geometry.ijk_to_ras[:3, :2].T / geometry.spacing_mm[:2, None]
+    return abs(float(along_i @ along_j)) <= RIGHT_ANGLE
 
 
 def _stack(geometry: Geometry, positions_ras: np.ndarray) -> _Stack:

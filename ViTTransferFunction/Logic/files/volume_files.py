@@ -25,6 +25,7 @@ from .dicom_series import read_series
 from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
+from .nifti_place import warn_of_lost_shift
 from .straightening import straightened
 
 logger = logging.getLogger(__name__)
@@ -48,7 +49,8 @@ _SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
 def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, series: str | None = None) -> Volume:
     """Read a scalar 3D volume.
 
-    DICOM slices that are shifted against each other, or lie at uneven distances, are put on a straight grid (`straightened`).
+    Slices that are shifted against each other are put on a straight grid, as are those of DICOM at uneven distances
+    (`straightened`).
 
     Args:
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
@@ -68,12 +70,11 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     # Slices of DICOM say themselves where they lie, and what they are.
     is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
     image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
+    warn_of_lost_shift(path, image, on_warning)
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)
     array = _voxels(image)
-    if positions is not None:
-        array, geometry = straightened(path, array, geometry, positions, on_warning)
     if not is_folder(path) and (stored := locate_voxels(path)):
         stored.restore_not_finite(array)
     if not is_dicom and (_says_labels(image) or looks_like_labels(array)):
@@ -81,6 +82,9 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
             f"{path.name} looks like a map of labels, few whole numbers in even regions. If it is one, open the scan that it "
             "is of: what is found in it would mean nothing."
         )
+    if positions is None:
+        positions = geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(len(array))]))
+    array, geometry = straightened(path, array, geometry, positions, on_warning)
     return Volume(array, geometry, name=_name(path))
 
 
@@ -213,7 +217,10 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
         except RuntimeError as error:
             reason = last_line(error).replace(str(name), str(path))
             if "orthonormal" in reason:
-                reason = "its axes are not at right angles, as where a gantry was tilted. Resample it to a straight grid first."
+                reason = (
+                    "its axes are not at right angles, as where a gantry was tilted. Name the folder with the DICOM files "
+                    "instead, whose slices are straightened, or resample it to a straight grid."
+                )
             if axes := _NRRD_AXES.search(reason):
                 reason = f"its header has {axes[1]} axes of space or time; expected the 3 of space. {_alone(int(axes[1]))}"
             raise InputError(f"{path} cannot be read as an image: {reason}") from error

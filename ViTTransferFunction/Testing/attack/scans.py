@@ -208,3 +208,18 @@ def write_dicom(
         writer.SetFileName(str(paths[-1]))
         writer.Execute(part)
     return paths
+
+
+def write_moved_dicom(folder: Path, scan: Scan, moves_mm: np.ndarray) -> list[Path]:
+    """Write a series of which each slice lies elsewhere than a straight stack has it.
+
+    Args:
+        folder: where to.
+        scan: what is in it.
+        moves_mm: of each slice, (K, 3) LPS millimetres.
+    """
+    paths = []
+    for k, move in enumerate(moves_mm):
+        origin = scan.ijk_to_lps @ [0, 0, k, 1] + move
+        paths += write_dicom(folder, Scan(scan.array[k : k + 1], scan.spacing, scan.direction, origin, scan.inside), first=k)
+    return paths

@@ -28,6 +28,7 @@ from ViTTransferFunction.Testing.attack.scans import (
     nrrd,
     nrrd_fields,
     write_dicom,
+    write_moved_dicom,
 )
 
 DONE, REFUSED = frozenset({0}), frozenset({2})
@@ -217,7 +218,7 @@ def _write_nrrd(folder: Path, scan: Scan, as_format: str) -> str:
 
 
 def a_dicom_folder(chance: random.Random, place: Place) -> Case:
-    """A series with slices that are missing, there twice, of another size or another series, or damaged."""
+    """A series with slices that are missing, there twice, elsewhere, of another size or another series, or damaged."""
     scan = make_scan(chance, ("int16", "uint8"))
     place.write_clicks(scan)
     folder = place.work / "series"
@@ -225,7 +226,7 @@ def a_dicom_folder(chance: random.Random, place: Place) -> Case:
     what = chance.choice((
         "sound", "a slice is missing", "a slice is there twice", "two series", "another size", "damaged", "foreign file",
         "empty",
-        "one slice", "a file of it", "other orientation",
+        "one slice", "a file of it", "other orientation", "a tilted gantry", "uneven distances",
     ))  # fmt: skip
     name, codes = "series", frozenset({0, 2})
     if what == "a slice is missing":
@@ -250,6 +251,11 @@ def a_dicom_folder(chance: random.Random, place: Place) -> Case:
         for path in paths[1:]:
             path.unlink()
         codes = REFUSED
+    elif what in ("a tilted gantry", "uneven distances"):
+        along = scan.direction[:, 1 if what == "a tilted gantry" else 2]
+        steps = [chance.choice((1.0, 1.0, 1.5, 4.0)) for _ in paths] if what == "uneven distances" else [1.0] * len(paths)
+        far_mm = scan.spacing[2] * chance.choice((0.05, 0.3, 0.7, 5.0))
+        write_moved_dicom(folder, scan, far_mm * np.cumsum(steps)[:, None] * along)
     elif what == "a file of it":
         name, codes = f"series/{paths[0].name}", REFUSED
     return Case(

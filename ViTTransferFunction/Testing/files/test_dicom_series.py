@@ -14,7 +14,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
-from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom
+from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom, write_moved_dicom
 
 SAGITTAL = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Axes of a right-handed stack, in columns."""
@@ -33,9 +33,7 @@ def warnings_of(folder: Path) -> list[str]:
 
 def write_moved(folder: Path, scan: Scan, step: tuple[float, float, float]) -> None:
     """Write a scan's slices each further away by `step` millimetres than they should be."""
-    for k in range(len(scan.array)):
-        origin = scan.direction @ [0.0, 0.0, k * scan.spacing[2]] + np.array(step) * k
-        write_dicom(folder, Scan(scan.array[k : k + 1], scan.spacing, scan.direction, origin, scan.inside), first=k)
+    write_moved_dicom(folder, scan, np.arange(len(scan.array))[:, None] * step)
 
 
 @pytest.mark.parametrize("direction", [np.eye(3), SAGITTAL])

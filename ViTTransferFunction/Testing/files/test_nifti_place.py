@@ -66,3 +66,12 @@ def test_sizes_and_places_in_any_unit_are_read_in_millimetres(
     spacing = np.diag(stored)
     volume = read_volume(written(tmp_path, xyzt_units=units, pixdim=[1, *spacing, 0, 0, 0, 0], **fields))
     np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3], ijk_to_ras, rtol=1e-5, atol=1e-5)
+
+
+def test_of_a_tilted_gantry_that_only_the_matrix_tells_of_there_is_a_warning(tmp_path: Path) -> None:
+    """ITK goes by the rotation then, and so does Slicer."""
+    slanted = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, -0.9, 0.0], [0.0, 0.0, 3.0, 0.0]])
+    warnings: list[str] = []
+    volume = read_volume(written(tmp_path, srow=slanted, qform_code=1), warnings.append)
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0])
+    assert ["shifted against each other by up to 6.3 mm" in warning for warning in warnings] == [True]

@@ -232,6 +232,24 @@ def test_a_grid_without_right_angles_is_refused_in_words_for_users(tmp_path: Pat
         read_volume(tmp_path / "scan.nii")
 
 
+@pytest.mark.parametrize("ending", [".nrrd", ".mha"])
+def test_slices_that_are_shifted_against_each_other_are_put_on_a_straight_grid(tmp_path: Path, ending: str) -> None:
+    scan = image(ramp((4, 5, 6)))
+    scan.SetSpacing((1.0, 1.0, 5.0))
+    scan.SetDirection((1.0, 0.0, 0.0, 0.0, 1.0, 0.6, 0.0, 0.0, 0.8))
+    sitk.WriteImage(scan, str(tmp_path / f"scan{ending}"))
+    warnings: list[str] = []
+
+    volume = read_volume(tmp_path / f"scan{ending}", warnings.append)
+
+    # Each is 4 mm above the one before, and three rows behind it.
+    assert volume.array.shape == (4, 5 + 9, 6)
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], np.diag([-1.0, -1.0, 4.0]), atol=1e-6)
+    for k in range(4):
+        np.testing.assert_array_equal(volume.array[k, 3 * k : 3 * k + 5], ramp((4, 5, 6))[k])
+    assert ["shifted against each other by up to 9.0 mm" in warning for warning in warnings] == [True]
+
+
 def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
     (tmp_path / "scan.nrrd").write_text("no image")
     (tmp_path / "letter.txt").write_text("no image either")
