@@ -64,18 +64,17 @@ def straightened(
     stack = _stack(geometry, positions_ras)
     if not (stack.is_uneven or stack.is_shifted):
         return array, geometry
-    places = _places(stack)
-    grid = _grid(array.shape, geometry, positions_ras[0], stack, places)
-    voxels = float(np.prod(grid.shape, dtype=np.float64))
-    if voxels > MOST_GROWTH * array.size:
+    growth = _growth(array.shape, stack)
+    if growth > MOST_GROWTH:
         raise InputError(
             f"{path} is no one stack of slices: they {stack.description}. A straight grid that holds all of them would have "
-            f"{voxels / array.size:.0f} times as many voxels. Name a folder with one stack."
+            f"{growth:.3g} times as many voxels. Name one stack alone."
         )
-    require_memory(
-        int(voxels) * array.itemsize, f"Straightening the slices of {path}", "Close other programs, or name fewer slices."
-    )
-    spacing = " × ".join(f"{mm:.2f}" for mm in grid.spacing_mm)
+    needed = int(growth * array.nbytes)
+    require_memory(needed, f"Straightening the slices of {path}", "Close other programs, or name fewer slices.")
+    places = _places(stack)
+    grid = _grid(array.shape, geometry, positions_ras[0], stack, places)
+    spacing = " × ".join(f"{mm:.3g}" for mm in grid.spacing_mm)
     on_warning(
         f"{path}: the slices {stack.description}. They were put on a straight grid of {spacing} mm, each where it was taken; "
         "segmentations lie on that grid."
@@ -103,7 +102,7 @@ def warn_of_gaps(path: Path, heights_mm: np.ndarray, names: Sequence[str], on_wa
         places = "" if len(gaps) == 1 else f" in {len(gaps)} places, the widest"
         on_warning(
             f"{path}: slices seem to be missing{places} between {names[widest]} and {names[widest + 1]}, which are "
-            f"{distances[widest]:.2f} mm apart; what lies between them is interpolated."
+            f"{distances[widest]:.3g} mm apart; what lies between them is interpolated."
         )
 
 
@@ -152,11 +151,19 @@ class _Stack:
         return float(np.linalg.norm(np.ptp(shifts_mm, axis=0)))
 
     @property
+    def straight_count(self) -> float:
+        """How many slices the straight grid needs, a whole number."""
+        if not self.is_uneven:
+            return float(len(self.heights_mm))
+        usual_mm = np.quantile(self.distances_mm, SHARE_OF_SHORTER_DISTANCES, method="lower")
+        return float(np.rint(self.heights_mm[-1] / usual_mm) + 1.0)
+
+    @property
     def description(self) -> str:
         """What is irregular, as the end of a sentence about the slices."""
         shortest, longest = self.distances_mm.min(), self.distances_mm.max()
-        uneven = f"lie {shortest:.2f} to {longest:.2f} mm apart" if self.is_uneven else ""
-        shifted = f"are shifted against each other by up to {self.largest_shift_mm:.1f} mm, as with a tilted gantry"
+        uneven = f"lie {shortest:.3g} to {longest:.3g} mm apart" if self.is_uneven else ""
+        shifted = f"are shifted against each other by up to {self.largest_shift_mm:.3g} mm, as with a tilted gantry"
         return " and ".join(filter(None, (uneven, shifted if self.is_shifted else "")))
 
 
@@ -194,12 +201,18 @@ def _stack(geometry: Geometry, positions_ras: np.ndarray) -> _Stack:
     return _Stack(steps @ normal, steps @ in_plane / pixel_mm, pixel_mm, normal)
 
 
+def _growth(shape: Sequence[int], stack: _Stack) -> float:
+    """How many times as many voxels a straight grid has, before any of it is made: damaged headers put slices anywhere."""
+    slices, rows, columns = shape
+    more_columns, more_rows = np.ptp(stack.shifts, axis=0)
+    return float(stack.straight_count / slices * (1.0 + more_rows / rows) * (1.0 + more_columns / columns))
+
+
 def _places(stack: _Stack) -> _Places:
     count, last_mm = len(stack.heights_mm), float(stack.heights_mm[-1])
     indices = np.arange(count, dtype=np.float64)
     if stack.is_uneven:
-        shortest_mm = float(np.quantile(stack.distances_mm, SHARE_OF_SHORTER_DISTANCES, method="lower"))
-        heights_mm = np.linspace(0.0, last_mm, round(last_mm / shortest_mm) + 1)
+        heights_mm = np.linspace(0.0, last_mm, int(stack.straight_count))
         indices = np.interp(heights_mm, stack.heights_mm, indices)
         # Slices that were measured are taken as they are, not blurred with the next.
         nearest = np.rint(indices).astype(int)

@@ -247,7 +247,7 @@ def test_slices_that_are_shifted_against_each_other_are_put_on_a_straight_grid(t
     np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], np.diag([-1.0, -1.0, 4.0]), atol=1e-6)
     for k in range(4):
         np.testing.assert_array_equal(volume.array[k, 3 * k : 3 * k + 5], ramp((4, 5, 6))[k])
-    assert ["shifted against each other by up to 9.0 mm" in warning for warning in warnings] == [True]
+    assert ["shifted against each other by up to 9 mm" in warning for warning in warnings] == [True]
 
 
 def test_what_is_no_image_is_refused(tmp_path: Path) -> None:

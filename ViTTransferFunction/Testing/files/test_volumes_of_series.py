@@ -165,5 +165,5 @@ def test_a_large_gap_does_not_make_one_place_of_neighbours(tmp_path: Path) -> No
     for k, height in enumerate((0.0, 1.0, 2.0, 503.0, 504.0, 505.0)):
         scan = Scan(np.full((1, 6, 7), k, np.int16), np.ones(3), np.eye(3), np.array([0.0, 0.0, height]), ([], []))
         write_dicom(tmp_path, scan, first=k, about={**ABOUT, NUMBER: str(k % 3)})
-    with pytest.raises(InputError, match=r"they lie 1\.00 to 501\.00 mm apart"):
+    with pytest.raises(InputError, match="they lie 1 to 501 mm apart"):
         read_volume(tmp_path)

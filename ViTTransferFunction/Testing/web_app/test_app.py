@@ -204,7 +204,7 @@ def test_where_slices_are_missing_the_page_says_so(in_app: Callable[[Journey], N
         paths.pop(len(paths) // 2).unlink()
         await app.opening.open([tmp_path / "series"])
         assert app.server.state.volume_name == "series"
-        assert "slices may be missing" in app.server.state.message
+        assert "slices seem to be missing" in app.server.state.message
 
     in_app(journey)
 
