@@ -209,7 +209,7 @@ class SegmentationProxy:
 
     @property
     def refined(self) -> bool:
-        """Whether `maps` are S_H."""
+        """Whether all of `maps` are S_H."""
         return self._answers.refined
 
     @property
@@ -416,7 +416,7 @@ class SegmentationProxy:
         return {"first map"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        self._answers.take(request, reply)
+        self._answers.take(request, reply, refining=self._refinement is not None)
         self._rendering_due_s, self._volumes_due = time.monotonic() + RENDER_AFTER_S, True
         self.awaiting_close_ups = reply.awaiting_close_ups
         wanted = bool(reply.awaiting_close_ups) and self.phase == "ready"

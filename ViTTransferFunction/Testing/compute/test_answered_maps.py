@@ -28,9 +28,14 @@ BOTH = (LIVER, SPLEEN)
 LARGER, SMALLER = replace(LIVER, size=1.0), replace(LIVER, size=-1.0)
 
 
-def coarse_map() -> ClassMap:
+MOVED = replace(LIVER, positive=np.ones((1, 3)))
+
+
+def coarse_map(cells_inside: int = 40) -> ClassMap:
+    """Of 64 cells, some of which reach the iso value."""
     proposals = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
-    return ClassMap(np.zeros((2, 2, 2), dtype=np.float32), Geometry((2, 2, 2), np.eye(4)), 0.4, proposals)
+    values = np.repeat(np.float32([0.6, 0.2]), (cells_inside, 64 - cells_inside)).reshape(4, 4, 4)
+    return ClassMap(values, Geometry((4, 4, 4), np.eye(4)), 0.4, proposals)
 
 
 @pytest.fixture
@@ -38,7 +43,7 @@ def answers() -> AnsweredMaps:
     """With S_L of both classes."""
     answers = AnsweredMaps()
     answers.expect()
-    answers.take(ComputeMaps(BOTH), Maps((coarse_map(), coarse_map())))
+    answers.take(ComputeMaps(BOTH), Maps((coarse_map(), coarse_map())), refining=True)
     return answers
 
 
@@ -58,7 +63,7 @@ def test_the_map_that_came_first_stands_among_the_others_in_the_order_of_the_cla
     assert answers.first_came
     assert answers.maps == {"liver": before["liver"], "spleen": spleen}
     assert answers.low_maps is before
-    answers.take(request, Maps((liver,)))
+    answers.take(request, Maps((liver,)), refining=True)
     assert list(answers.maps.items()) == [("liver", liver), ("spleen", spleen)]
 
 
@@ -67,7 +72,7 @@ def test_a_first_map_of_what_was_given_up_is_not_taken_for_one_of_the_next(answe
     answers.take_first(ComputeMaps(BOTH, first="liver"), FirstMap(coarse_map()))
     answers.expect()
     liver, spleen = coarse_map(), coarse_map()
-    answers.take(ComputeMaps(BOTH), Maps((liver, spleen)))
+    answers.take(ComputeMaps(BOTH), Maps((liver, spleen)), refining=True)
     assert answers.maps == {"liver": liver, "spleen": spleen}
 
 
@@ -79,6 +84,52 @@ def test_refined_maps_take_the_place_of_coarse_ones_which_are_kept(answers: Answ
     assert (answers.refined, answers.volumes_ml) == (True, {"liver": 1.25, "spleen": 0.5})
     assert answers.low_maps is coarse
     assert answers.maps["liver"] is not coarse["liver"]
+
+
+def click(answers: AnsweredMaps, spleen: ClassMap, refining: bool = True) -> ClassMap:
+    """Another point in the liver is answered, by coarse maps and volumes; returns the liver's."""
+    request, liver = ComputeMaps((MOVED, SPLEEN), first="liver"), coarse_map()
+    answers.expect()
+    answers.take_first(request, FirstMap(liver))
+    answers.take(request, Maps((spleen,)), refining)
+    answers.take_volumes(MeasureMaps(request.classes), Volumes((3.0, 4.0)))
+    return liver
+
+
+@pytest.mark.parametrize("cells_inside", [40, 39, 42])
+def test_what_a_click_on_another_class_hardly_changes_stays_as_fine_as_it_was(refined: AnsweredMaps, cells_inside: int) -> None:
+    fine, spleen = refined.maps["spleen"], coarse_map(cells_inside)
+    liver = click(refined, spleen)
+    assert refined.maps == {"liver": liver, "spleen": fine}
+    assert refined.low_maps == {"liver": liver, "spleen": spleen}
+    assert refined.volumes_ml == {"liver": 3.0, "spleen": 0.5}
+    assert not refined.refined
+    answers = RefinedMaps((coarse_map(), coarse_map()), (2.0, 0.75))
+    refined.take_refined(RefineMaps((MOVED, SPLEEN), Refinement()), answers)
+    assert tuple(refined.maps.values()) == answers.maps
+    assert refined.volumes_ml == {"liver": 2.0, "spleen": 0.75}
+
+
+def test_what_a_click_on_another_class_takes_away_is_shown_at_once(refined: AnsweredMaps) -> None:
+    spleen = coarse_map(cells_inside=37)
+    liver = click(refined, spleen)
+    assert refined.maps == {"liver": liver, "spleen": spleen}
+    assert refined.volumes_ml == {"liver": 3.0, "spleen": 4.0}
+
+
+def test_where_nothing_is_refined_any_more_all_maps_are_the_latest(refined: AnsweredMaps) -> None:
+    spleen = coarse_map()
+    liver = click(refined, spleen, refining=False)
+    assert refined.maps == {"liver": liver, "spleen": spleen}
+    assert refined.volumes_ml == {"liver": 3.0, "spleen": 4.0}
+
+
+def test_a_class_that_is_asked_for_otherwise_is_shown_by_its_new_map(refined: AnsweredMaps) -> None:
+    liver, spleen = coarse_map(), coarse_map()
+    refined.expect()
+    refined.take(ComputeMaps((LIVER, replace(SPLEEN, proximity=0.5))), Maps((liver, spleen)), refining=True)
+    assert refined.maps["spleen"] is spleen
+    assert refined.maps["liver"] is not liver
 
 
 @pytest.mark.parametrize(("request_", "iso"), [(LARGER, 0.1), (SMALLER, 0.8), (replace(LIVER, iso=0.6), 0.6)])
