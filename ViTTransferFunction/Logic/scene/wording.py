@@ -127,7 +127,7 @@ def choice_words() -> dict[str, str]:
     return {
         "": _("as in the preset"),
         "balanced": _("Balanced"),
-        "fine": _("Fine (10 to 30 times as slow)"),
+        "fine": _("Fine (8 to 24 times as slow)"),
         "paper": _("As in the paper (many times slower)"),
         "auto": _("Automatic"),
         "cpu": _("Processor (CPU)"),
