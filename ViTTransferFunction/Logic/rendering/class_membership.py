@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -52,7 +53,7 @@ def memberships(
             alike along all axes.
     """
     grid = finest_shape(maps)
-    if np.prod(grid) > np.prod(shape):
+    if math.prod(grid) > math.prod(shape):
         grid = shape
     voxel_size = min(size * cells / voxels for size, cells, voxels in zip(cell_sizes, grid, shape, strict=True))
     largest, second = np.zeros(grid, dtype=np.uint16), np.zeros(grid, dtype=np.uint16)
@@ -115,7 +116,7 @@ def _on_grid(similarity: np.ndarray, grid: Shape) -> np.ndarray:
         similarity = np.nan_to_num(similarity.astype(np.float32, copy=False))
     if similarity.shape == grid:
         return similarity
-    if np.prod(similarity.shape) > np.prod(grid):
+    if math.prod(similarity.shape) > math.prod(grid):
         return nearest_voxels(similarity, grid)
     scale = 1.0 if similarity.dtype == np.uint8 else 255.0
     positions = [cell_positions(cells, voxels) for cells, voxels in zip(similarity.shape, grid, strict=True)]

@@ -34,7 +34,8 @@ MOVED = replace(LIVER, positive=np.ones((1, 3)))
 def coarse_map(cells_inside: int = 40) -> ClassMap:
     """Of 64 cells, some of which reach the iso value."""
     proposals = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
-    values = np.repeat(np.float32([0.6, 0.2]), (cells_inside, 64 - cells_inside)).reshape(4, 4, 4)
+    levels = np.array([0.6, 0.2], dtype=np.float32)
+    values = levels.repeat((cells_inside, 64 - cells_inside)).reshape(4, 4, 4)
     return ClassMap(values, Geometry((4, 4, 4), np.eye(4)), 0.4, proposals)
 
 
