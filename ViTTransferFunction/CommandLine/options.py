@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
     from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
     from ViTTransferFunction.Logic.session.settings import SessionSettings
+
+logger = logging.getLogger(__name__)
 
 # Its name is private, but it is the documented return value of add_subparsers.
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -97,8 +101,12 @@ def session_settings(args: argparse.Namespace) -> SessionSettings:
     return settings
 
 
-def opened_session(args: argparse.Namespace) -> SegmentationSession:
+def opened_session(args: argparse.Namespace, on_warning: Callable[[str], None] = logger.warning) -> SegmentationSession:
     """Read the volume and open it with the chosen settings.
+
+    Args:
+        args: of `add_feature_options`.
+        on_warning: is told what `read_volume` tells.
 
     Raises:
         InputError: the volume or a setting cannot be used.
@@ -107,7 +115,7 @@ def opened_session(args: argparse.Namespace) -> SegmentationSession:
     from ViTTransferFunction.Logic.session.opening import open_session
 
     settings = session_settings(args)  # First: a volume takes seconds to read.
-    return open_session(read_volume(args.volume, series=args.series), settings)
+    return open_session(read_volume(args.volume, on_warning, args.series), settings)
 
 
 def load_features(session: SegmentationSession, progress: Progress) -> FeatureProvenance:

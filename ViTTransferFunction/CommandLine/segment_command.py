@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from ViTTransferFunction.Logic.core.geometry import Geometry
     from ViTTransferFunction.Logic.session.refined_map import RefinedMap
     from ViTTransferFunction.Logic.session.segmentation import Segmentation
+
+logger = logging.getLogger(__name__)
 
 
 _DESCRIPTION = """
@@ -73,7 +76,7 @@ def add_arguments(subparsers: Subparsers) -> None:
     )
     add_segmentation_options(parser)
     parser.add_argument("--similarity-dir", metavar="DIR", type=Path, help="also write each class's map, as .nii.gz")
-    parser.add_argument("--report", metavar="R.json", type=Path, help="also write versions, timings and volumes")
+    parser.add_argument("--report", metavar="R.json", type=Path, help="also write versions, timings, volumes and warnings")
     parser.set_defaults(run=run)
 
 
@@ -90,8 +93,14 @@ def run(args: argparse.Namespace) -> int:
     if args.similarity_dir:
         # What the classes are called, and so the names of the maps, is known only later.
         check_writable(args.similarity_dir / "map.nii.gz")
+    warnings: list[str] = []
+
+    def warn(message: str) -> None:
+        logger.warning(message)
+        warnings.append(message)
+
     with ProgressBar() as progress:
-        session = opened_session(args)
+        session = opened_session(args, warn)
         classes = _read_classes(args, session.volume.geometry)
         check_outputs(_outputs(args, classes), inputs)
         segmentation = segment_classes(
@@ -102,11 +111,13 @@ def run(args: argparse.Namespace) -> int:
             progress=progress,
             on_features=print_features,
             on_map=_map_writer(args.similarity_dir, session.volume.geometry),
+            on_warning=warn,
         )
     write_classes(args.output, session, classes, segmentation)
     _print_summary(segmentation, args.output)
     if args.report:
-        _write_json(args.report, segmentation_report(session, segmentation, args.preset, args.refine))
+        report = segmentation_report(session, segmentation, args.preset, args.refine)
+        _write_json(args.report, {**report, "warnings": warnings})
     return 0
 
 

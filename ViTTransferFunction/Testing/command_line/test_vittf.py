@@ -92,6 +92,26 @@ def test_segmenting_a_real_ct_puts_each_organ_in_its_place(
         assert path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_report_keeps_the_warnings_of_the_volume_and_of_the_points(
+    tmp_path: Path, torso: Path, clicks: Path, real_weights: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    scan = sitk.ReadImage(str(torso))
+    slanted = np.array(scan.GetDirection()).reshape(3, 3)
+    slanted[1, 2] += 0.03
+    scan.SetDirection(slanted.ravel().tolist())
+    sitk.WriteImage(scan, str(tmp_path / "scan.nrrd"))
+    content = json.loads(clicks.read_text())
+    content["classes"][0]["negative"] = content["classes"][0]["positive"][:1]
+    clicks.write_text(json.dumps(content))
+    report = tmp_path / "report.json"
+    arguments = ["segment", str(tmp_path / "scan.nrrd"), "--annotations", str(clicks), "--weights", str(real_weights)]
+    assert main([*arguments, "--grid", "6", "--report", str(report), "-o", str(tmp_path / "organs.nii.gz")]) == 0
+    of_volume, of_points = json.loads(report.read_text())["warnings"][:2]
+    assert "scan.nrrd" in of_volume
+    assert "'liver'" in of_points
+    assert {of_volume, of_points} <= {record.getMessage() for record in caplog.records}
+
+
 def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["features", str(torso), "--weights", str(real_weights), "--grid", "6"]
     assert main(arguments) == 0
