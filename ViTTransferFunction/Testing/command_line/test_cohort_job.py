@@ -78,7 +78,7 @@ def test_a_series_with_a_slice_missing_is_segmented_and_its_line_in_the_table_sa
     cohort = CohortSettings(settings, sha256_of(tmp_path / "tiny.pth"))
     outcome = segment_case(CaseJob(Case("scan", tmp_path / "scan", points), cohort, tmp_path))
     assert outcome.status == "done"
-    assert "slices may be missing" in outcome.message
+    assert "slices seem to be missing" in outcome.message
 
 
 def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_says_so(
