@@ -249,11 +249,13 @@ def _grid_wrong(image: sitk.Image, scan: Scan) -> list[str]:
 
 
 def _scan_of(path: Path) -> Scan | None:
-    """The volume as SimpleITK reads it; None where that needs more than a file."""
+    """The volume as SimpleITK reads it; None where that needs more than a file, or slices at a slant are put straight."""
     if not path.is_file():
         return None
     image = read_image(path)
     direction = np.array(image.GetDirection()).reshape(3, 3)
+    if not np.allclose(direction.T @ direction, np.eye(3), atol=1e-3):
+        return None
     return Scan(
         sitk.GetArrayFromImage(image), np.array(image.GetSpacing()), direction, np.array(image.GetOrigin()), ([0] * 3, [0] * 3)
     )
