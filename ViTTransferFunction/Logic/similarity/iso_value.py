@@ -224,7 +224,7 @@ def proposals_around(iso: float, at_positives: np.ndarray) -> IsoProposals:
         iso: the chosen one.
         at_positives: (P, …) values of the map at the class's positive points, P ≥ 1.
     """
-    highest = SMALLER_SHARE_OF_POSITIVES * float(np.median(at_positives))
+    highest = SMALLER_SHARE_OF_POSITIVES * _reached_by_most(at_positives)
     smaller = min(max(min(SMALLER * iso, highest), LEAST_STEP * iso), LARGEST_ISO)
     return IsoProposals(smaller, iso, LARGER * iso)
 
@@ -258,7 +258,13 @@ def _near_prior(gain: np.ndarray, softness: float, at_positives: np.ndarray) -> 
     """The mean of the candidates, weighted by their gain, below the map's value at most positive points."""
     weights = np.exp((gain - gain.max()) / softness)
     best = float(np.exp((weights * np.log(CANDIDATES)).sum() / weights.sum()))
-    return min(best, max(LARGEST_SHARE_OF_POSITIVES * float(np.median(at_positives)), LOWEST_LEVEL))
+    return min(best, max(LARGEST_SHARE_OF_POSITIVES * _reached_by_most(at_positives), LOWEST_LEVEL))
+
+
+def _reached_by_most(at_positives: np.ndarray) -> float:
+    """The largest value that most points' values reach: more than half of them, so that of two points it is the lower one."""
+    ordered = np.sort(at_positives, axis=None)
+    return float(ordered[(len(ordered) - 1) // 2])
 
 
 def _bins(similarity: np.ndarray) -> np.ndarray:

@@ -63,6 +63,18 @@ def test_the_iso_value_stays_below_half_of_the_map_at_the_positive_points() -> N
     assert choose_iso_by_edges(similarity, edges, np.array([0.4]), 0.5) == pytest.approx(0.2)
 
 
+@pytest.mark.parametrize(("at_points", "highest"), [([0.3, 0.9], 0.15), ([0.2, 0.4, 0.9], 0.2), ([0.2, 0.4, 0.8, 0.9], 0.2)])
+def test_most_points_are_selected_and_of_two_both(at_points: list[float], highest: float) -> None:
+    similarity = np.linspace(0.0, 1.0, 20_000)
+    edges = np.where(similarity > 0.6, 5.0, 0.1)
+    assert choose_iso_by_edges(similarity, edges, np.array(at_points), 0.5) == pytest.approx(highest)
+    assert choose_refined_iso([(similarity, 1.0)], similarity, edges, np.array(at_points), 0.5) <= highest
+
+
+def test_a_smaller_structure_still_holds_both_of_two_points() -> None:
+    assert proposals_around(0.15, np.array([[0.2], [0.9]])).smaller == pytest.approx(0.19)
+
+
 def test_an_empty_map_has_a_defined_iso_value() -> None:
     assert 0.0 < choose_iso_by_edges(np.zeros(10), np.ones(10), np.array([0.0]), 0.3) < 1.0
 
