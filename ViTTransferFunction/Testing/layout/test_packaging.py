@@ -13,18 +13,13 @@ from pathlib import Path
 
 import pytest
 
+from ViTTransferFunction.Testing.support.installation import cmake_list
+
 MODULE = Path(__file__).parents[2]
 ROOT = MODULE.parent
 EXTENSION = "ViTTransferFunction"
 STAYS_BEHIND = {"CommandLine", "Testing", "WebApp"}
 SELF_TEST = MODULE / "Testing" / "run_in_slicer.py"
-
-
-def cmake_list(path: Path, variable: str) -> list[str]:
-    """The values that a CMake file sets a variable to."""
-    match = re.search(rf"^set\({variable}\s+(.*?)\s*\)$", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
-    assert match, f"{path.name} does not set {variable}"
-    return match[1].replace("${MODULE_NAME}", EXTENSION).split()
 
 
 def cmake_string(variable: str) -> str:
