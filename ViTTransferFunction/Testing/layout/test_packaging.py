@@ -20,6 +20,9 @@ ROOT = MODULE.parent
 EXTENSION = "ViTTransferFunction"
 STAYS_BEHIND = {"CommandLine", "Testing", "WebApp"}
 SELF_TEST = MODULE / "Testing" / "run_in_slicer.py"
+SHARE = "share/Slicer-5.10/qt-scripted-modules"
+LARGEST_CLONE_MB = 100
+"""That the index takes, with all history; its `check_repository_size`."""
 
 
 def cmake_string(variable: str) -> str:
@@ -68,7 +71,7 @@ def test_cmake_hands_slicer_every_file(tmp_path: Path) -> None:
     )
     (slicer / "nothing.cmake").write_text("")
     (slicer / "use.cmake").write_text(
-        "set(BUILD_TESTING ON)\n"
+        f"set(BUILD_TESTING ON)\nset(Slicer_INSTALL_QTSCRIPTEDMODULES_SHARE_DIR {SHARE})\n"
         'macro(slicerMacroBuildScriptedModule)\n  file(WRITE "${CMAKE_BINARY_DIR}/module.txt" "${ARGN}")\nendmacro()\n'
         'macro(slicer_add_python_unittest)\n  file(WRITE "${CMAKE_BINARY_DIR}/test.txt" "${ARGN}")\nendmacro()\n'
     )
@@ -80,6 +83,9 @@ def test_cmake_hands_slicer_every_file(tmp_path: Path) -> None:
     assert given[:2] == ["NAME", EXTENSION]
     assert sorted(given[given.index("SCRIPTS") + 1 : given.index("RESOURCES")]) == shipped("*.py")
     assert (build / "test.txt").read_text().split(";") == ["SCRIPT", f"{EXTENSION}.py"]
+    package = tmp_path / "package"
+    subprocess.run(["cmake", "--install", str(build), "--prefix", str(package)], capture_output=True, check=True)
+    assert (package / SHARE / EXTENSION / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
 
 
 def test_the_catalogue_entry_has_the_fields_of_its_schema() -> None:
@@ -120,6 +126,31 @@ def test_the_description_is_short_and_has_no_characters_that_cmake_lists_break_a
     description = cmake_string("EXTENSION_DESCRIPTION")
     assert ";" not in description
     assert 1 <= len(re.findall(r"\.(?: |$)", description)) <= 2
+
+
+def test_keywords_are_single_words_each_given_once() -> None:
+    keywords = cmake_string("EXTENSION_KEYWORDS")
+    assert re.fullmatch(r"[\w-]+( [\w-]+)*", keywords)
+    words = keywords.lower().split()
+    assert sorted(set(words)) == sorted(words)
+
+
+def test_a_clone_is_not_too_large_for_the_index() -> None:
+    """Most of it are pictures that were drawn anew: every version stays for ever."""
+    if not shutil.which("git") or not (ROOT / ".git").exists():
+        pytest.skip("no clone")
+    history = sum(map(int, git("cat-file", "--batch-check=%(objectsize:disk)", given=objects_of_history())))
+    files = sum((ROOT / name).stat().st_size for name in git("ls-files") if (ROOT / name).exists())
+    assert (history + files) / 2**20 < LARGEST_CLONE_MB
+
+
+def objects_of_history() -> str:
+    return "\n".join(line.split()[0] for line in git("rev-list", "--objects", "HEAD"))
+
+
+def git(*arguments: str, given: str = "") -> list[str]:
+    command = ["git", "-c", "core.quotePath=off", *arguments]
+    return subprocess.run(command, cwd=ROOT, input=given, capture_output=True, encoding="utf-8", check=True).stdout.splitlines()
 
 
 def test_the_licence_is_at_the_root() -> None:
