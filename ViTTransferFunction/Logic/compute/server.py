@@ -84,8 +84,7 @@ class Server:
         threading.Thread(target=_import_torch, daemon=True).start()
         for work in (self._listen, lambda: self._answer(self._clicks)):
             threading.Thread(target=_fatal_if_it_fails, args=(work,), daemon=True).start()
-        _lower_priority()
-        _fatal_if_it_fails(lambda: self._answer(self._others))
+        _fatal_if_it_fails(self._answer_others)
 
     def _listen(self) -> None:
         while (message := read_message(self._requests, self._files)) is not None:
@@ -100,6 +99,10 @@ class Server:
         """Nobody is left to compute for, not even what is being computed; and maybe nobody to tidy up."""
         self._files.remove_folder()
         os._exit(0)
+
+    def _answer_others(self) -> None:
+        _lower_priority()
+        self._answer(self._others)
 
     def _answer(self, messages: queue.Queue[Message | None]) -> None:
         while True:
@@ -182,4 +185,6 @@ def _import_torch() -> None:
 def _lower_priority() -> None:
     """Of the calling thread and those that it starts; only Linux has priorities by thread, and lets anybody lower them."""
     if sys.platform == "linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWER_PRIORITY)
+        thread = threading.get_native_id()
+        # Whoever started it may have given it an even lower one, and few may raise that.
+        os.setpriority(os.PRIO_PROCESS, thread, max(LOWER_PRIORITY, os.getpriority(os.PRIO_PROCESS, thread)))

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from typing import Any
 
@@ -194,6 +198,23 @@ def test_the_end_of_the_process_is_noticed_and_its_reason_known(client: ComputeC
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has priorities by thread")
+def test_a_process_of_the_lowest_priority_serves_at_that(spheres: Spheres) -> None:
+    priorities: list[int] = []
+
+    def serve_and_ask() -> None:
+        # Of this thread alone, from which the process has it: nobody but the system's administrator may raise it again.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
+        with closing(ComputeClient()) as client:
+            reply_to(client, client.request(TakeVolume(spheres[0].array, spheres[0].geometry, "spheres")))
+            priorities.append(os.getpriority(os.PRIO_PROCESS, client.pid))
+
+    thread = threading.Thread(target=serve_and_ask)
+    thread.start()
+    thread.join()
+    assert priorities == [19]
+
+
 def test_closing_ends_the_process_whatever_it_does(spheres: Spheres) -> None:
     client = ComputeClient()
     open_spheres(client, spheres)
