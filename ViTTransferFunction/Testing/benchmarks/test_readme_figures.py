@@ -27,6 +27,13 @@ CASES = {
     "brain tumour in MR, 16 ml": "brain tumour 1",
     "brain tumour in MR, 2 ml": "brain tumour 2",
     "breast tumour in MR, 0.1 ml": "breast tumour",
+    "abdominal MR, 117×91×20 voxels of 3 mm": "abdomen MR",
+    "chest CT with contrast, 233×167×191 voxels of 1.5 mm": "aortic dissection",
+    "brain MR, 25 slices of 6.5 mm: a tumour of 16 ml": "brain tumour 1",
+    "brain MR, 23 slices of 6.5 mm: a tumour of 2 ml": "brain tumour 2",
+    "breast MR, 45×120×21 voxels: a tumour of 0.1 ml": "breast tumour",
+    "torso CT": "torso_small",
+    "brain MR": "brain",
     "AMOS 336": "amos_0336",
     "torso": "torso_small",
     "brain": "brain",
@@ -62,8 +69,8 @@ def summary(name: str) -> dict[str, Any]:
     return found
 
 
-def figure(mean: float, spread: float | None) -> str:
-    return f"{mean:.2f}" if spread is None else f"{mean:.2f} ± {spread:.2f}"
+def figure(mean: float, spread: float | None, digits: int = 2) -> str:
+    return f"{mean:.{digits}f}" if spread is None else f"{mean:.{digits}f} ± {spread:.{digits}f}"
 
 
 def test_readme_has_the_accuracy_that_was_measured_last() -> None:
@@ -110,3 +117,25 @@ def test_results_have_each_structures_accuracy_that_was_measured_last() -> None:
         assert figures == [figure(*each) for each in measured], name
         count += 1
     assert count > 20
+
+
+def test_results_have_what_other_methods_were_measured_to_have_last() -> None:
+    measured = summary("accuracy")
+    rows = list(rows_of("docs/RESULTS.md", "| volume | method | @1 | @3 | @5 |"))
+    assert len(rows) > 15
+    for scan, method, *figures in rows:
+        own = method == "*balanced*"
+        of = measured["cases"][CASES[scan]]["clicks alone"] if own else measured["methods"][CASES[scan]][method]
+        assert figures == [figure(*(of[n]["dice"] if own else of[n]), digits=3) for n in CLICKS], (scan, method)
+
+
+def test_results_have_the_accuracy_on_scans_that_nothing_was_chosen_on() -> None:
+    cases, scan, count = summary("accuracy")["cases"], "", 0
+    for name, *figures in rows_of("docs/RESULTS.md", "| scan and structure | @1 | @3 | @5 | with one size step @1 | @3 |"):
+        whole = name.startswith("**")
+        scan = CASES[name.strip("*")] if whole else scan
+        of_case = cases[scan]
+        measured = [of_case["clicks alone"][n] for n in CLICKS] + [of_case["with one size step"][n] for n in ("1", "3")]
+        assert figures == [figure(*(each["dice"] if whole else each["structures"][name])) for each in measured], name
+        count += 1
+    assert count > 15
