@@ -128,6 +128,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         if self.panel is not None:
             self.panel.shortcuts.remove()
             self.panel.size.leave_wheel()
+            self.panel.copied.leave()
             self.panel.close()
 
     def enter(self) -> None:
@@ -137,6 +138,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
                 self._open()
             self.panel.shortcuts.install()
             self.panel.size.take_wheel()
+            self.panel.copied.watch()
             self.panel.refresh()
 
     def exit(self) -> None:
@@ -144,6 +146,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         if self.panel is not None:
             self.panel.shortcuts.remove()
             self.panel.size.leave_wheel()
+            self.panel.copied.leave()
             self.panel.shortcut_help.close()
             self.panel.tools.put_down()
 

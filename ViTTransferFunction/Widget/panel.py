@@ -19,6 +19,7 @@ from ViTTransferFunction.Widget.class_actions import ClassActions
 from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
+from ViTTransferFunction.Widget.copied_text import CopiedText
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
@@ -58,6 +59,7 @@ class Panel:
         close_up: what has structures looked at by themselves.
         shortcuts: the keys.
         shortcut_help: the list of the keys.
+        copied: what is copied out of messages.
     """
 
     def __init__(self, ui: Any, window: Any, icons: Path) -> None:
@@ -65,6 +67,7 @@ class Panel:
         self._ui = ui
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
+        self.copied = CopiedText(ui.messageLabel)
         report = self._report
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)

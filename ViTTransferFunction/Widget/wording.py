@@ -22,3 +22,8 @@ def breakable(text: str) -> str:
     A label is at least as wide as its longest word, and Slicer makes its whole panel so wide.
     """
     return _LONG_WORD.sub(lambda word: _AFTER_A_MARK.sub(_ZERO_WIDTH_SPACE, word[0]), text)
+
+
+def without_breaks(text: str) -> str:
+    """A `breakable` text as it was."""
+    return text.replace(_ZERO_WIDTH_SPACE, "")

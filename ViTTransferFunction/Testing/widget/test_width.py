@@ -10,7 +10,9 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
-from PySide6.QtGui import QImageReader
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication, QImageReader
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel
 
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -85,6 +87,29 @@ def test_an_address_in_a_message_can_be_copied(widget: Any, host: Host) -> None:
     widget.panel._messages.show(f"Ask for the weights ({address}).", lambda: False)
     assert address in widget.ui.messageLabel.text()
     assert width(host) <= before
+
+
+def copy(label: QLabel) -> None:
+    """Select all that a label says, and press Ctrl+C."""
+    label.setFocus()
+    for key in (Qt.Key.Key_A, Qt.Key.Key_C):
+        QTest.keyClick(label, key, Qt.KeyboardModifier.ControlModifier)
+    slicer.app.processEvents()
+
+
+def test_what_is_copied_out_of_a_message_is_what_it_says(widget: Any, host: Host) -> None:
+    said, clipboard = f"'{WINDOWS_PATH}' cannot be read.", QGuiApplication.clipboard()
+    widget.panel._messages.show(said, lambda: False)
+    widget.panel._messages.show("Choose another file.", lambda: False)
+    copy(widget.ui.messageLabel)
+    assert clipboard.text() == f"⚠ {said}\n\n⚠ Choose another file."
+    assert clipboard.text() != widget.ui.messageLabel.text()
+    of_others = widget.ui.messageLabel.text()[:20]
+    clipboard.setText(of_others)
+    assert clipboard.text() == of_others
+    host.representation.exit()
+    copy(widget.ui.messageLabel)
+    assert clipboard.text() == widget.ui.messageLabel.text()
 
 
 def test_the_cache_folder_is_written_so_that_it_can_be_broken(widget: Any, host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
