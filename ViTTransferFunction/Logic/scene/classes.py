@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 import slicer
 
 from ..core.colors import Color, default_color
+from .added_markups import add_markups
 from .class_attributes import attribute, read_look, read_settings, set_attribute, write_settings
 from .class_state import ClassState, Polarity, name_beside, new_class_id
 from .data_tree import put_into_folder
@@ -150,7 +151,7 @@ def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.v
 
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:
-    node = scene.AddNewNodeByClass(LIST_CLASS)
+    node: slicer.vtkMRMLMarkupsFiducialNode = add_markups(scene, LIST_CLASS)
     set_attribute(node, "polarity", polarity)
     _create_display(node)
     put_into_folder(scene, node)

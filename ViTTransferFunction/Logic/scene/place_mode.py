@@ -84,7 +84,12 @@ class PlaceMode:
 
     def _on_changed(self, caller: Any, event: str) -> None:
         placing = self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place
-        if not placing or self._selection.GetActivePlaceNodeID() != self._list_id:
+        placed_in = self._selection.GetActivePlaceNodeID()
+        if placing and placed_in is None:
+            # The list was deleted: a view would make one of its own for the next click.
+            self.stop()
+            self._on_ended()
+        elif not placing or placed_in != self._list_id:
             self._restore()
             self._on_ended()
 

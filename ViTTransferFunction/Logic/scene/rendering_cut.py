@@ -7,6 +7,7 @@ from typing import Any
 
 import slicer
 
+from .added_markups import add_markups
 from .parameters import SceneParameters
 
 BOX_NAME, PLANE_NAME = "Rendering box", "Rendering plane"
@@ -90,7 +91,7 @@ def _added_plane(scene: slicer.vtkMRMLScene) -> slicer.vtkMRMLMarkupsPlaneNode:
 
 
 def _added(scene: slicer.vtkMRMLScene, class_name: str, name: str) -> Any:
-    node = scene.AddNewNodeByClass(class_name, name)
+    node = add_markups(scene, class_name, name)
     node.CreateDefaultDisplayNodes()
     # The picture is what is looked at, not what cuts it.
     node.GetDisplayNode().SetFillVisibility(False)

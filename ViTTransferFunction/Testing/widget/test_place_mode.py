@@ -13,6 +13,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
+from ViTTransferFunction.Logic.scene.rendering_cut import shown_cut
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class
 
@@ -115,6 +116,65 @@ def test_another_list_being_placed_in_takes_the_tool_out_of_the_hand_and_goes_on
     assert not interaction.GetPlaceModePersistence()
     assert interaction.GetCurrentInteractionMode() == interaction.Place
     assert selection.GetActivePlaceNodeID() == list_of_the_user.GetID()
+
+
+def duplicate(widget: Any) -> None:
+    widget.ui.duplicateClassButton.click()
+
+
+def bring_back_another(widget: Any) -> None:
+    annotations, selected = widget.panel.session.annotations, widget.panel.session.selected_class
+    other = annotations.add_class("another")
+    annotations.remove_class(other.id)
+    widget.ui.undoButton.click()
+    assert widget.panel.session.selected_class == selected
+
+
+def cut_the_rendering(widget: Any) -> None:
+    volume, parameters = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLScalarVolumeNode"), widget.panel.session.parameters
+    parameters.set("renderingCut", "plane")
+    assert shown_cut(slicer.mrmlScene, parameters, volume) is parameters.rendering_plane
+
+
+@pytest.mark.parametrize("make_markups", [duplicate, bring_back_another, cut_the_rendering])
+@pytest.mark.parametrize("tool", ["pointOn", "pointOff"])
+def test_the_tool_stays_in_hand_and_on_the_selected_class_when_markups_are_made(
+    widget: Any, interaction: Any, selection: Any, make_markups: Callable[[Any], None], tool: str
+) -> None:
+    add_class(widget)
+    if tool == "pointOff":
+        widget.ui.pointOffButton.click()
+    make_markups(widget)
+    session = widget.panel.session
+    assert widget.panel.tools.tool == tool
+    assert getattr(widget.ui, f"{tool}Button").isChecked()
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert interaction.GetPlaceModePersistence()
+    points = session.annotations.points_node(session.selected_class.id, tool == "pointOn")
+    assert selection.GetActivePlaceNodeID() == points.GetID()
+    assert selection.GetActivePlaceNodeClassName() == "vtkMRMLMarkupsFiducialNode"
+
+
+def test_what_the_user_places_elsewhere_goes_on_when_markups_are_made(
+    widget: Any, interaction: Any, selection: Any, list_of_the_user: Any
+) -> None:
+    begin_a_curve(selection, list_of_the_user)
+    interaction.SetCurrentInteractionMode(interaction.Place)
+    cut_the_rendering(widget)
+    widget.panel.session.annotations.add_class()
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert selection.GetActivePlaceNodeID() == list_of_the_user.GetID()
+    assert selection.GetActivePlaceNodeClassName() == "vtkMRMLMarkupsCurveNode"
+
+
+def test_where_the_list_in_hand_is_deleted_clicks_place_nothing(widget: Any, interaction: Any, selection: Any) -> None:
+    selected = add_class(widget)
+    widget.ui.pointOffButton.click()
+    slicer.mrmlScene.RemoveNode(widget.panel.session.annotations.points_node(selected.id, positive=False))
+    assert widget.panel.tools.tool is None
+    assert not widget.ui.pointOffButton.isChecked()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    assert not selection.GetActivePlaceNodeID()
 
 
 def test_slicer_s_own_button_places_nothing_in_a_structure_afterwards(widget: Any, selection: Any) -> None:
