@@ -96,7 +96,7 @@ def write_prepared(
         for class_id in prepared.labels:
             segmentation.InvokeEvent(segmentation.SourceRepresentationModified, ids[class_id])
             segmentation.InvokeEvent(segmentation.RepresentationModified, ids[class_id])
-        note_written(segmentation_node, prepared.labels, source)
+        note_written(segmentation_node, prepared.labels, source, volume_node)
     return [ids[class_id] for class_id in prepared.labels]
 
 

@@ -15,13 +15,16 @@ import numpy as np
 
 from ..core.class_request import ClassRequest
 from .class_state import ClassState
-from .parameters import SceneParameters
+from .nodes import nodes_of_class
+from .parameters import REFERENCES, SceneParameters
 from .segment_tags import segments_of_classes
 
 CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
 """Ids of all classes that were ever written there, percent-encoded, with spaces between."""
 SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
 """What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
+VOLUME_ROLE = "ViTTransferFunctionVolume"
+"""Reference to the volume that they are of; where that is gone, it refers to none."""
 DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
 """Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
 DECIMALS = 3
@@ -85,16 +88,33 @@ class WrittenSegments:
         return segments_of_classes(self._parameters.segmentation.GetSegmentation(), class_ids)
 
 
-def note_written(segmentation_node: Any, class_ids: Collection[str], source: str) -> None:
-    """Note that classes were written, made from `source`."""
+def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
+    """Note that classes were written, made from `source` and of a volume."""
     ids = written_classes(segmentation_node) | set(class_ids)
     segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, " ".join(sorted(quote(id_, safe="") for id_ in ids)))
     segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
+    segmentation_node.SetNodeReferenceID(VOLUME_ROLE, volume_node.GetID())
 
 
 def written_classes(segmentation_node: Any) -> set[str]:
     """Ids of all classes that were ever written there."""
     return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
+
+
+def segmentation_for(volume_node: Any, chosen: Any) -> Any:
+    """The segmentation that gets segments of a volume which is chosen now, in place of another one, or of none.
+
+    The results of one scan are not to be overwritten by those of the next: where the chosen segmentation has some, it is the
+    one that has those of this volume, or None, a new one. Somebody else's, which has none, stays.
+    """
+    if chosen is not None and (not written_classes(chosen) or _is_of(chosen, volume_node)):
+        return chosen
+    known = nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"])
+    return next((node for node in known if written_classes(node) and _is_of(node, volume_node)), None)
+
+
+def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
+    return segmentation_node.GetNodeReference(VOLUME_ROLE) is volume_node
 
 
 def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:
