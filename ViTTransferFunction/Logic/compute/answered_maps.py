@@ -21,10 +21,9 @@ class AnsweredMaps:
     """Takes in what comes of maps, in the order in which it comes.
 
     Attributes:
-        maps: by class id; S_H where `refined`, else S_L, but for classes that the last answer left about as they were: these
-            keep S_H until it comes anew. From when the map of the class that is waited for has come until all others have,
+        maps: by class id; S_H where it has come, also for classes that a later answer left about as they were: these keep it
+            until it comes anew; else S_L. From when the map of the class that is waited for has come until all others have,
             those are as before.
-        refined: whether all of them are S_H.
         low_maps: by class id, S_L, also where `maps` are refined.
         low_classes: what `low_maps` are the answer to.
         volumes_ml: by class id, of the segment that the class gets by these maps, millilitres; a moment later than the maps.
@@ -32,7 +31,6 @@ class AnsweredMaps:
 
     def __init__(self) -> None:
         self.maps: dict[str, ClassMap] = {}
-        self.refined = False
         self.low_maps: dict[str, ClassMap] = {}
         self.low_classes: tuple[ClassRequest, ...] = ()
         self.volumes_ml: dict[str, float] = {}
@@ -46,6 +44,11 @@ class AnsweredMaps:
     def first_came(self) -> bool:
         """Whether of the maps that were asked for last, that of the class that is waited for has come."""
         return self._first is not None
+
+    @property
+    def refined(self) -> tuple[bool, ...]:
+        """Of each of `maps`, whether it is S_H."""
+        return tuple(class_map is self._refined_maps.get(id_, (None, None))[1] for id_, class_map in self.maps.items())
 
     def expect(self) -> None:
         """Other maps were asked for: what has come of those before is not part of them."""
@@ -65,7 +68,7 @@ class AnsweredMaps:
             maps.insert([annotated.id for annotated in request.classes].index(request.first), self._first)
         shown, before = self.maps, self.low_maps
         self._take(request.classes, maps)
-        self.low_classes, self.low_maps, self.refined = request.classes, self.maps, False
+        self.low_classes, self.low_maps = request.classes, self.maps
         if not refining:
             return
         kept = {
@@ -84,7 +87,6 @@ class AnsweredMaps:
     def take_refined(self, request: RefineMaps, reply: RefinedMaps) -> None:
         """S_H of all classes have come, and volumes by them."""
         self._take(request.classes, reply.maps)
-        self.refined = True
         self._refined_maps = {annotated.id: (annotated, self.maps[annotated.id]) for annotated in request.classes}
         self.volumes_ml = _by_id(request.classes, reply.volumes_ml)
 
@@ -95,7 +97,7 @@ class AnsweredMaps:
             return
         # Refined maps end near the surface that they were made for.
         self.low_maps = {request.id: self.low_maps[request.id].resized(request) for request in classes}
-        self.maps, self.refined, self._classes = self.low_maps, False, classes
+        self.maps, self._classes = self.low_maps, classes
 
     def _is_refined(self, maps: Mapping[str, ClassMap], annotated: ClassRequest) -> bool:
         """Whether the map of a class among these is S_H, and the answer to what is asked for now."""

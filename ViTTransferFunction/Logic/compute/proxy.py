@@ -208,8 +208,8 @@ class SegmentationProxy:
         return self._answers.maps
 
     @property
-    def refined(self) -> bool:
-        """Whether all of `maps` are S_H."""
+    def refined(self) -> tuple[bool, ...]:
+        """Of each of `maps`, whether it is S_H."""
         return self._answers.refined
 
     @property
@@ -343,7 +343,8 @@ class SegmentationProxy:
         self._rendering_due_s = None
         mode, casting, surroundings = self._look
         self._rendered = tuple(self.maps)
-        self._pending.ask(Render(mode, self.refined, tuple(casting.get(id_, False) for id_ in self.maps), surroundings))
+        cast = tuple(casting.get(id_, False) for id_ in self.maps)
+        self._pending.ask(Render(mode, self.refined, cast, surroundings))
 
     def _receive(self, request: Any, reply: Any) -> set[Event]:
         if isinstance(reply, CoarseFeatures):

@@ -124,13 +124,13 @@ class Render:
 
     Attributes:
         mode: what decides where structures are.
-        refined: whether the last refined maps are meant.
+        refined: of each class, whether its last refined map is meant.
         casting: of each class, whether it casts shadows on the others.
         surroundings: whether what belongs to no structure is wanted as well, as far as the volume reaches.
     """
 
     mode: RenderingMode
-    refined: bool
+    refined: tuple[bool, ...]
     casting: tuple[bool, ...]
     surroundings: bool = False
 

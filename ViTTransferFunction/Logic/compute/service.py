@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, whole_box
+from ..core.bounding_box import bounding_box
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
-from ..core.geometry import Box
 from ..core.intensity_window import looks_like_hounsfield_units
 from ..core.progress import Between, Progress, nothing_between
 from ..core.volume import Volume
 from ..features.networks import Networks
-from ..rendering.class_membership import on_whole_grid
-from ..rendering.composition import shape_within_budget
 from ..rendering.intensity_levels import gray_levels, intensity_levels
 from ..rendering.iso_surfaces import similarity_volume
 from ..rendering.structure_volume import StructureVolume, structure_volume
 from ..rendering.transfer_function import transfer_function_volume
 from ..session.feature_estimate import FeatureEstimate
-from ..session.map_crop import MapCrop, SegmentCrops, on_common_box
+from ..session.map_crop import MapCrop, SegmentCrops
 from ..session.opening import open_session
 from ..session.segmentation import Segmentation
 from ..session.segmentation_session import SegmentationSession
@@ -48,6 +45,7 @@ from .requests import (
     TakeVolume,
     Volumes,
 )
+from .shown_maps import Shown, on_one_box
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +55,11 @@ class _Segmented:
     asked: tuple[tuple[ClassRequest, ...], Refinement, tuple[str, ...]]
     segmentation: Segmentation
     crops: tuple[MapCrop, ...]
+
+    @property
+    def crop_of(self) -> dict[str, MapCrop]:
+        """The crops by class id."""
+        return {annotated.id: crop for annotated, crop in zip(self.asked[0], self.crops, strict=True)}
 
 
 class SegmentationService:
@@ -87,7 +90,7 @@ class SegmentationService:
         self._networks = Networks()
         self._volume: Volume | None = None
         self._session: SegmentationSession | None = None
-        self._maps: list[ClassMap] = []
+        self._maps: dict[str, ClassMap] = {}
         self._segmented: _Segmented | None = None
         self._intensities: tuple[np.ndarray, bool] | None = None
         self._handlers: dict[type, Callable[[Any], Any]] = {
@@ -132,7 +135,7 @@ class SegmentationService:
 
     def _forget(self) -> None:
         self._volume = self._session = self._segmented = self._intensities = None
-        self._maps = []
+        self._maps = {}
 
     def _prepare(self, request: Prepare) -> FeatureEstimate:
         self._session = self._segmented = None
@@ -171,11 +174,12 @@ class SegmentationService:
                 self._on_first_map(first)
                 told.append(first)
 
-        self._maps = session.low_resolution_maps(request.classes, self._between_points, request.first, tell)
-        return Maps(tuple(low for low in self._maps if low not in told), awaiting)
+        maps = session.low_resolution_maps(request.classes, self._between_points, request.first, tell)
+        self._maps = {annotated.id: low for annotated, low in zip(request.classes, maps, strict=True)}
+        return Maps(tuple(low for low in maps if low not in told), awaiting)
 
     def _measure_maps(self, request: MeasureMaps) -> Volumes:
-        maps = self._maps
+        maps = list(self._maps.values())
         _check_are_of(maps, request.classes)
         classes, only_annotated = request.classes, request.only_annotated_components
         return Volumes(self._the_session.low_resolution_volumes_ml(classes, maps, only_annotated))
@@ -193,14 +197,9 @@ class SegmentationService:
     def _render(self, request: Render) -> StructureVolume:
         session = self._the_session
         scan = session.volume.geometry
-        maps, isos, box = self._last_maps(request.refined)
-        _check_are_of(maps, request.casting)
-        shape = None
-        if request.surroundings:
-            shape = shape_within_budget(scan.shape)
-            if request.refined:
-                maps = [on_whole_grid(array, box, scan.shape, shape) for array in maps]
-            box = whole_box(scan.shape)
+        shown = self._shown_maps(request.refined)
+        isos = [each.iso for each in shown]
+        maps, box, shape = on_one_box(shown, scan.shape, request.surroundings)
         intensities = session.volume.array[box]
         if request.mode == "similarity":
             composition = similarity_volume(maps, isos, shape, self._progress)
@@ -223,14 +222,12 @@ class SegmentationService:
             self._intensities = intensity_levels(volume), looks_like_hounsfield_units(volume)
         return self._intensities
 
-    def _last_maps(self, refined: bool) -> tuple[list[Any], list[float], Box]:
-        """The arrays of the maps that were replied last, their thresholds, and the part of the volume that they fill."""
-        if refined and self._segmented is not None:
-            arrays, box = on_common_box(self._segmented.crops)
-            return arrays, [crop.iso for crop in self._segmented.crops], box
-        k, j, i = (slice(0, size) for size in self._the_volume.shape)
+    def _shown_maps(self, refined: Sequence[bool]) -> list[Shown]:
+        """The maps that were replied last: S_H where `refined`, and there is one, else S_L."""
         maps = self._maps
-        return [low.array for low in maps], [low.iso for low in maps], (k, j, i)
+        _check_are_of(maps, refined)
+        fine = self._segmented.crop_of if self._segmented is not None else {}
+        return [fine.get(id_, low) if is_refined else low for (id_, low), is_refined in zip(maps.items(), refined, strict=True)]
 
     def _segment(self, classes: tuple[ClassRequest, ...], refinement: Refinement) -> _Segmented:
         """The segmentation of these classes, made once for the same request; close-ups count that there are by now."""
@@ -256,7 +253,7 @@ class SegmentationService:
         return self._session
 
 
-def _check_are_of(maps: Sequence[Any], classes: Sequence[Any]) -> None:
+def _check_are_of(maps: Collection[Any], classes: Sequence[Any]) -> None:
     """Raises Cancelled where the maps that were replied last are others by now: those of a click, which has given this up."""
     if len(maps) != len(classes):
         raise Cancelled

@@ -136,10 +136,10 @@ class Composition:
             np.copyto(slices[..., NUMBER], of_voxels, where=of_voxels > 0)
 
 
-def shape_within_budget(shape: Shape) -> Shape:
-    """`shape` with its longest axes shortened to MOST_ALONG_AXIS voxels, and until it has at most VOXEL_BUDGET voxels."""
+def shape_within_budget(shape: Shape, budget: int = VOXEL_BUDGET) -> Shape:
+    """`shape` with its longest axes shortened to MOST_ALONG_AXIS voxels, and until it has at most `budget` voxels."""
     limit = min(max(shape), MOST_ALONG_AXIS)
-    while np.prod(np.minimum(shape, limit)) > VOXEL_BUDGET:
+    while np.prod(np.minimum(shape, limit)) > budget:
         limit -= 1
     k, j, i = np.minimum(shape, limit).tolist()
     return k, j, i

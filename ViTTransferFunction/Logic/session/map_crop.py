@@ -39,6 +39,12 @@ class MapCrop:
         """The crop as the map of a part of the volume, which has this geometry."""
         return ClassMap(self.array, geometry.part(self.box), self.iso)
 
+    def on_box(self, box: Box) -> np.ndarray:
+        """The array on a box of the volume that holds the crop's, (K, J, I) uint8; 0 where it was cut off."""
+        array = np.zeros([extent.stop - extent.start for extent in box], dtype=np.uint8)
+        array[within(self.box, box)] = self.array
+        return array
+
 
 class SegmentCrops:
     """The maps by which segments are shown: of each class, only what its segment has."""
@@ -74,12 +80,7 @@ def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
 def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
     """The crops' arrays, 0 where they were cut off, on the smallest box that holds them all; and that box."""
     box = common_box([crop.box for crop in crops])
-    arrays = []
-    for crop in crops:
-        array = np.zeros([extent.stop - extent.start for extent in box], dtype=np.uint8)
-        array[within(crop.box, box)] = crop.array
-        arrays.append(array)
-    return arrays, box
+    return [crop.on_box(box) for crop in crops], box
 
 
 def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:

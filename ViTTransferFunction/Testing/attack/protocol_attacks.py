@@ -89,7 +89,7 @@ def _requests(scan: Scan) -> list[Any]:
         ComputeMaps(classes),
         MeasureMaps(classes),
         RefineMaps(classes, Refinement()),
-        Render("similarity", True, (True, False), True),
+        Render("similarity", (True, False), (True, False), True),
         Cancel((5,)),
         SegmentClasses(classes, Refinement()),
     ]

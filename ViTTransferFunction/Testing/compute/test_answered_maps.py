@@ -80,9 +80,9 @@ def test_a_first_map_of_what_was_given_up_is_not_taken_for_one_of_the_next(answe
 def test_refined_maps_take_the_place_of_coarse_ones_which_are_kept(answers: AnsweredMaps) -> None:
     coarse = answers.maps
     answers.take_volumes(MeasureMaps(BOTH), Volumes((1.5, 0.5)))
-    assert (answers.refined, answers.volumes_ml) == (False, {"liver": 1.5, "spleen": 0.5})
+    assert (answers.refined, answers.volumes_ml) == ((False, False), {"liver": 1.5, "spleen": 0.5})
     answers.take_refined(RefineMaps(BOTH, Refinement()), RefinedMaps((coarse_map(), coarse_map()), (1.25, 0.5)))
-    assert (answers.refined, answers.volumes_ml) == (True, {"liver": 1.25, "spleen": 0.5})
+    assert (answers.refined, answers.volumes_ml) == ((True, True), {"liver": 1.25, "spleen": 0.5})
     assert answers.low_maps is coarse
     assert answers.maps["liver"] is not coarse["liver"]
 
@@ -104,7 +104,7 @@ def test_what_a_click_on_another_class_hardly_changes_stays_as_fine_as_it_was(re
     assert refined.maps == {"liver": liver, "spleen": fine}
     assert refined.low_maps == {"liver": liver, "spleen": spleen}
     assert refined.volumes_ml == {"liver": 3.0, "spleen": 0.5}
-    assert not refined.refined
+    assert refined.refined == (False, True)
     answers = RefinedMaps((coarse_map(), coarse_map()), (2.0, 0.75))
     refined.take_refined(RefineMaps((MOVED, SPLEEN), Refinement()), answers)
     assert tuple(refined.maps.values()) == answers.maps
@@ -139,7 +139,7 @@ def test_another_size_or_iso_value_is_that_of_the_coarse_map(refined: AnsweredMa
     refined.resize((request_, SPLEEN))
     assert refined.maps["liver"].iso == pytest.approx(iso)
     assert refined.maps["liver"].array is coarse.array
-    assert not refined.refined
+    assert refined.refined == (False, False)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_where_anything_else_is_other_maps_stay_until_they_are_answered_anew(
     shown = refined.maps
     refined.resize(classes)
     assert refined.maps is shown
-    assert refined.refined
+    assert refined.refined == (True, True)
 
 
 def test_a_first_map_is_taken_back_with_the_click_that_it_answers(answers: AnsweredMaps) -> None:

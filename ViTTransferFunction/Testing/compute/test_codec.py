@@ -39,7 +39,7 @@ BODIES = [
     requests.MeasureMaps((LIVER, SPLEEN), only_annotated_components=False),
     requests.RefineMaps((LIVER,), REFINEMENT),
     requests.SegmentClasses((), REFINEMENT),
-    requests.Render("transfer function", True, (True, False), True),
+    requests.Render("transfer function", (True, False), (True, False), True),
     requests.Cancel((3, 4)),
     requests.Started(4711),
     requests.Done(),

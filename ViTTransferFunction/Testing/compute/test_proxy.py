@@ -367,7 +367,7 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     ready.poll()
     client.answer(MeasureMaps, Volumes((1.5,)))
     ready.poll()
-    assert client.asked[-1] == Render("similarity", False, (True,))
+    assert client.asked[-1] == Render("similarity", (False,), (True,))
     rendering = len(client.asked)
     ready.update([LIVER, SPLEEN], Refinement())
     ready.poll()
@@ -414,9 +414,9 @@ def test_maps_come_first_then_the_volumes_then_the_rendering_then_the_refined_ma
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
     client.answer(RefineMaps, RefinedMaps((MAP,), (1.5,)))
     assert ready.poll() == {"refined"}
-    assert ready.refined
+    assert ready.refined == (True,)
     assert isinstance(client.asked[-1], Render)
-    assert client.asked[-1].refined
+    assert client.asked[-1].refined == (True,)
 
 
 PROPOSALS = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
@@ -434,7 +434,7 @@ def refined(ready: SegmentationProxy, client: Client) -> SegmentationProxy:
     ready.poll()
     client.answer(RefineMaps, RefinedMaps((MAP,), (1.5,)))
     ready.poll()
-    assert ready.refined
+    assert ready.refined == (True,)
     return ready
 
 
@@ -445,7 +445,7 @@ def test_another_size_or_iso_value_alone_is_shown_before_the_answer_comes(
     refined.update([changed], Refinement())
     assert refined.maps["liver"].iso == pytest.approx(iso)
     assert refined.maps["liver"].array is PROPOSED.array
-    assert not refined.refined
+    assert refined.refined == (False,)
     assert client.asked[-1] == ComputeMaps((changed,))
 
 

@@ -31,6 +31,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     RefinedMaps,
     RefineMaps,
     Refinement,
+    Render,
     SegmentClasses,
     TakeVolume,
     Volumes,
@@ -40,6 +41,8 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.progress import no_progress
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, SURFACE
+from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
@@ -143,6 +146,39 @@ def test_what_was_refined_of_coarse_features_is_not_taken_for_what_finer_ones_gi
     refined(two_extractions, np.where(labels == 1, 0, labels))
     later, at_once = refined(two_extractions, labels), refined(one, labels)
     np.testing.assert_array_equal(later.array, at_once.array)
+
+
+def shown_in_3d(rendering: StructureVolume, number: int) -> set[tuple[float, ...]]:
+    """Where the voxels of a structure are, RAS millimetres."""
+    inside = (rendering.voxels[..., NUMBER] == number) & (rendering.voxels[..., DEPTH] > SURFACE)
+    return set(map(tuple, rendering.geometry.ijk_to_ras_points(np.argwhere(inside)[:, ::-1]).round(3).tolist()))
+
+
+@pytest.mark.parametrize("surroundings", [False, True])
+def test_a_structure_whose_map_stays_refined_looks_in_3d_as_it_did(spheres: Spheres, surroundings: bool) -> None:
+    volume, _ = spheres
+    service, before = SegmentationService(no_progress), requests_of(spheres)
+    cache_known_features(*spheres)
+    for request in (TakeVolume(volume.array, volume.geometry, ""), Prepare(SETTINGS), Extract()):
+        service.serve(request)
+
+    def render(*refined: bool) -> StructureVolume:
+        rendering: StructureVolume = service.serve(Render("similarity", refined, (True,) * 3, surroundings))
+        return rendering
+
+    service.serve(ComputeMaps(before))
+    service.serve(RefineMaps(before, Refinement()))
+    fine = render(True, True, True)
+    first, *others = before
+    after = replace(first, positive=np.concatenate([first.positive, first.positive + 4.0]))
+    service.serve(ComputeMaps((after, *others)))
+    rough, mixed = render(False, False, False), render(False, True, True)
+    for number in (2, 3):
+        assert shown_in_3d(mixed, number) == shown_in_3d(fine, number) != shown_in_3d(rough, number)
+    # The first one follows the click, in whatever box it comes.
+    as_clicked, as_shown = (len(shown_in_3d(each, 1)) * each.geometry.voxel_volume_mm3 for each in (rough, mixed))
+    assert as_shown == pytest.approx(as_clicked, rel=0.25)
+    assert shown_in_3d(mixed, 1) != shown_in_3d(fine, 1)
 
 
 @pytest.mark.slow
