@@ -91,15 +91,17 @@ def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slic
 
 
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
-    """Bring a class in the scene to `state`; what is equal is not touched."""
+    """Bring a class in the scene to `state`; what is equal is not touched, so that points that were hidden alone stay so."""
     negative = negative_node(positive) or _create_negative(scene, positive)
+    shown_or_hidden = read_settings(positive)["visible"] != state.visible
     _set_name(positive, state.name)
     _set_name(negative, f"{state.name} – outside")
     of_positive = positive, state.positive, state.positive_properties
     of_negative = negative, state.negative, state.negative_properties
     for node, points, properties in (of_positive, of_negative):
         _set_color(node, state.color)
-        _set_visible(node, state.visible)
+        if shown_or_hidden:
+            _set_visible(node, state.visible)
         if defined_points(node) != points:
             set_points(node, points, properties)
     write_settings(positive, state)
@@ -162,6 +164,7 @@ def _create_negative(
     scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode
 ) -> slicer.vtkMRMLMarkupsFiducialNode:
     negative = _create_list(scene, "negative")
+    _set_visible(negative, read_settings(positive)["visible"])
     positive.SetNodeReferenceID(NEGATIVE_ROLE, negative.GetID())
     return negative
 

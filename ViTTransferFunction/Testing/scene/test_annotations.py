@@ -448,3 +448,27 @@ def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_th
     node.SetName("Leber, groß")
     node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.5)
     assert (session.classes[0].name, session.classes[0].color) == ("Leber, groß", (0.0, 1.0, 0.5))
+
+
+def test_points_that_are_hidden_in_slicer_stay_hidden_until_the_structure_is_shown_anew(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    annotations = session.annotations
+    id_ = annotations.add_class("sphere").id
+    points = annotations.points_node(id_, positive=True)
+    points.SetDisplayVisibility(False)
+    annotations.add_points(id_, centre_ras(spheres, 1), positive=True)
+    annotations.set_class(id_, name="liver")
+    annotations.undo()
+    assert not points.GetDisplayVisibility()
+    assert session.classes[0].visible
+    annotations.set_class(id_, visible=False)
+    annotations.set_class(id_, visible=True)
+    assert points.GetDisplayVisibility()
+
+
+def test_a_list_that_is_made_again_is_hidden_with_its_structure(session: SceneSession, slicer_app: Any) -> None:
+    id_ = session.annotations.add_class("sphere").id
+    session.annotations.set_class(id_, visible=False)
+    slicer_app.scene.RemoveNode(session.annotations.points_node(id_, positive=False))
+    assert not session.annotations.points_node(id_, positive=False).GetDisplayVisibility()
