@@ -27,7 +27,8 @@ class VolumeSection(Section):
         self._progress = ProgressRow(ui, "extraction")
         self._offered = OfferedVolume(slicer.app.applicationLogic())
         self._consent = DownloadConsent()
-        self._pressed = False
+        # Whose features are to be computed, as soon as it is known what they cost.
+        self._pressed_for: slicer.vtkMRMLScalarVolumeNode | None = None
         self._told_name = ""
         ui.volumeSelector.setMRMLScene(slicer.mrmlScene)
         ui.volumeSelector.currentNodeChanged.connect(self._on_volume_selected)
@@ -43,10 +44,11 @@ class VolumeSection(Section):
         with signals_blocked(self.ui.volumeSelector):
             self.ui.volumeSelector.setCurrentNode(session.parameters.volume if session else None)
         # What was pressed ends with the session: where that was the application's end, the widgets go before the timer is due.
-        self._pressed = self._pressed and session is not None
-        if self._pressed:
+        if session is None or session.parameters.volume is not self._pressed_for:
+            self._pressed_for = None
+        if self._pressed_for is not None:
             qt.QTimer.singleShot(0, self._go_on)
-        self._show_features(session, "extracting" if self._pressed else phase)
+        self._show_features(session, "extracting" if self._pressed_for is not None else phase)
         self._show_points_beyond(session)
         self._tell_of_name(session)
 
@@ -88,7 +90,7 @@ class VolumeSection(Section):
 
     def _on_extract(self) -> None:
         if self.session is not None:
-            self._pressed = True
+            self._pressed_for = self.session.parameters.volume
             if self.session.estimate is None and not self.session.busy:
                 self.session.estimate_again()
             self.refresh()
@@ -96,14 +98,14 @@ class VolumeSection(Section):
     def _go_on(self) -> None:
         """Compute, once it is known whether something has to be downloaded for it, and the user agrees."""
         session = self.session
-        if session is None or not self._pressed:
+        if session is None or self._pressed_for is None:
             return
         estimate = session.estimate if session.phase == "no features" else None
         if (estimate is None and not session.busy) or session.phase in ("no volume", "extracting", "ready"):
-            self._pressed = False
+            self._pressed_for = None
             self.refresh()
         elif estimate is not None:
-            self._pressed = False
+            self._pressed_for = None
             agreed = estimate.download is None or self._consent.is_given(estimate.download)
             # The question leaves the user time for something else.
             if agreed and self.session is session and session.estimate is estimate:
@@ -111,7 +113,7 @@ class VolumeSection(Section):
             self.refresh()
 
     def _on_cancel(self) -> None:
-        self._pressed = False
+        self._pressed_for = None
         if self.session is not None:
             self.session.cancel()
         self.refresh()

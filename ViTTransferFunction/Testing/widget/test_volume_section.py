@@ -159,6 +159,20 @@ def test_nothing_follows_a_press_once_the_module_is_unloaded(widget: Any, volume
     assert refreshed == []
 
 
+def test_what_was_pressed_for_one_volume_is_not_done_for_the_next(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres, questions: list[str]
+) -> None:
+    session, other = widget.panel.session, add_volume(slicer_app.scene, spheres[0])
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    widget.ui.volumeSelector.setCurrentNode(other)
+    assert widget.ui.extractButton.isVisible()
+    wait_until(lambda: session.estimate is not None and not session.busy)
+    QTest.qWait(1)
+    assert session.phase == "no features"
+    assert questions == []
+
+
 @pytest.mark.slow
 def test_nothing_is_asked_where_nothing_is_downloaded(
     widget: Any, volume: Any, questions: list[str], real_weights: Path
