@@ -489,6 +489,27 @@ def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(opened: Calla
     opened(journey)
 
 
+@pytest.mark.parametrize("way", ["undo", "remove"])
+def test_a_click_after_the_only_structure_was_taken_back_leaves_nothing_behind(
+    opened: Callable[[Journey], None], way: str
+) -> None:
+    async def journey(app: WebApp) -> None:
+        view = app.views.slices[0]
+        view.render_window().SetSize(300, 300)
+        view.reset_view()
+        app.actions("addClass")
+        (structure,) = app.session.classes
+        app.actions(way, *([structure.id] if way == "remove" else []))
+        assert app.session.classes == ()
+        for event in ("MouseMoveEvent", "LeftButtonPressEvent", "LeftButtonReleaseEvent"):
+            view.interactor().SetEventPosition(150, 150)
+            view.interactor().InvokeEvent(event)
+        # Slicer would make a list of its own, which nothing on the page removes, and sessions keep.
+        assert app.scene.GetNumberOfNodesByClass("vtkMRMLMarkupsNode") == 0
+
+    opened(journey)
+
+
 def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         state = app.server.state
