@@ -17,6 +17,7 @@ from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
 from .data_probe import DataProbe
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
+from .touch import put_mouse, touch
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
@@ -54,6 +55,7 @@ class SlicerViews:
         app.view_manager.set_current_view_ids(list(VIEWS))
         server.trigger("leave_view")(self.leave)
         server.trigger("turn_wheel")(self.turn_wheel)
+        server.trigger("touch_view")(self.touch)
 
     def show(self, volume: Any) -> None:
         """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
@@ -93,14 +95,19 @@ class SlicerViews:
             notches: away from the user, or towards them if negative.
             keys: whether Ctrl, Shift and Alt are held.
         """
-        view = next(view for view in (*self.slices, self.view_3d) if view.name == view_id)
-        interactor, (width, height) = view.interactor(), view.render_window().GetSize()
-        ctrl, shift, alt = keys
-        interactor.SetEventInformation(round(place[0] * width), round((1.0 - place[1]) * height), int(ctrl), int(shift))
-        interactor.SetAltKey(int(alt))
+        view = self._view(view_id)
+        put_mouse(view, place, keys)
         event = vtkCommand.MouseWheelForwardEvent if notches > 0 else vtkCommand.MouseWheelBackwardEvent
         for _ in range(min(abs(notches), MOST_NOTCHES)):
-            interactor.InvokeEvent(event)
+            view.interactor().InvokeEvent(event)
+
+    def touch(self, view_id: str, steps: Sequence[Sequence[Any]]) -> None:
+        """Do to a view what fingers did, as `touch` takes it."""
+        touch(self._view(view_id), steps)
+        self.settle()
+
+    def _view(self, view_id: str) -> Any:
+        return next(view for view in (*self.slices, self.view_3d) if view.name == view_id)
 
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""

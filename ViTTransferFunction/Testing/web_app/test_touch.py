@@ -1,0 +1,119 @@
+"""Fingers on the views: what a tap, a stroke and two fingers that spread do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.Testing.support.web_app import AppPage, Server, serving
+from ViTTransferFunction.WebApp.app import WebApp
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+Finger = tuple[float, float]
+
+
+@pytest.fixture
+def in_views(opened: Callable[[Journey], None]) -> Callable[[Journey], None]:
+    """Runs a journey on an app with a structure, the tool for its points in hand, and views of a size."""
+
+    def run(journey: Journey) -> None:
+        async def go(app: WebApp) -> None:
+            for view in (*app.views.slices, app.views.view_3d):
+                view.render_window().SetSize(300, 200)
+            for view in app.views.slices:
+                view.reset_view()
+            app.actions("addClass")
+            await journey(app)
+
+        opened(go)
+
+    return run
+
+
+def test_a_tap_places_a_point_and_leaves_no_other_hanging_on_the_finger(in_views: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        node = app.views.slices[0].get_view_node()
+        expected = node.GetXYToRAS().MultiplyPoint((0.4 * 300, 0.75 * 200, 0.0, 1.0))[:3]
+        place = [0.4, 0.25]
+        app.views.touch("Red", [["move", place], ["press", place], ["release", place], ["leave", place]])
+        (structure,) = app.session.classes
+        np.testing.assert_allclose(structure.positive, [expected], atol=0.5)
+        points = app.session.annotations.points_node(structure.id, True)
+        assert points.GetNumberOfControlPoints() == 1
+
+    in_views(journey)
+
+
+def test_what_lies_between_two_fingers_stays_there_while_they_spread(in_views: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        view = app.views.slices[0]
+        node, offset = view.get_view_node(), view.get_slice_value()
+        held = node.GetXYToRAS().MultiplyPoint((90.0, 100.0, 0.0, 1.0))
+        width, height, _ = node.GetFieldOfView()
+        app.views.touch("Red", [["spread", [0.3, 0.5], [0.5, 0.6], 2.0]])
+        np.testing.assert_allclose(node.GetFieldOfView()[:2], (width / 2, height / 2))
+        np.testing.assert_allclose(node.GetXYToRAS().MultiplyPoint((150.0, 80.0, 0.0, 1.0)), held, atol=1e-6)
+        assert view.get_slice_value() == pytest.approx(offset)
+        view.reset_view()
+        np.testing.assert_allclose(node.GetFieldOfView()[:2], (width, height))
+
+    in_views(journey)
+
+
+def test_two_fingers_bring_the_3d_view_nearer(in_views: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        camera = app.views.view_3d.get_camera_node().GetCamera()
+        before = camera.GetDistance()
+        app.views.touch("ThreeD", [["spread", [0.5, 0.5], [0.5, 0.5], 2.0]])
+        assert camera.GetDistance() == pytest.approx(before / 2)
+
+    in_views(journey)
+
+
+@pytest.fixture(scope="module")
+def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("app")
+    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24))), str(folder / "noise.nrrd"))
+    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
+        yield server
+
+
+@pytest.mark.slow
+def test_in_a_browser_fingers_place_points_paint_and_enlarge(new_page: Callable[[], AppPage], server: Server) -> None:
+    page = new_page()
+    page.page.goto(server.address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    browser = page.page.context.new_cdp_session(page.page)
+    box = page["view-Red"].bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def fingers(*events: tuple[str, tuple[Finger, ...]]) -> None:
+        for name, places in events:
+            points = [{"x": column, "y": row, "id": number} for number, (column, row) in enumerate(places)]
+            browser.send("Input.dispatchTouchEvent", {"type": name, "touchPoints": points})
+
+    page["add-class"].click()
+    page["class-0"].wait_for()
+    fingers(("touchStart", ((x, y),)), ("touchEnd", ()))
+    page.wait_for_state("classes[0].positive === 1")
+
+    # A second finger comes later than the first, which presses nothing by itself.
+    before = page.picture("Red")
+    fingers(("touchStart", ((x, y),)), ("touchStart", ((x, y), (x + 40, y))))
+    fingers(*(("touchMove", ((x - by, y), (x + 40 + by, y))) for by in (10, 20, 30)), ("touchEnd", ()))
+    page.wait_for_picture("Red", lambda picture: bool((picture != before).mean() > 0.3) and picture.max() > 50)
+
+    page["tool-brushOn"].click()
+    page.page.wait_for_function("window.trame.state.get('tool') === 'brushOn'")
+    strokes = [("touchMove", ((x - 60 + by, y - 60),)) for by in range(10, 100, 10)]
+    fingers(("touchStart", ((x - 60, y - 60),)), *strokes, ("touchEnd", ()))
+    page.wait_for_state("classes[0].positive > 1")
+    page.keep_picture("by fingers")
