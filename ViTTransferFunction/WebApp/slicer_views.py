@@ -17,6 +17,7 @@ from ..Logic.scene.slice_tools import SliceTools
 from ..Logic.scene.volume import numpy_matrix
 from .data_probe import DataProbe
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
+from .scale_bar import scale_bar
 from .touch import put_mouse, touch
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
@@ -129,6 +130,7 @@ class SlicerViews:
         for side in ("left", "right", "top", "bottom"):
             html.Div(f"{{{{ sides_{view_id}.{side} }}}}", classes=f"side {side}")
         self._keep_sides(view_id, view)
+        self._add_scale_bar(view_id, view)
         self._add_probe(view_id, view)
         with html.Div(classes="slice-row"):
             html.Input(
@@ -143,6 +145,18 @@ class SlicerViews:
             )
             letter = f"sides_{view_id}[{slider.value} < 0 ? 'negative' : 'positive']"
             html.Span(f"{{{{ {letter} }}}} {{{{ Math.abs({slider.value}).toFixed(1) }}}} mm", classes="offset")
+
+    def _add_scale_bar(self, view_id: str, view: SliceView) -> None:
+        name = f"scale_{view_id}"
+
+        def keep(_view: SliceView) -> None:
+            with self._server.state as state:
+                state[name] = scale_bar(view.get_view_node().GetFieldOfView()[0])
+
+        view.modified.connect(keep)
+        keep(view)
+        style = f"{{ width: 100 * {name}.share + '%' }}"
+        html.Div(f"{{{{ {name}.text }}}}", classes="scale", raw_attrs=[f':style="{style}"', f'data-testid="scale-{view_id}"'])
 
     def _add_probe(self, view_id: str, view: SliceView) -> None:
         """Show what is under the mouse, by a state of its own: nothing else of the page follows moves."""
