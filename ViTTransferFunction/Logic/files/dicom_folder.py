@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.regular_file import check_length, check_regular_file
+from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, read_slice, turned
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
@@ -52,6 +53,11 @@ class DicomSeries:
         return self.slices[0].description
 
     @property
+    def instead(self) -> str:
+        """What it is instead of a scan, as `instead_of_scan` says; "" where it may be one."""
+        return next(filter(None, (each.instead for each in self.slices)), "")
+
+    @property
     def size(self) -> tuple[int, int, int]:
         """Voxels along (I, J, K), as far as all slices are like the first."""
         width, height, _ = self.slices[0].size
@@ -59,13 +65,14 @@ class DicomSeries:
 
     @property
     def may_be_volume(self) -> bool:
-        """Whether it has several parallel slices in shades of grey, at more than one place.
+        """Whether it has several parallel slices of a scan in shades of grey, at more than one place.
 
-        Surveys in several directions, scouts, photographed reports and videos in colour do not. Slices that are no stack for
-        other reasons, such as one that is there twice, are for the user to hear of.
+        Surveys in several directions, scouts, photographed reports, videos, segmentations and doses do not. Slices that are
+        no stack for other reasons, such as one that is there twice, are for the user to hear of.
         """
         return (
             self.size[2] > 1
+            and not self.instead
             and all(each.components == 1 for each in self.slices)
             and not turned(self.slices).any()
             and (self.slices[0].size[2] > 1 or bool(np.ptp(heights(self.slices)) > 0.0))
@@ -78,8 +85,8 @@ class FolderContent:
 
     Attributes:
         series: in the order of their numbers; of one that has several volumes at the same places, these.
-        unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, in ITK's
-            words.
+        unread: DICOM files without a slice that can be read, cut off, or reports, outlines and the like; and why, with what
+            was expected and what to do.
     """
 
     series: list[DicomSeries]
@@ -133,7 +140,12 @@ def _slice_or_reason(path: Path) -> DicomSlice | str:
     try:
         return read_slice(path, [trait.tag for trait in TRAITS])
     except RuntimeError as error:
-        return last_line(error)
+        return f"{path.name} {_why_unread(path, last_line(error))}"
+
+
+def _why_unread(path: Path, complaint: str) -> str:
+    instead = instead_of_scan(path)
+    return f"is {instead}" if instead else f"cannot be read as an image: {complaint} Expected a slice of a scan."
 
 
 def _volumes(slices: list[DicomSlice]) -> list[DicomSeries]:

@@ -1,8 +1,8 @@
-"""Where the frames of a DICOM file lie that has several: ITK takes them for a stack, whatever they are.
+"""Where the frames of a DICOM file lie that has several, and in which scale: ITK takes them for one stack, whatever they are.
 
 Enhanced images say it of each frame, in functional groups (DICOM PS3.3, C.7.6.16.2), which ITK does not show. Two phases, one
 after the other, frames in any order, and planes in several directions are all read as one volume; where the distances differ,
-all spacings become 1 mm, within the plane too.
+all spacings become 1 mm, within the plane too. Where each frame is scaled in a way of its own, all get the scale of the first.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], N
     Raises:
         InputError: they are no stack of slices, one after the other.
     """
-    frames = image.GetSize()[2] if image.GetDimension() > 2 else 1
+    frames = _frame_count(image)
     if frames < 2:
         return None
     positions = _numbers(path, _POSITION, 3, frames + 1)
@@ -61,6 +61,42 @@ def frame_positions(path: Path, image: sitk.Image, on_warning: Callable[[str], N
         )
     warn_of_gaps(path, heights, [f"frame {number}" for number in range(1, frames + 1)], on_warning)
     return positions
+
+
+def with_frame_scales(path: Path, image: sitk.Image) -> sitk.Image:
+    """The image of a DICOM file, each of its frames in its own scale.
+
+    Args:
+        path: of the file.
+        image: as ITK read it, all frames in the scale of the first.
+
+    Returns:
+        The image itself where that is the scale of all.
+
+    Raises:
+        InputError: not every frame has a scale, though they differ.
+    """
+    frames = _frame_count(image)
+    slopes, intercepts = (_numbers(path, element, 1, frames + 1) for element in (_SLOPE, _INTERCEPT))
+    if (slopes == slopes[:1]).all() and (intercepts == intercepts[:1]).all():
+        return image
+    if len(slopes) != frames or len(intercepts) != frames:
+        raise InputError(
+            f"{path} does not say of each of its {frames} frames how it is scaled, and not all are scaled alike. Open it in 3D "
+            "Slicer, look whether it is right there, and save it as .nrrd."
+        )
+    factors = slopes / slopes[0]
+    offsets = intercepts - factors * intercepts[0]
+    array = sitk.GetArrayFromImage(image).astype(np.float32)
+    array *= factors[..., None].astype(np.float32)
+    array += offsets[..., None].astype(np.float32)
+    scaled = sitk.GetImageFromArray(array, isVector=False)
+    scaled.CopyInformation(image)
+    return scaled
+
+
+def _frame_count(image: sitk.Image) -> int:
+    return int(image.GetSize()[2]) if image.GetDimension() > 2 else 1
 
 
 def _heights(positions: np.ndarray, image: sitk.Image) -> np.ndarray:
@@ -112,6 +148,9 @@ _POSITION = _in_sequence(b"\x20\x00\x13\x91", b"\x20\x00\x32\x00")
 _ORIENTATION = _in_sequence(b"\x20\x00\x16\x91", b"\x20\x00\x37\x00")
 # Before it are how thick a slice is and how far it is to the next, two numbers as text.
 _PIXEL_SPACING = _in_sequence(b"\x28\x00\x10\x91", b"\x28\x00\x30\x00", behind=64)
+_INTERCEPT = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x52\x10")
+# Before it is the intercept.
+_SLOPE = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x53\x10", behind=32)
 
 
 def _numbers(path: Path, element: re.Pattern[bytes], count: int, most: int) -> np.ndarray:

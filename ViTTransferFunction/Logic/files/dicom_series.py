@@ -9,8 +9,8 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.errors import InputError
-from .dicom_folder import read_content
-from .dicom_frames import frame_positions
+from .dicom_folder import DicomSeries, read_content
+from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_slice import DicomSlice, heights, turned
 from .itk_errors import last_line
 from .series_choice import choose_series
@@ -41,8 +41,7 @@ def read_series(
     if not content.series:
         if content.unread:
             raise InputError(
-                f"The DICOM files in {folder} cannot be read as images: {next(iter(content.unread.values()))} Expected the "
-                "slices of a scan. Copy them again, or name another folder."
+                f"The folder {folder} holds no DICOM file that can be read as a scan: {next(iter(content.unread.values()))}"
             )
         raise InputError(
             f"The folder {folder} holds no DICOM series, nor do folders below it. Name an image file, or a folder with DICOM "
@@ -61,6 +60,7 @@ def read_series(
     except RuntimeError as error:
         raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
     if len(slices) == 1:
+        image = with_frame_scales(slices[0].path, image)
         return image, frame_positions(slices[0].path, image, on_warning)
     warn_of_gaps(folder, heights(slices), [_name(each.path, folder) for each in slices], on_warning)
     return image, np.array([each.position for each in slices])
@@ -81,6 +81,8 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
         folder: for messages.
     """
     names = [_name(each.path, folder) for each in slices]
+    if instead := DicomSeries(tuple(slices)).instead:
+        raise InputError(f"The DICOM series in {folder} is {instead}")
     sizes = np.array([each.size for each in slices])
     if len(slices) > 1 and (sizes[:, 2] > 1).any():
         several = names[int((sizes[:, 2] > 1).argmax())]

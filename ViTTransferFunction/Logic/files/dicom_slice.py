@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
+from ..core.errors import InputError
 from .dicom_frames import LARGEST_TURN
+from .dicom_kind import instead_of_scan
 from .image_headers import DICOM_READER
 
 
@@ -29,6 +31,7 @@ class DicomSlice:
         description: of the series, (0008,103E), or "".
         modality: (0008,0060), or "".
         date: on which the series was taken, or else the study: YYYY-MM-DD, or "".
+        instead: what it is instead of a scan, as `instead_of_scan` says; "" where it may be one.
         traits: what else the header says, in one line each, by tags as ITK writes them ("0018|0081").
     """
 
@@ -43,6 +46,7 @@ class DicomSlice:
     description: str
     modality: str
     date: str
+    instead: str
     traits: Mapping[str, str]
 
 
@@ -73,8 +77,19 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         _text(reader, "0008|103e"),
         _text(reader, "0008|0060"),
         _date(_text(reader, "0008|0021") or _text(reader, "0008|0020")),
+        instead_of_scan(path, reader),
         {tag: _text(reader, tag) for tag in traits},
     )
+
+
+def check_may_be_scan(path: Path) -> None:
+    """Raise InputError where a DICOM file is known to be something else than a scan."""
+    try:
+        instead = read_slice(path).instead
+    except RuntimeError:
+        instead = instead_of_scan(path)
+    if instead:
+        raise InputError(f"{path} is {instead}")
 
 
 def heights(slices: Sequence[DicomSlice]) -> np.ndarray:

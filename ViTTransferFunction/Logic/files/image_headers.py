@@ -47,16 +47,16 @@ class ImageFormat:
 
 
 def image_format(path: Path) -> ImageFormat:
-    """The format that a file is of, by its ending in any case.
+    """The format that a file is of: DICOM under any name, since many call its slices `.img`; else by its ending in any case.
 
     Raises:
-        InputError: it is none whose completeness can be checked.
+        InputError: it cannot be read, or is of none whose completeness can be checked.
     """
+    if is_dicom_start(read_start(path, DICOM_START_BYTES)):
+        return ImageFormat(DICOM_READER, lambda _path, _start: None)
     ending = image_ending(path)
     if ending is not None:
         return _FORMATS[ending]
-    if is_dicom_start(read_start(path, DICOM_START_BYTES)):
-        return ImageFormat(DICOM_READER, lambda _path, _start: None)
     known = ", ".join(_FORMATS)
     raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
 
@@ -151,7 +151,9 @@ def _byte_order(path: Path, header: bytes) -> str:
 
 _NIFTI_TYPES = {1: (2, 256), 2: (4, 512), 4: (8, 16, 768), 8: (64, 1024, 1280)}
 _NIFTI_VOXEL_BYTES = {kind: size for size, kinds in _NIFTI_TYPES.items() for kind in kinds}
-"""By the code of the type. Colours and complex numbers are no volume."""
+"""By the code of the type."""
+
+_NIFTI_NO_INTENSITIES = {32: "complex numbers", 1792: "complex numbers", 128: "colours", 2304: "colours"}
 
 
 _NIFTI_FLOATS = {16: "f4", 64: "f8"}
@@ -164,6 +166,11 @@ def _nifti_voxels(path: Path, header: bytes, order: str) -> tuple[StoredVoxels, 
     (kind,) = struct.unpack_from(order + "h", header, 70)
     spacing = np.array(struct.unpack_from(order + "8f", header, 76))
     (offset,) = struct.unpack_from(order + "f", header, 108)
+    if kind in _NIFTI_NO_INTENSITIES:
+        raise InputError(
+            f"{path} holds {_NIFTI_NO_INTENSITIES[kind]}; expected one intensity a voxel, in shades of grey. Open the scan "
+            "that it was made of, or save one channel alone."
+        )
     if kind not in _NIFTI_VOXEL_BYTES:
         raise InputError(f"{path} holds voxels of the type {kind}, which is not known; save it as 16-bit integers, say.")
     if not 0.0 <= offset < 2.0**31:
@@ -240,6 +247,8 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     # Teem crashes on what is no text after all.
     if encoding in ("ascii", "text", "txt", "hex"):
         raise InputError(f"{path} holds its voxels as text; save it with binary ones.")
+    if encoding in ("bzip2", "bz2"):
+        raise InputError(f"{path} holds its voxels compressed by bzip2; expected gzip, or none. Save it with that.")
     plain_or_gzip = {"raw": False, "gzip": True, "gz": True}.get(encoding)
     # Teem itself notices what other encodings lack, and what has been put before the voxels is its to skip.
     if plain_or_gzip is None or {fields.get("lineskip", "0"), fields.get("byteskip", "0")} != {"0"}:

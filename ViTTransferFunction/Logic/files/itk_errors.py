@@ -4,9 +4,16 @@ from __future__ import annotations
 
 import re
 
+_IN_WORDS = dict.fromkeys(
+    ("Cannot read requested file", "Failed to get the buffer!"),
+    "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy or export it again.",
+)
+"""Sentences that say nothing to users: of DICOM."""
+
 
 def last_line(error: Exception) -> str:
     """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
     lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
     # ITK names the object that complains, and where that is in memory.
-    return re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)
+    line = re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)
+    return _IN_WORDS.get(line, line)

@@ -49,9 +49,10 @@ def choose_series(
         return series[0]
     volumes = [index for index, each in enumerate(series) if each.may_be_volume]
     if not volumes:
+        told = (f"The series {line} is {each.instead}" for line, each in zip(lines, series, strict=True) if each.instead)
         raise InputError(
-            f"The folder {folder} holds {len(series)} DICOM series, none of which has several parallel slices in shades of "
-            f"grey: {'; '.join(lines)}. Name a folder with a whole series."
+            f"The folder {folder} holds {len(series)} DICOM series, none of which has several parallel slices of a scan in "
+            f"shades of grey: {_told(lines)}. {next(told, 'Name a folder with a whole series.')}"
         )
     if len(volumes) > 1:
         offered = [lines[index] for index in volumes]

@@ -20,8 +20,9 @@ from ..core.private_folder import private_folder
 from ..core.regular_file import is_folder
 from ..core.volume import Volume
 from .dicom_folder import series_files
-from .dicom_frames import frame_positions
+from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_series import read_series
+from .dicom_slice import check_may_be_scan
 from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
@@ -260,7 +261,8 @@ def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | Non
         image, positions = read_series(path, on_warning, series)
         _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), path)
     else:
-        image = _read_file(path)
+        check_may_be_scan(path)
+        image = with_frame_scales(path, _read_file(path))
         positions = frame_positions(path, image, on_warning)
     return image, None if positions is None else transform_points(LPS_TO_RAS, positions)
 

@@ -119,11 +119,17 @@ def test_a_metaimage_of_two_files_is_read(tmp_path: Path, header_size: str, befo
     np.testing.assert_array_equal(read_volume(tmp_path / "scan.mhd").array, VOXELS)
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "text", "txt", "hex", "ASCII"])
-def test_an_nrrd_that_says_its_voxels_are_text_is_refused(tmp_path: Path, encoding: str) -> None:
+@pytest.mark.parametrize(
+    ("encoding", "message"),
+    [
+        *((text, "voxels as text") for text in ("ascii", "text", "txt", "hex", "ASCII")),
+        *((bzip2, "compressed by bzip2; expected gzip") for bzip2 in ("bzip2", "bz2", "BZ2")),
+    ],
+)
+def test_an_nrrd_whose_voxels_are_text_or_compressed_by_bzip2_is_refused(tmp_path: Path, encoding: str, message: str) -> None:
     header = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 11 10 9\nencoding: {encoding}\nendian: little\n\n"
     (tmp_path / "scan.nrrd").write_bytes(header.encode() + VOXELS.tobytes())
-    with pytest.raises(InputError, match="voxels as text"):
+    with pytest.raises(InputError, match=message):
         read_volume(tmp_path / "scan.nrrd")
 
 
@@ -185,6 +191,18 @@ def test_a_nifti_header_of_which_itk_would_guess_a_part_is_refused(tmp_path: Pat
     struct.pack_into("<" + kind, content, offset, value)
     (tmp_path / "scan.nii").write_bytes(content)
     with pytest.raises(InputError, match=re.escape(str(tmp_path / "scan.nii"))):
+        read_volume(tmp_path / "scan.nii")
+
+
+@pytest.mark.parametrize(("kind", "told"), [(128, "holds colours"), (2304, "holds colours"), (32, "holds complex numbers")])
+def test_a_nifti_file_of_no_intensities_is_refused_for_what_it_holds(tmp_path: Path, kind: int, told: str) -> None:
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, 3, 11, 10, 9, 1, 1, 1, 1)
+    struct.pack_into("<h", header, 70, kind)
+    header[344:348] = b"n+1\0"
+    (tmp_path / "scan.nii").write_bytes(bytes(header) + bytes(16 * VOXELS.size))
+    with pytest.raises(InputError, match=f"{told}; expected one intensity a voxel"):
         read_volume(tmp_path / "scan.nii")
 
 

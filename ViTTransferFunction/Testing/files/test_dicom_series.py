@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -162,21 +162,33 @@ def write_frames(
     kind: str = ENHANCED_CT,
     placed: bool = True,
     shift: float = 0.0,
+    scales: Sequence[tuple[float, float]] = (),
 ) -> Path:
-    """Write an image with a frame at each height, shifted by a share of that, whose voxels are ten times as many."""
+    """Write an image with a frame at each height, shifted by a share of that, whose stored voxels are ten times as many.
+
+    `scales` has the slope and intercept of each frame, where not all have 1 and 0.
+    """
     measures = sequence(0x28, 0x9110, element(0x18, 0x50, "DS", "2") + element(0x28, 0x30, "DS", "1.5\\1.25"))
-    rescaling = sequence(0x28, 0x9145, element(0x28, 0x1052, "DS", "0") + element(0x28, 0x1053, "DS", "1"))
     frames = [
         sequence(0x20, 0x9113, element(0x20, 0x32, "DS", f"10\\{20 + shift * height}\\{height}"))
         + sequence(0x20, 0x9116, element(0x20, 0x37, "DS", orientation))
         for height, orientation in zip(heights, orientations or [AXIAL] * len(heights), strict=True)
     ]
+    for index, scale in enumerate(scales):
+        frames[index] += rescaling(*scale)
     voxels = np.repeat(10 * np.array(heights), 42).astype("<i2").tobytes()
-    functional_groups = [sequence(0x5200, 0x9229, measures + rescaling), sequence(0x5200, 0x9230, *frames)]
+    shared = measures + (b"" if scales else rescaling(1, 0))
+    functional_groups = [sequence(0x5200, 0x9229, shared), sequence(0x5200, 0x9230, *frames)]
     pixels = pixel_format(len(heights)) + element(0x28, 0x103, "US", 1)
     return write_elements(
         path, kind, "1.2.3", pixels, *functional_groups[: 2 if placed else 1], element(0x7FE0, 0x10, "OW", voxels)
     )
+
+
+def rescaling(slope: float, intercept: float) -> bytes:
+    """How stored numbers become intensities, as functional groups have it."""
+    scale = element(0x28, 0x1052, "DS", str(intercept)) + element(0x28, 0x1053, "DS", str(slope))
+    return sequence(0x28, 0x9145, scale)
 
 
 def write_scaled_slice(path: Path, k: int, slope: float) -> Path:
@@ -273,6 +285,33 @@ def test_frames_of_a_tilted_gantry_lie_where_they_say(tmp_path: Path) -> None:
     pixels = np.array([[-10 - 1.25 * 3, -20 - 0.75 * height - 1.5 * 3, height] for height in ASCENDING])
     assert volume.array[tuple(volume.geometry.nearest_voxels(pixels).T)].tolist() == [10 * height for height in ASCENDING]
     assert ["shifted against each other by up to 6 mm" in warning for warning in warnings] == [True]
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+def test_frames_that_are_scaled_each_in_its_own_way_keep_their_values(tmp_path: Path, as_folder: bool) -> None:
+    """ITK takes the scale of the first frame for all."""
+    scales = [(3, 5), (1, 0), (0.25, -7), (100, 0), (2, 1000)]
+    file = write_frames(tmp_path / "scan" / "1.dcm", ASCENDING, scales=scales)
+
+    volume = read_volume(file.parent if as_folder else file, pytest.fail)
+
+    expected = [slope * 10 * height + intercept for height, (slope, intercept) in zip(ASCENDING, scales, strict=True)]
+    np.testing.assert_allclose(volume.array[:, 3, 3], expected, rtol=1e-6)
+    centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
+    np.testing.assert_allclose(centres, [[-10, -20, height] for height in ASCENDING], atol=1e-6)
+
+
+def test_frames_of_one_scale_keep_their_type(tmp_path: Path) -> None:
+    file = write_frames(tmp_path / "1.dcm", ASCENDING, scales=[(2, 0)] * 5)
+    volume = read_volume(file, pytest.fail)
+    assert volume.array[:, 3, 3].tolist() == [20 * height for height in ASCENDING]
+    assert volume.array.dtype.kind == "i"
+
+
+def test_frames_of_which_not_all_have_a_scale_are_refused_where_scales_differ(tmp_path: Path) -> None:
+    file = write_frames(tmp_path / "1.dcm", ASCENDING, scales=[(2, 0), (1, 0), (3, 0)])
+    with pytest.raises(InputError, match="does not say of each of its 5 frames how it is scaled"):
+        read_volume(file)
 
 
 def test_of_frames_that_do_not_say_where_they_lie_there_is_a_warning(tmp_path: Path) -> None:

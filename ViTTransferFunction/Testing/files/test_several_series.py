@@ -139,7 +139,7 @@ def test_where_no_series_is_a_volume_all_are_listed(tmp_path: Path) -> None:
 
 def test_a_folder_with_reports_alone_says_so(tmp_path: Path) -> None:
     write_elements(tmp_path / "report", REPORT, "1.2.9")
-    with pytest.raises(InputError, match="cannot be read as images"):
+    with pytest.raises(InputError, match="no DICOM file that can be read as a scan: report is a report; expected a scan"):
         read_volume(tmp_path)
 
 
