@@ -36,7 +36,7 @@ class DicomSeries:
 
     Attributes:
         slices: its files, from the lowest to the highest along the normal of the first, as GDCM sorts them.
-        part: which of the volumes in its series it is, "echo time 4.6 ms" say; "" where it is all of it.
+        part: which of the volumes in its series it is, "echo time 4.6 ms" say, or "file 0002.dcm"; "" where it is all of it.
     """
 
     slices: tuple[DicomSlice, ...]
@@ -124,7 +124,7 @@ def read_content(folder: Path) -> FolderContent:
             by_uid.setdefault(found.series_uid, []).append(found)
         elif _is_dicom(path):
             unread[path] = found
-    series = (each for slices in by_uid.values() for each in _volumes(slices))
+    series = (each for slices in by_uid.values() for each in _volumes(slices, folder))
     return FolderContent(sorted(series, key=_rank), unread)
 
 
@@ -148,7 +148,12 @@ def _why_unread(path: Path, complaint: str) -> str:
     return f"is {instead}" if instead else f"cannot be read as an image: {complaint} Expected a slice of a scan."
 
 
-def _volumes(slices: list[DicomSlice]) -> list[DicomSeries]:
+def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:
+    """The volumes of one series: the files of several frames, each by itself, and what those of one frame make together."""
+    single = [one for one in slices if one.size[2] == 1]
+    if len(single) < len(slices) > 1:
+        whole = [DicomSeries((one,), f"file {one.path.relative_to(folder)}") for one in slices if one.size[2] > 1]
+        return whole + (_volumes(single, folder) if single else [])
     stacked = [slices[index] for index in np.argsort(heights(slices), kind="stable")]
     return [DicomSeries(tuple(volume), part) for part, volume in volumes_of_series(stacked)]
 

@@ -84,12 +84,6 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
     if instead := DicomSeries(tuple(slices)).instead:
         raise InputError(f"The DICOM series in {folder} is {instead}")
     sizes = np.array([each.size for each in slices])
-    if len(slices) > 1 and (sizes[:, 2] > 1).any():
-        several = names[int((sizes[:, 2] > 1).argmax())]
-        raise InputError(
-            f"The DICOM series in {folder} has {len(slices)} files, of which {several}, for one, has several slices of its "
-            "own. Name the file to use alone."
-        )
     unlike = (sizes != sizes[0]).any(axis=1)
     if unlike.any():
         one, other = (f"{names[index]} with {'×'.join(map(str, sizes[index][:2]))}" for index in (0, unlike.argmax()))

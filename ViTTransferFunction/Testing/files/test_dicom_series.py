@@ -13,6 +13,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.files.series_choice import SeveralSeries
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom, write_moved_dicom
 
@@ -319,11 +320,25 @@ def test_of_frames_that_do_not_say_where_they_lie_there_is_a_warning(tmp_path: P
     assert ["do not say where they lie" in warning for warning in warnings_of(tmp_path)] == [True]
 
 
-def test_several_files_of_several_frames_are_no_series(tmp_path: Path) -> None:
-    for name in ("1.dcm", "2.dcm"):
-        write_frames(tmp_path / name, ASCENDING)
-    with pytest.raises(InputError, match="has several slices of its own"):
+def test_of_several_files_of_several_frames_each_is_a_volume(tmp_path: Path) -> None:
+    """As time points of Siemens' and Philips' MR are."""
+    for number in (1, 2, 3):
+        write_frames(tmp_path / f"{number}.dcm", [height + number for height in ASCENDING])
+
+    with pytest.raises(SeveralSeries) as several:
         read_volume(tmp_path)
+
+    assert several.value.lines == tuple(f"without a name, file {number}.dcm (CT, 7×6×5)" for number in (1, 2, 3))
+    for number, line in zip((1, 2, 3), several.value.lines, strict=True):
+        volume = read_volume(tmp_path, pytest.fail, line)
+        assert volume.array[:, 3, 3].tolist() == [10 * (height + number) for height in ASCENDING]
+
+
+def test_beside_a_file_of_several_frames_a_scout_of_its_series_is_passed_over(tmp_path: Path) -> None:
+    write_frames(tmp_path / "1.dcm", ASCENDING)
+    write_scaled_slice(tmp_path / "2.dcm", 0, 1.0)
+    (warning,) = warnings_of(tmp_path)
+    assert "file 1.dcm (CT, 7×6×5) is read; passed over, since they are no volumes: without a name (CT, 7×6×1)" in warning
 
 
 def test_an_enhanced_image_that_lacks_what_it_must_have_is_refused(tmp_path: Path) -> None:
