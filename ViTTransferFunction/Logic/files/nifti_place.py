@@ -1,7 +1,8 @@
 """Where a NIfTI-1 header says that its voxels lie: refused where ITK would guess, or give a wrong reason.
 
-nifti1.h of the NIfTI data format working group: `sform` is a matrix, `qform` a rotation as a quaternion and a shift. ITK, and
-so Slicer, goes by `sform` if that has a code and axes, else by `qform` if that has a code. It knows that both are in the units
+nifti1.h of the NIfTI data format working group: `sform` is a matrix, `qform` a rotation as a quaternion and a shift. Where both
+have a code, ITK, and so Slicer, goes by `sform` only if that has axes and the code of the scanner's own coordinates; with that
+of an atlas, say, it goes by `qform`. Of one that has a code alone it goes by that. It knows that both are in the units
 of `xyzt_units`.
 """
 
@@ -17,6 +18,9 @@ import SimpleITK as sitk  # noqa: N813
 from ..core.errors import InputError
 from .straightening import LARGEST_DEVIATION
 
+SCANNER = 1
+"""The code of coordinates that are the scanner's own, NIFTI_XFORM_SCANNER_ANAT."""
+
 LONGEST_QUATERNION = 1.01
 """Sum of the squares of b, c and d, which no rotation has beyond 1 but by rounding."""
 
@@ -31,7 +35,8 @@ def check_place(path: Path, header: bytes, order: str) -> None:
     """
     if header[344:347] not in (b"n+1", b"ni1"):
         return  # Analyze, which has other fields there.
-    has_qform, has_sform = (code > 0 for code in struct.unpack_from(order + "2h", header, 252))
+    qform_code, sform_code = struct.unpack_from(order + "2h", header, 252)
+    has_qform, has_sform = qform_code > 0, sform_code > 0
     qform = np.array(struct.unpack_from(order + "6f", header, 256))
     sform = np.array(struct.unpack_from(order + "12f", header, 280)).reshape(3, 4)
     for name, there, place in (("qform", has_qform, qform), ("sform", has_sform, sform)):
@@ -44,7 +49,7 @@ def check_place(path: Path, header: bytes, order: str) -> None:
             f"{path} does not say where it lies: its header's sform gives its axes as {axes}, and there is no qform; expected "
             "three different directions. Save it again from its source."
         )
-    if has_qform and not has_axes and (qform[:3] ** 2).sum() > LONGEST_QUATERNION:
+    if has_qform and not (has_axes and sform_code == SCANNER) and (qform[:3] ** 2).sum() > LONGEST_QUATERNION:
         quaternion = ", ".join(f"{number:g}" for number in qform[:3])
         raise InputError(
             f"{path} does not say where it lies: its header's qform has the quaternion {quaternion}, which is no rotation: the "

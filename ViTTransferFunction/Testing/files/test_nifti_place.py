@@ -44,7 +44,9 @@ def test_where_the_matrix_has_no_three_axes_a_rotation_says_where_it_lies(tmp_pa
     )
 
 
-@pytest.mark.parametrize("matrix", [{"sform_code": 0}, {"srow": NO_AXES}], ids=["no matrix", "zeros"])
+@pytest.mark.parametrize(
+    "matrix", [{"sform_code": 0}, {"srow": NO_AXES}, {"sform_code": 2}, {"sform_code": 4}], ids=["no matrix", "zeros", "2", "4"]
+)
 def test_a_quaternion_that_is_no_rotation_is_refused(tmp_path: Path, matrix: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="the quaternion 1, 0, 1, which is no rotation"):
         read_volume(written(tmp_path, qform_code=1, quatern=[1.0, 0.0, 1.0], **matrix))
@@ -53,6 +55,21 @@ def test_a_quaternion_that_is_no_rotation_is_refused(tmp_path: Path, matrix: dic
 def test_a_quaternion_that_is_no_rotation_does_not_matter_beside_a_matrix(tmp_path: Path) -> None:
     volume = read_volume(written(tmp_path, qform_code=1, quatern=[1.0, 0.0, 1.0]))
     np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0])
+
+
+@pytest.mark.parametrize(("code", "half_a_turn"), [(1, False), (2, True), (4, True)])
+def test_where_matrix_and_rotation_differ_it_lies_where_slicer_shows_it(tmp_path: Path, code: int, half_a_turn: bool) -> None:
+    """By the rotation where the matrix leads into an atlas or to another scan."""
+    trame_slicer = pytest.importorskip("trame_slicer.core", reason="slicer-core has no wheels for this Python")
+    file = written(tmp_path, sform_code=code, **HALF_A_TURN)
+    app = trame_slicer.SlicerApp()
+    (node,) = app.io_manager.load_volumes(str(file))
+    origin = node.GetOrigin()
+
+    volume = read_volume(file)
+
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, 3], origin, atol=1e-6)
+    assert bool(np.allclose(origin, [5.0, 6.0, 7.0])) == half_a_turn
 
 
 @pytest.mark.parametrize("form", ["sform", "qform"])
