@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import re
 
-_IN_WORDS = dict.fromkeys(
-    ("Cannot read requested file", "Failed to get the buffer!"),
-    "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy or export it again.",
+_NO_PIXELS = re.compile(
+    "Cannot read requested file|Failed to get the buffer|Failed to change to Implicit Transfer|An invalid logic behavior"
 )
-"""Sentences that say nothing to users: of DICOM."""
+"""How sentences begin that GDCM has for whatever it cannot decode, and that say nothing to users."""
 
 
 def last_line(error: Exception) -> str:
@@ -16,4 +15,6 @@ def last_line(error: Exception) -> str:
     lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
     # ITK names the object that complains, and where that is in memory.
     line = re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)
-    return _IN_WORDS.get(line, line)
+    if _NO_PIXELS.match(line):
+        return "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy or export it again."
+    return line

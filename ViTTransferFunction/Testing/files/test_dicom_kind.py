@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.files.itk_errors import last_line
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Testing.attack.scans import write_dicom
 from ViTTransferFunction.Testing.files.test_dicom_series import (
@@ -106,3 +107,17 @@ def test_where_all_series_are_of_mosaics_it_is_said_so(tmp_path: Path) -> None:
 def test_dicom_is_known_by_its_content_whatever_it_is_called(tmp_path: Path) -> None:
     file = write_frames(tmp_path / "011-0001.img", ASCENDING)
     assert read_volume(file).array[:, 3, 3].tolist() == [10 * height for height in ASCENDING]
+
+
+@pytest.mark.parametrize(
+    "complaint",
+    [
+        "Cannot read requested file",
+        "Failed to get the buffer!",
+        "Failed to change to Implicit Transfer Syntax",
+        "An invalid logic behavior occurredb1 && cosines.size() == 6",
+    ],
+)
+def test_what_gdcm_says_of_pixels_that_it_cannot_decode_is_said_in_words_for_users(complaint: str) -> None:
+    error = RuntimeError(f"itkGDCMImageIO.cxx:468:\nITK ERROR: GDCMImageIO(0x5633f3821b90): {complaint}")
+    assert last_line(error).startswith("it holds no pixels, or they are damaged, or compressed in a way that is not known.")
