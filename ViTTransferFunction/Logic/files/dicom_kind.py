@@ -70,7 +70,9 @@ def _by_header(header: sitk.ImageFileReader) -> str:
             "of mosaics, pictures with all slices of a volume side by side; expected a picture for each slice. Convert it to "
             "NIfTI, by dcm2niix say, and save one time point alone."
         )
-    if _value(header, "0028|0009") in _FRAME_TIMES and header.GetSize()[2] > 1:
+    # Cone-beam CTs of some makers have their slices follow each other in milliseconds.
+    in_time = _value(header, "0028|0009") in _FRAME_TIMES and _value(header, "0008|0060") != "CT"
+    if in_time and header.GetSize()[2] > 1:
         return f"a film, whose pictures follow each other in time; {_SCAN}"
     return ""
 

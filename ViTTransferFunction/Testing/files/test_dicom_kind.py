@@ -83,11 +83,22 @@ def test_beside_a_scan_its_segmentation_is_passed_over(tmp_path: Path) -> None:
 @pytest.mark.parametrize("as_folder", [False, True])
 def test_a_film_is_no_stack_of_slices(tmp_path: Path, as_folder: bool) -> None:
     """ITK takes the milliseconds from one picture to the next for the millimetres between them."""
-    file = write_frames(tmp_path / "scan" / "1.dcm", ASCENDING, kind=ULTRASOUND, placed=False)
-    count = element(0x28, 8, "IS", "5")
-    file.write_bytes(file.read_bytes().replace(count, count + FRAME_TIME))
+    file = in_time(write_frames(tmp_path / "scan" / "1.dcm", ASCENDING, kind=ULTRASOUND, placed=False))
+    file.write_bytes(file.read_bytes().replace(*(element(8, 0x60, "CS", modality) for modality in ("CT", "US"))))
     with pytest.raises(InputError, match="is a film, whose pictures follow each other in time; expected a scan"):
         read_volume(file.parent if as_folder else file)
+
+
+def test_slices_of_a_ct_may_follow_each_other_in_time(tmp_path: Path) -> None:
+    file = in_time(write_frames(tmp_path / "1.dcm", ASCENDING))
+    assert read_volume(file).array[:, 3, 3].tolist() == [10 * height for height in ASCENDING]
+
+
+def in_time(file: Path) -> Path:
+    """Have the frames of a file of `write_frames` follow each other in time."""
+    count = element(0x28, 8, "IS", "5")
+    file.write_bytes(file.read_bytes().replace(count, count + FRAME_TIME))
+    return file
 
 
 def test_mosaics_are_no_stack_of_slices_wherever_they_lie(tmp_path: Path) -> None:
