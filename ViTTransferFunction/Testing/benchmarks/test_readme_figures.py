@@ -69,7 +69,7 @@ def summary(name: str) -> dict[str, Any]:
     return found
 
 
-def figure(mean: float, spread: float | None, digits: int = 2) -> str:
+def figure(mean: float, spread: float | None, *, digits: int = 2) -> str:
     return f"{mean:.{digits}f}" if spread is None else f"{mean:.{digits}f} ± {spread:.{digits}f}"
 
 
@@ -126,7 +126,8 @@ def test_results_have_what_other_methods_were_measured_to_have_last() -> None:
     for scan, method, *figures in rows:
         own = method == "*balanced*"
         of = measured["cases"][CASES[scan]]["clicks alone"] if own else measured["methods"][CASES[scan]][method]
-        assert figures == [figure(*(of[n]["dice"] if own else of[n]), digits=3) for n in CLICKS], (scan, method)
+        means_and_spreads = [of[n]["dice"] if own else of[n] for n in CLICKS]
+        assert figures == [figure(mean, spread, digits=3) for mean, spread in means_and_spreads], (scan, method)
 
 
 def test_results_have_the_accuracy_on_scans_that_nothing_was_chosen_on() -> None:

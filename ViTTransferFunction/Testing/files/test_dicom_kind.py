@@ -84,7 +84,7 @@ def test_beside_a_scan_its_segmentation_is_passed_over(tmp_path: Path) -> None:
 def test_a_film_is_no_stack_of_slices(tmp_path: Path, as_folder: bool) -> None:
     """ITK takes the milliseconds from one picture to the next for the millimetres between them."""
     file = in_time(write_frames(tmp_path / "scan" / "1.dcm", ASCENDING, kind=ULTRASOUND, placed=False))
-    file.write_bytes(file.read_bytes().replace(*(element(8, 0x60, "CS", modality) for modality in ("CT", "US"))))
+    file.write_bytes(file.read_bytes().replace(element(8, 0x60, "CS", "CT"), element(8, 0x60, "CS", "US")))
     with pytest.raises(InputError, match="is a film, whose pictures follow each other in time; expected a scan"):
         read_volume(file.parent if as_folder else file)
 
