@@ -29,7 +29,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
     """Make the page of a server whose views are there; `contexts`: what can be shown around structures, by name."""
     server.enable_module({
         "serve": {"__vittf": str(_STATIC), "__vittf_icons": str(_ICONS)},
-        "scripts": ["__vittf/page.js", "__vittf/touch.js"],
+        "scripts": ["__vittf/page.js", "__vittf/view_steps.js", "__vittf/mouse.js", "__vittf/touch.js"],
         "styles": ["__vittf/page.css"],
     })  # fmt: skip
     words, form, endings = meanings(), panel_form(), film_endings()

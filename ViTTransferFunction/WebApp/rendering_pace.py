@@ -13,8 +13,6 @@ from trame_slicer.views import ScheduledRenderStrategy
 PICTURES_PER_S = 30.0
 """At most, in the view that the mouse is in."""
 PICTURES_PER_S_ELSEWHERE = 15.0
-EVENTS_EACH_S = 0.001
-"""How long the browser waits between what the mouse does; moves that come before the server has answered become one anyway."""
 
 QUALITY = 90
 """Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once."""
@@ -110,7 +108,7 @@ class PatientSliceViewFactory(RemoteSliceViewFactory):
     """
 
     def __init__(self, server: Any, is_urgent: Callable[[], bool], **options: Any) -> None:
-        super().__init__(server, interactive_quality=QUALITY, rca_event_throttle_s=EVENTS_EACH_S, **options)
+        super().__init__(server, interactive_quality=QUALITY, **options)
         self._is_urgent = is_urgent
 
     def _create_view(self, view: Any, scene: Any, app_logic: Any) -> Any:
@@ -132,7 +130,7 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
     """
 
     def __init__(self, server: Any, is_urgent: Callable[[], bool], **options: Any) -> None:
-        super().__init__(server, interactive_quality=QUALITY, rca_event_throttle_s=EVENTS_EACH_S, **options)
+        super().__init__(server, interactive_quality=QUALITY, **options)
         self._is_urgent = is_urgent
         self.strategies: list[AfterClicks] = []
 

@@ -8,7 +8,7 @@ from typing import Any
 from trame.widgets import html
 from trame_slicer.app.logic import connect_slice_view_slider_to_state
 from trame_slicer.core import SlicerApp
-from trame_slicer.views import SliceView, ThreeDView, ViewLayoutDefinition
+from trame_slicer.views import CursorId, SliceView, ThreeDView, ViewLayoutDefinition
 from trame_slicer.views.threed_view import ViewDirection
 from vtkmodules.vtkCommonCore import vtkCommand
 
@@ -18,15 +18,13 @@ from ..Logic.scene.volume import numpy_matrix
 from .data_probe import DataProbe
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
 from .scale_bar import scale_bar
-from .touch import put_mouse, touch
+from .view_steps import take_steps
 
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
-MOST_NOTCHES = 100
-"""Of the wheel that are taken together: more than a hand turns while it waits."""
 
 
 class SlicerViews:
@@ -54,9 +52,7 @@ class SlicerViews:
         definition_3d = ViewLayoutDefinition.threed_view(background_color=BACKGROUND_3D)
         self.view_3d: ThreeDView = app.view_manager.create_view(definition_3d)
         app.view_manager.set_current_view_ids(list(VIEWS))
-        server.trigger("leave_view")(self.leave)
-        server.trigger("turn_wheel")(self.turn_wheel)
-        server.trigger("touch_view")(self.touch)
+        server.trigger("use_view")(self.use)
 
     def show(self, volume: Any) -> None:
         """Show a volume in the slice views, all of it, at its middle, and have the 3D view look at it; None: nothing."""
@@ -75,40 +71,22 @@ class SlicerViews:
         for strategy in self._factory_3d.strategies:
             strategy.settle()
 
-    def leave(self, view_id: str = "") -> None:
-        """Have nothing follow the mouse in a view that it has left, or in any: no next point, and no brush's circle.
-
-        The page tells, since the views' areas send only moves and buttons.
-        """
+    def leave(self) -> None:
+        """Have nothing follow the mouse in any view: no next point, and no brush's circle."""
         for view in (*self.slices, self.view_3d):
-            if view_id in ("", view.name):
-                view.interactor().InvokeEvent(vtkCommand.LeaveEvent)
+            view.interactor().InvokeEvent(vtkCommand.LeaveEvent)
         self.settle()
 
-    def turn_wheel(self, view_id: str, place: Sequence[float], notches: int, keys: Sequence[bool]) -> None:
-        """Do what turning the wheel over a view does there: in a slice view, it leafs.
-
-        The page sends turns together that come before it has an answer, where views would get each by itself, and answer it.
-
-        Args:
-            view_id: its name.
-            place: where the mouse is, in shares of the view from its left and from its top.
-            notches: away from the user, or towards them if negative.
-            keys: whether Ctrl, Shift and Alt are held.
-        """
-        view = self._view(view_id)
-        put_mouse(view, place, keys)
-        event = vtkCommand.MouseWheelForwardEvent if notches > 0 else vtkCommand.MouseWheelBackwardEvent
-        for _ in range(min(abs(notches), MOST_NOTCHES)):
-            view.interactor().InvokeEvent(event)
-
-    def touch(self, view_id: str, steps: Sequence[Sequence[Any]]) -> None:
-        """Do to a view what fingers did, as `touch` takes it."""
-        touch(self._view(view_id), steps)
-        self.settle()
-
-    def _view(self, view_id: str) -> Any:
-        return next(view for view in (*self.slices, self.view_3d) if view.name == view_id)
+    def use(self, view_id: str, steps: Sequence[Sequence[Any]]) -> None:
+        """Do to a view what mouse and fingers did, as `take_steps` takes it."""
+        view = next(view for view in (*self.slices, self.view_3d) if view.name == view_id)
+        take_steps(view, steps)
+        self._server.state[f"{view_id}_active_view_cursor"] = CursorId.from_vtk_cursor_id(
+            view.render_window().GetCurrentCursor()
+        ).value
+        # Other steps in slice views are frequent, or have an answer to wait for.
+        if view is self.view_3d or any(what in ("leave", "spread") for what, *_ in steps):
+            self.settle()
 
     def _fit_3d(self) -> None:
         """Look at the volume from the front. The view itself would go by what it shows, which may be nothing yet."""

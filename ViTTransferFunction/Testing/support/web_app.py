@@ -39,6 +39,16 @@ STATE = (
 )
 """Names in the page's state that tests wait for."""
 
+SLOW_NETWORK = """() => {
+    const send = WebSocket.prototype.send;
+    window.usesOfViews = 0;
+    WebSocket.prototype.send = function (message, ...more) {
+        if (new TextDecoder().decode(message).includes("use_view")) usesOfViews += 1;
+        setTimeout(() => send.call(this, message, ...more), 300);
+    };
+}"""
+"""Has whatever a page sends take a while, in its order; counts what is sent of what is done in views."""
+
 _PROGRAM = """
 import sys
 from ViTTransferFunction.WebApp import browser_session

@@ -470,8 +470,14 @@ def test_positions_are_named_by_the_patients_sides() -> None:
     assert position_text(np.array([-0.6, -7.0, -0.4])) == "L 1, P 7, S 0"
 
 
-@pytest.mark.parametrize("left", ["Red", ""], ids=["the mouse left", "a picture is made"])
-def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(opened: Callable[[Journey], None], left: str) -> None:
+@pytest.mark.parametrize(
+    "leave",
+    [lambda app: app.views.use("Red", [["leave", [0.0, 0.5], [False] * 3]]), lambda app: app.views.leave()],
+    ids=["the mouse left", "a picture is made"],
+)
+def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(
+    opened: Callable[[Journey], None], leave: Callable[[WebApp], None]
+) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
         view = app.views.slices[0]
@@ -483,7 +489,7 @@ def test_the_next_point_is_not_shown_where_the_mouse_is_in_no_view(opened: Calla
         points = app.session.annotations.points_node(app.session.classes[0].id, True)
         assert points.GetNumberOfControlPoints() == 1
         assert points.GetNthControlPointPositionStatus(0) == points.PositionPreview
-        app.views.leave(left)
+        leave(app)
         assert points.GetNumberOfControlPoints() == 0
 
     opened(journey)
@@ -581,15 +587,15 @@ def test_turns_of_the_wheel_that_come_together_count_each(opened: Callable[[Jour
         view.render_window().SetSize(300, 300)
         view.reset_view()
         step, before = view.get_slice_step(), view.get_slice_value()
-        app.views.turn_wheel("Red", [0.5, 0.5], 3, [False, False, False])
+        app.views.use("Red", [["wheel", [0.5, 0.5], [False, False, False], 3]])
         assert view.get_slice_value() == pytest.approx(before + 3 * step)
-        app.views.turn_wheel("Red", [0.5, 0.5], -3, [False, False, False])
+        app.views.use("Red", [["wheel", [0.5, 0.5], [False, False, False], -3]])
         assert view.get_slice_value() == pytest.approx(before)
         field_of_view = view.get_view_node().GetFieldOfView()
-        app.views.turn_wheel("Red", [0.5, 0.5], 2, [True, False, False])
+        app.views.use("Red", [["wheel", [0.5, 0.5], [True, False, False], 2]])
         assert view.get_view_node().GetFieldOfView() != field_of_view
         assert view.get_slice_value() == pytest.approx(before)
-        app.views.turn_wheel("Red", [0.5, 0.5], 0, [False, False, False])
+        app.views.use("Red", [["wheel", [0.5, 0.5], [False, False, False], 0]])
         assert view.get_slice_value() == pytest.approx(before)
 
     opened(journey)

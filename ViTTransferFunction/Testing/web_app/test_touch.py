@@ -18,6 +18,7 @@ from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 Finger = tuple[float, float]
+NO_KEYS = [False, False, False]
 
 
 @pytest.fixture
@@ -42,8 +43,8 @@ def test_a_tap_places_a_point_and_leaves_no_other_hanging_on_the_finger(in_views
     async def journey(app: WebApp) -> None:
         node = app.views.slices[0].get_view_node()
         expected = node.GetXYToRAS().MultiplyPoint((0.4 * 300, 0.75 * 200, 0.0, 1.0))[:3]
-        place = [0.4, 0.25]
-        app.views.touch("Red", [["move", place], ["press", place], ["release", place], ["leave", place]])
+        at = [[0.4, 0.25], NO_KEYS]
+        app.views.use("Red", [["move", *at], ["press", *at, "left"], ["release", *at, "left"], ["leave", *at]])
         (structure,) = app.session.classes
         np.testing.assert_allclose(structure.positive, [expected], atol=0.5)
         points = app.session.annotations.points_node(structure.id, True)
@@ -58,7 +59,7 @@ def test_what_lies_between_two_fingers_stays_there_while_they_spread(in_views: C
         node, offset = view.get_view_node(), view.get_slice_value()
         held = node.GetXYToRAS().MultiplyPoint((90.0, 100.0, 0.0, 1.0))
         width, height, _ = node.GetFieldOfView()
-        app.views.touch("Red", [["spread", [0.3, 0.5], [0.5, 0.6], 2.0]])
+        app.views.use("Red", [["spread", [0.3, 0.5], NO_KEYS, [0.5, 0.6], 2.0]])
         np.testing.assert_allclose(node.GetFieldOfView()[:2], (width / 2, height / 2))
         np.testing.assert_allclose(node.GetXYToRAS().MultiplyPoint((150.0, 80.0, 0.0, 1.0)), held, atol=1e-6)
         assert view.get_slice_value() == pytest.approx(offset)
@@ -72,7 +73,7 @@ def test_two_fingers_bring_the_3d_view_nearer(in_views: Callable[[Journey], None
     async def journey(app: WebApp) -> None:
         camera = app.views.view_3d.get_camera_node().GetCamera()
         before = camera.GetDistance()
-        app.views.touch("ThreeD", [["spread", [0.5, 0.5], [0.5, 0.5], 2.0]])
+        app.views.use("ThreeD", [["spread", [0.5, 0.5], NO_KEYS, [0.5, 0.5], 2.0]])
         assert camera.GetDistance() == pytest.approx(before / 2)
 
     in_views(journey)

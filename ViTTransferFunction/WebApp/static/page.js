@@ -63,35 +63,6 @@
     event.preventDefault();
   });
 
-  // The wheel over a view. What is turned before the server has answered goes to it together, so that slices come as fast as
-  // the network lets them, and the last one is the next one; the view itself would wait for an answer to each notch.
-  let turned = null;
-  let turning = false;
-  async function sendTurned() {
-    turning = true;
-    while (turned) {
-      const { view, place, notches, keys } = turned;
-      turned = null;
-      await window.trame.trigger("turn_wheel", [view, place, notches, keys]).catch(() => {});
-    }
-    turning = false;
-  }
-  window.addEventListener("wheel", (event) => {
-    const area = event.target.closest && event.target.closest("[data-view]");
-    if (!area || event.target.closest("button, input")) return;
-    event.preventDefault();
-    event.stopPropagation();
-    const box = area.getBoundingClientRect();
-    const place = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
-    const keys = [event.ctrlKey, event.shiftKey, event.altKey];
-    // Browsers turn sideways while Shift is held.
-    const notches = -Math.sign(event.deltaY || event.deltaX);
-    const view = area.dataset.view;
-    const goesOn = turned && turned.view === view && String(turned.keys) === String(keys);
-    turned = { view, place, keys, notches: notches + (goesOn ? turned.notches : 0) };
-    if (!turning) sendTurned();
-  }, { capture: true, passive: false });
-
   // The selected structure comes into sight in its table, and nothing else moves: users who go from one to the next may be
   // looking at settings further down.
   let inSight = "";

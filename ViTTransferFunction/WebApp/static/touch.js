@@ -2,20 +2,7 @@
 // moved, or is lifted. Two move the picture and enlarge it. The views themselves would press the button for each finger at once.
 (() => {
   const STILL_PX = 8;
-
-  // Moves before the server has answered go to it together. Nothing else waits, so that what is asked for next does not overtake it.
-  let steps = [];
-  let unanswered = 0;
-  async function send(name, ...done) {
-    steps.push(...done);
-    if (unanswered && done.every(([what]) => what === "move" || what === "spread")) return;
-    const sent = steps;
-    steps = [];
-    unanswered += 1;
-    await window.trame.trigger("touch_view", [name, sent]).catch(() => {});
-    unanswered -= 1;
-    if (steps.length) send(name);
-  }
+  const NO_KEYS = [false, false, false];
 
   // Fingers on one view, until all are lifted: where they are, and what they do, which is "nothing yet", "press", "spread" or
   // "nothing any more".
@@ -28,12 +15,14 @@
     const box = view.getBoundingClientRect();
     return [(x - box.left) / box.width, (y - box.top) / box.height];
   }
+  const step = (what, at, ...more) => window.viewStep(view.dataset.view, what, place(at), NO_KEYS, ...more);
   const middle = ([one, other]) => ({ x: (one.x + other.x) / 2, y: (one.y + other.y) / 2 });
   const distance = ([one, other]) => Math.max(1, Math.hypot(one.x - other.x, one.y - other.y));
 
   function press() {
     doing = "press";
-    send(view.dataset.view, ["move", place(start)], ["press", place(start)]);
+    step("move", start);
+    step("press", start, "left");
   }
 
   function down(event, at) {
@@ -48,16 +37,19 @@
     fingers.set(event.pointerId, at);
     const after = [...fingers.values()];
     if (doing === "nothing yet" && distance([start, at]) > STILL_PX) press();
-    if (doing === "press" && event.pointerId === fingers.keys().next().value) send(view.dataset.view, ["move", place(at)]);
+    if (doing === "press" && event.pointerId === fingers.keys().next().value) step("move", at);
     if (doing === "spread")
-      send(view.dataset.view, ["spread", place(middle(before)), place(middle(after)), distance(after) / distance(before)]);
+      step("spread", middle(before), place(middle(after)), distance(after) / distance(before));
   }
 
   function lift(event, at) {
     const isFirst = event.pointerId === fingers.keys().next().value;
     fingers.delete(event.pointerId);
     if (doing === "nothing yet" && event.type === "pointerup") press();
-    if (doing === "press" && isFirst) send(view.dataset.view, ["release", place(at)], ["leave", place(at)]);
+    if (doing === "press" && isFirst) {
+      step("release", at, "left");
+      step("leave", at);
+    }
     if (doing !== "press" || isFirst) doing = "nothing any more";
     if (!fingers.size) view = null;
   }

@@ -1,0 +1,91 @@
+"""Over a slow network, what is done in a view comes before what is asked for after it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+import SimpleITK as sitk  # noqa: N813
+
+from ViTTransferFunction.Testing.support.web_app import SLOW_NETWORK, AppPage, Server, serving
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("app")
+    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24))), str(folder / "noise.nrrd"))
+    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
+        yield server
+
+
+@pytest.fixture
+def page(new_page: Callable[[], AppPage], server: Server) -> AppPage:
+    """The app over a slow network, with a new structure and the tool for its points in hand."""
+    page = new_page()
+    page.page.goto(server.address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    page.page.keyboard.press("Escape")
+    page["add-class"].click()
+    page.page.wait_for_function("window.trame.state.get('tool') === 'pointOn'")
+    page.page.evaluate(SLOW_NETWORK)
+    return page
+
+
+def test_a_click_is_one_in_the_structure_that_was_selected_then(page: AppPage) -> None:
+    page.click_in("Red", 150, 150)
+    page["add-class"].click()
+    page.click_in("Red", 170, 150)
+    page["add-class"].click()
+    page.wait_for_state("classes.at(-1).positive === 0 && classes.at(-2)?.positive === 1 && classes.at(-3)?.positive === 1")
+
+
+def test_clicks_and_turns_of_the_wheel_stay_in_their_order(page: AppPage) -> None:
+    before, step = (float(value) for value in (page["slice-Red"].input_value(), page["slice-Red"].get_attribute("step") or ""))
+    page.click_in("Red", 150, 150)
+    page.page.mouse.wheel(0, 100)
+    page.page.mouse.wheel(0, 100)
+    page.click_in("Red", 170, 150)
+    page.page.mouse.wheel(0, 100)
+    page.wait_for_state("classes.at(-1).positive === 2")
+    points = page.page.evaluate("fetch('download/points').then((answer) => answer.json())")["classes"][-1]["positive"]
+    np.testing.assert_allclose([point[2] for point in points], [before, before - 2 * step], atol=step / 4)
+
+
+def test_a_click_counts_where_the_mouse_leaves_the_view_at_once(page: AppPage) -> None:
+    page.click_in("Red", 150, 150)
+    page.page.mouse.move(5, 5)
+    page.wait_for_state("classes.at(-1).positive === 1")
+
+
+def test_a_key_undoes_the_click_before_it(page: AppPage) -> None:
+    page.click_in("Red", 150, 150)
+    page.click_in("Red", 170, 150)
+    page.page.keyboard.press("z")
+    page["add-class"].click()
+    page.wait_for_state("classes.at(-1).positive === 0 && classes.at(-2)?.positive === 1")
+
+
+def test_none_of_several_quick_clicks_is_lost(page: AppPage) -> None:
+    for column in range(130, 230, 20):
+        page.click_in("Red", column, 150)
+    page["add-class"].click()
+    page.wait_for_state("classes.at(-1).positive === 0 && classes.at(-2)?.positive === 5")
+
+
+def test_a_stroke_is_one_in_the_structure_that_was_selected_then(page: AppPage) -> None:
+    page["tool-brushOn"].click()
+    box = page["view-Red"].bounding_box()
+    page.page.mouse.move(box["x"] + 130, box["y"] + 150)
+    page.page.mouse.down()
+    for by in range(10, 100, 10):
+        page.page.mouse.move(box["x"] + 130 + by, box["y"] + 150)
+    page.page.mouse.up()
+    page["add-class"].click()
+    page.wait_for_state("classes.at(-1).positive === 0 && classes.at(-2)?.positive > 1")

@@ -1,0 +1,60 @@
+// The mouse in the views, or a pen. The views themselves would send each press and release only after the answer to what was
+// before.
+(() => {
+  const BUTTONS = [[1, "left"], [2, "right"], [4, "middle"]];
+
+  // Buttons that are held since one was pressed in a view, and that view.
+  let held = 0;
+  let view = null;
+
+  const viewAt = ({ target }) => (target.closest && !target.closest("button, input") ? target.closest("[data-view]") : null);
+
+  function step(area, what, event, ...more) {
+    const box = area.getBoundingClientRect();
+    const place = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+    window.viewStep(area.dataset.view, what, place, [event.ctrlKey, event.shiftKey, event.altKey], ...more);
+  }
+
+  function hold(event, buttons) {
+    for (const [bit, button] of BUTTONS)
+      if ((held ^ buttons) & bit) step(view, buttons & bit ? "press" : "release", event, button);
+    held = buttons;
+    if (!held) view = null;
+  }
+
+  function down(event) {
+    if (!view) {
+      view = viewAt(event);
+      // It is the view's also where it leaves it.
+      event.target.setPointerCapture(event.pointerId);
+    }
+    move(event);
+  }
+
+  function move(event) {
+    step(view || viewAt(event), held ? "move" : "hover", event);
+    if (view) hold(event, event.buttons);
+  }
+
+  const lift = (event) => hold(event, event.type === "pointerup" ? event.buttons : 0);
+
+  for (const [name, react] of [["pointerdown", down], ["pointermove", move], ["pointerup", lift], ["pointercancel", lift]])
+    window.addEventListener(name, (event) => {
+      if (event.pointerType === "touch" || !(view || (react !== lift && viewAt(event)))) return;
+      event.stopPropagation();
+      react(event);
+    }, { capture: true });
+
+  window.addEventListener("mouseleave", (event) => {
+    if (event.target.matches && event.target.matches("[data-view]") && !event.buttons) step(event.target, "leave", event);
+  }, { capture: true });
+
+  window.addEventListener("wheel", (event) => {
+    const area = viewAt(event);
+    if (!area) return;
+    event.preventDefault();
+    event.stopPropagation();
+    // Browsers turn sideways while Shift is held.
+    step(area, "wheel", event, -Math.sign(event.deltaY || event.deltaX));
+  }, { capture: true, passive: false });
+})();
