@@ -7,7 +7,8 @@
   let held = 0;
   let view = null;
 
-  const viewAt = ({ target }) => (target.closest && !target.closest("button, input") ? target.closest("[data-view]") : null);
+  const isControl = (target) => target.closest(".slice-row, .view-buttons");
+  const viewAt = ({ target }) => (target.closest && !isControl(target) ? target.closest("[data-view]") : null);
 
   function step(area, what, event, ...more) {
     const box = area.getBoundingClientRect();

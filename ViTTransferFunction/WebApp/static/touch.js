@@ -38,8 +38,7 @@
     const after = [...fingers.values()];
     if (doing === "nothing yet" && distance([start, at]) > STILL_PX) press();
     if (doing === "press" && event.pointerId === fingers.keys().next().value) step("move", at);
-    if (doing === "spread")
-      step("spread", middle(before), place(middle(after)), distance(after) / distance(before));
+    if (doing === "spread") step("spread", middle(before), place(middle(after)), distance(after) / distance(before));
   }
 
   function lift(event, at) {
@@ -59,7 +58,7 @@
       if (event.pointerType !== "touch") return;
       const area = event.target.closest && event.target.closest("[data-view]");
       if (name === "pointerdown") {
-        if (!area || (view && area !== view) || event.target.closest("button, input")) return;
+        if (!area || (view && area !== view) || event.target.closest(".slice-row, .view-buttons")) return;
         view = area;
       } else if (!fingers.has(event.pointerId)) return;
       event.preventDefault();
