@@ -46,8 +46,9 @@
       react(event);
     }, { capture: true });
 
-  window.addEventListener("mouseleave", (event) => {
-    if (event.target.matches && event.target.matches("[data-view]") && !event.buttons) step(event.target, "leave", event);
+  window.addEventListener("mouseout", (event) => {
+    const area = event.target.closest && event.target.closest("[data-view]");
+    if (area && !area.contains(event.relatedTarget) && !event.buttons) step(area, "leave", event);
   }, { capture: true });
 
   window.addEventListener("wheel", (event) => {
