@@ -49,7 +49,8 @@ def take_steps(view: Any, steps: Sequence[Sequence[Any]]) -> None:
         elif what == "spread":
             _spread(view, place, *more)
         else:
-            view.interactor().InvokeEvent(_EVENTS[(what, *more)])
+            name = (what, *more)
+            view.interactor().InvokeEvent(_EVENTS[name])
 
 
 def _put_mouse(view: Any, place: Place, keys: Sequence[bool]) -> None:
