@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -133,7 +135,8 @@ def test_no_axis_has_more_voxels_than_every_graphics_card_takes(shape: tuple[int
 
 
 def test_a_volume_over_budget_still_places_its_classes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.rendering.composition.VOXEL_BUDGET", 40**3)
+    within = partial(shape_within_budget, budget=40**3)
+    monkeypatch.setattr("ViTTransferFunction.Logic.rendering.iso_surfaces.shape_within_budget", within)
     similarity = np.rint(255 * ball((64, 64, 64), (31.5, 31.5, 16.0), 10.0)).astype(np.uint8)
     monkeypatch.setattr("ViTTransferFunction.Logic.rendering.iso_surfaces.VOXELS_FROM_CELLS", 0)
     voxels = volume([similarity])
