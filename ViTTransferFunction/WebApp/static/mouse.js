@@ -6,6 +6,8 @@
   // Buttons that are held since one was pressed in a view, and that view.
   let held = 0;
   let view = null;
+  // Where the mouse rests, as the server knows it: a press there needs no move before it, which the view would draw first.
+  let rest = "";
 
   const isControl = (target) => target.closest(".slice-row, .view-buttons");
   const viewAt = ({ target }) => (target.closest && !isControl(target) ? target.closest("[data-view]") : null);
@@ -33,7 +35,10 @@
   }
 
   function move(event) {
-    step(view || viewAt(event), held ? "move" : "hover", event);
+    const area = view || viewAt(event);
+    const here = [area.dataset.view, event.clientX, event.clientY].join();
+    if (here !== rest) step(area, held ? "move" : "hover", event);
+    rest = here;
     if (view) hold(event, event.buttons);
   }
 
@@ -48,8 +53,13 @@
 
   window.addEventListener("mouseout", (event) => {
     const area = event.target.closest && event.target.closest("[data-view]");
-    if (area && !area.contains(event.relatedTarget) && !event.buttons) step(area, "leave", event);
+    if (!area || area.contains(event.relatedTarget) || event.buttons) return;
+    step(area, "leave", event);
+    rest = "";
   }, { capture: true });
+
+  // Keys choose tools, and the wheel other slices, in which the mouse is not known to be.
+  for (const name of ["keydown", "wheel"]) window.addEventListener(name, () => { rest = ""; }, { capture: true });
 
   window.addEventListener("wheel", (event) => {
     const area = viewAt(event);
