@@ -78,6 +78,29 @@ def new_page(browser: Any, pictures: Path) -> Iterator[Callable[[], Any]]:
 
 
 @pytest.fixture(scope="module")
+def noise_server(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The app with a small volume of noise, for all tests of a file."""
+    import numpy as np
+    import SimpleITK as sitk  # noqa: N813
+
+    from ViTTransferFunction.Testing.support.web_app import serving
+
+    folder = tmp_path_factory.mktemp("app")
+    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24))), str(folder / "noise.nrrd"))
+    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
+        yield server
+
+
+@pytest.fixture
+def at_noise(new_page: Callable[[], Any], noise_server: Any) -> Any:
+    """A page of it, which shows the volume."""
+    page = new_page()
+    page.page.goto(noise_server.address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    return page
+
+
+@pytest.fixture(scope="module")
 def in_app(quick_compute_processes: None) -> Iterator[Callable[[Journey], None]]:
     """Runs journeys on one app, which takes seconds to make."""
     from ViTTransferFunction.WebApp.app import WebApp

@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-
 import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
-import SimpleITK as sitk  # noqa: N813
-
-from ViTTransferFunction.Testing.support.web_app import SLOW_NETWORK, AppPage, Server, serving
+from ViTTransferFunction.Testing.support.web_app import SLOW_NETWORK, AppPage
 
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module")
-def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("app")
-    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24))), str(folder / "noise.nrrd"))
-    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
-        yield server
-
-
 @pytest.fixture
-def page(new_page: Callable[[], AppPage], server: Server) -> AppPage:
+def page(at_noise: AppPage) -> AppPage:
     """The app over a slow network, with a new structure and the tool for its points in hand."""
-    page = new_page()
-    page.page.goto(server.address)
-    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    page = at_noise
     before = page.page.evaluate("trame.state.get('classes').length")
     page.page.keyboard.press("Escape")
     page["add-class"].click()

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
-import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.Testing.support.web_app import AppPage, Server, serving
+from ViTTransferFunction.Testing.support.web_app import AppPage
 
 pytestmark = pytest.mark.slow
 
@@ -41,21 +38,10 @@ BEYOND = """() => [...document.querySelectorAll(".panel *")].filter((one) => {
 NAMED_ROLES = ("button", "checkbox", "combobox", "slider", "spinbutton", "textbox", "link", "ColorWell", "DisclosureTriangle")
 
 
-@pytest.fixture(scope="module")
-def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("app")
-    voxels = np.random.default_rng(0).normal(0.0, 8.0, (8, 9, 10)).astype(np.int16)
-    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(folder / "noise.nrrd"))
-    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
-        yield server
-
-
 @pytest.fixture
-def page(new_page: Callable[[], AppPage], server: Server) -> AppPage:
+def page(at_noise: AppPage) -> AppPage:
     """The page with eight structures, and with all that is folded away open."""
-    page = new_page()
-    page.page.goto(server.address)
-    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    page = at_noise
     for number in range(page.page.evaluate("window.trame.state.get('classes').length"), STRUCTURES):
         page["add-class"].click()
         page[f"class-{number}"].wait_for()

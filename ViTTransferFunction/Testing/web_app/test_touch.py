@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,7 @@ import pytest
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
-import SimpleITK as sitk  # noqa: N813
-
-from ViTTransferFunction.Testing.support.web_app import AppPage, Server, serving
+from ViTTransferFunction.Testing.support.web_app import AppPage
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -79,19 +77,9 @@ def test_two_fingers_bring_the_3d_view_nearer(in_views: Callable[[Journey], None
     in_views(journey)
 
 
-@pytest.fixture(scope="module")
-def server(browser: object, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("app")
-    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24))), str(folder / "noise.nrrd"))
-    with serving(folder / "noise.nrrd", "--device", "cpu", cache=folder) as server:
-        yield server
-
-
 @pytest.mark.slow
-def test_in_a_browser_fingers_place_points_paint_and_enlarge(new_page: Callable[[], AppPage], server: Server) -> None:
-    page = new_page()
-    page.page.goto(server.address)
-    page.wait_for_state("volume_name === 'noise' && opening === ''")
+def test_in_a_browser_fingers_place_points_paint_and_enlarge(at_noise: AppPage) -> None:
+    page = at_noise
     browser = page.page.context.new_cdp_session(page.page)
     box = page["view-Red"].bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2

@@ -59,7 +59,7 @@
   }, { capture: true });
 
   // Keys choose tools, and the wheel other slices, in which the mouse is not known to be.
-  for (const name of ["keydown", "wheel"]) window.addEventListener(name, () => { rest = ""; }, { capture: true });
+  window.addEventListener("keydown", () => { rest = ""; }, { capture: true });
 
   window.addEventListener("wheel", (event) => {
     const area = viewAt(event);
@@ -68,5 +68,6 @@
     event.stopPropagation();
     // Browsers turn sideways while Shift is held.
     step(area, "wheel", event, -Math.sign(event.deltaY || event.deltaX));
+    rest = "";
   }, { capture: true, passive: false });
 })();
