@@ -16,6 +16,7 @@ _SIGNS = (
     "can't allocate memory",
     "cannot allocate memory",
     "failed to allocate memory",
+    "alloc_failed",
     "bad_alloc",
     "bad allocation",
     "can't start new thread",

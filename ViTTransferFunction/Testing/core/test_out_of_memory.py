@@ -27,6 +27,7 @@ def test_what_numpy_and_pytorch_raise_is_recognised(allocate: Callable[[], objec
         MemoryError(),
         OSError(errno.ENOMEM, "Cannot allocate memory"),
         RuntimeError("CUDA out of memory. Tried to allocate 2 GiB"),
+        RuntimeError("CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling `cublasCreate(handle)`"),
         RuntimeError("Exception thrown in SimpleITK ImageFileReader_Execute: Failed to allocate memory for image."),
         ImportError("libtorch_cpu.so: cannot map: Cannot allocate memory"),
     ],

@@ -11,10 +11,13 @@ import pytest
 
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features import cost as cost_module
+from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
 from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost
 from ViTTransferFunction.Logic.features.extraction import features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
+from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.slice_patches import SlicePatches
 from ViTTransferFunction.Logic.features.vision_transformer import ROWS_AT_ONCE, VisionTransformer
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, TINY_ROTARY_MODEL, random_state_dict
 
@@ -109,3 +112,23 @@ def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
     undisturbed = seconds_with(set())
     for first in range(2 * sizes - 1):
         assert seconds_with({first, first + 1}) == pytest.approx(undisturbed)
+
+
+def test_what_loads_with_the_first_slice_is_not_taken_for_every_slice(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 0.0
+    prepared: list[int] = []
+    tokens = SlicePatches.tokens
+
+    def first_takes_a_second(of_axis: SlicePatches, position: float, chosen: TokenSelection) -> PatchTokens:
+        nonlocal now
+        now += 0.001 if prepared else 1.0
+        prepared.append(1)
+        return tokens(of_axis, position, chosen)
+
+    monkeypatch.setattr(SlicePatches, "tokens", first_takes_a_second)
+    monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=lambda: now))
+    slices = len(ExtractionPlan(spheres[0], SETTINGS).tokens_of_slices())
+    seconds = feature_cost(spheres[0], SETTINGS, tiny_network, NetworkSpeed(np.zeros(3))).seconds
+    assert seconds == pytest.approx(0.001 * slices)

@@ -579,6 +579,7 @@ def test_structures_stay_as_they_are_where_the_user_chooses_another_method_of_vo
     (middle,) = stage.at(MIDDLE)
     assert hue(stage.picture()[middle]) == pytest.approx([1, 0, 0], abs=0.05)
     stage.rendering.hide()
+    stage.scene.RemoveNode(box)
     assert np.array_equal(stage.picture(), nothing)
 
 

@@ -69,7 +69,8 @@ def test_a_picture_has_its_own_size_and_shows_what_the_view_shows(window: Any, s
     reach = 30.0 / (200.0 * np.tan(np.radians(15.0)) * size[0] / size[1]) / 2.0
     assert column_of(picture, 0) == pytest.approx(0.5 - reach, abs=0.02)
     assert column_of(picture, 2) == pytest.approx(0.5 + reach, abs=0.02)
-    assert (picture[0, 0] == 128).all()
+    # Half of 255, which graphics cards round either way.
+    assert set(picture[0, 0].tolist()) <= {127, 128}
 
 
 def test_a_transparent_picture_has_nothing_behind_what_is_shown(window: Any) -> None:
