@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import numpy as np
@@ -50,7 +50,7 @@ def no_memory() -> Iterator[None]:
     held = []
     with little_memory(64e6):
         for piece in (2**21, 2**16, 2**9):
-            with pytest.raises(torch.OutOfMemoryError):
+            with suppress(torch.OutOfMemoryError):
                 while True:
                     held.append(torch.empty(piece, dtype=torch.uint8, device=CARD))
         yield
