@@ -1,4 +1,4 @@
-"""What the Data module lists: a folder with the point lists of all classes, and nothing that can be computed again.
+"""What the Data module lists, and where: point lists in a folder, segments beside their volume; nothing that is only shown.
 
 Only Slicer's application keeps the tree, its subject hierarchy, up to date; elsewhere it lists next to nothing.
 """
@@ -22,6 +22,16 @@ def put_into_folder(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> Non
     hierarchy, item = _hierarchy(scene), _item(scene, node)
     if item is not None:
         hierarchy.SetItemParent(item, _folder(hierarchy))
+
+
+def put_beside(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode, other: slicer.vtkMRMLNode) -> None:
+    """Move a node to where another one is: into the study of its patient, say, in which alone Slicer exports to DICOM.
+
+    Where the tree does not list them both, nothing is done.
+    """
+    hierarchy, item, item_of_other = _hierarchy(scene), _item(scene, node), _item(scene, other)
+    if item is not None and item_of_other is not None:
+        hierarchy.SetItemParent(item, hierarchy.GetItemParent(item_of_other))
 
 
 def take_out(scene: slicer.vtkMRMLScene, node: slicer.vtkMRMLNode) -> bool:

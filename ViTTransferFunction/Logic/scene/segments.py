@@ -11,6 +11,7 @@ import slicer
 
 from ..core.colors import Color
 from ..core.errors import InputError
+from .data_tree import put_beside
 from .labelmaps import LABELMAP
 from .segment_preparation import PreparedSegments, takes_transform
 from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, SEGMENT_TAG, VOXELS_TAG, read_tag, set_tag
@@ -59,7 +60,8 @@ def write_prepared(
 
     Args:
         prepared: for this segmentation and volume as they are now.
-        segmentation_node: where to. One without segments is set up for the volume: reference geometry, transform, display.
+        segmentation_node: where to. One without segments is set up for the volume: reference geometry, transform, display, and
+            where the Data module lists it.
         volume_node: the segmented volume.
         looks: of each class that was prepared, by its id.
         codes: for classes that are named like a known structure.
@@ -125,6 +127,8 @@ def _set_up(segmentation_node: Any, volume_node: Any, others: Sequence[str]) -> 
         segmentation_node.SetAndObserveTransformNodeID(volume_node.GetTransformNodeID())
     if not segmentation.GetNumberOfSegments():
         segmentation.SetSourceRepresentationName(LABELMAP)
+        # As Slicer's Segment Editor does.
+        put_beside(segmentation_node.GetScene(), segmentation_node, volume_node)
     if not others or not segmentation.GetConversionParameter(REFERENCE_GEOMETRY):
         segmentation_node.SetReferenceImageGeometryParameterFromVolumeNode(volume_node)
     segmentation_node.CreateDefaultDisplayNodes()

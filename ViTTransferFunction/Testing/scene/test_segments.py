@@ -25,6 +25,7 @@ from ViTTransferFunction.Testing.support.segments import (
     voxels_of,
     write_segments,
 )
+from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 
 slicer = pytest.importorskip("slicer")
 
@@ -50,6 +51,28 @@ def test_an_empty_segmentation_is_set_up_for_the_volume(a_segmentation: Any, a_v
     geometry = segmentation.GetConversionParameter("Reference image geometry")
     slicer.vtkSegmentationConverter.DeserializeImageGeometry(geometry, reference, False)
     assert reference.GetDimensions() == SHAPE[::-1]
+
+
+def test_a_segmentation_is_set_up_in_the_study_of_its_volume_and_stays_where_users_move_it(
+    a_segmentation: Any, a_volume: Any
+) -> None:
+    scene = a_volume.GetScene()
+    keep_subject_hierarchy(scene)
+    hierarchy = slicer.vtkMRMLSubjectHierarchyNode.GetSubjectHierarchyNode(scene)
+    study = hierarchy.CreateStudyItem(hierarchy.CreateSubjectItem(hierarchy.GetSceneItemID(), "patient"), "study")
+    volume, segmentation = (_listed(hierarchy, node) for node in (a_volume, a_segmentation))
+    hierarchy.SetItemParent(volume, study)
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert hierarchy.GetItemParent(segmentation) == study
+    hierarchy.SetItemParent(segmentation, hierarchy.GetSceneItemID())
+    write_segments(a_segmentation, a_volume, [output(block(1, 5))], respect_others=True)
+    assert hierarchy.GetItemParent(segmentation) == hierarchy.GetSceneItemID()
+
+
+def _listed(hierarchy: Any, node: Any) -> int:
+    """The item of a node that was in the scene before the tree was kept."""
+    hierarchy.RequestOwnerPluginSearch(node)
+    return int(hierarchy.GetItemByDataNode(node))
 
 
 @pytest.mark.parametrize("volume_moved", [False, True], ids=["volume in place", "volume moved"])
