@@ -19,6 +19,7 @@ from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments
 from .segment_tags import segments_of_classes
 from .segments import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
+from .volume_content import frame_of
 from .wording import empty_text, taken_text
 from .written_segments import written_classes
 
@@ -167,7 +168,9 @@ class SegmentOutput:
             if_none()
 
     def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
-        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", name_for_scene(f"{volume.GetName()} segmentation"))
+        frame = frame_of(volume)
+        of = f"{volume.GetName()} frame {frame.number}" if frame else volume.GetName()
+        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", name_for_scene(f"{of} segmentation"))
         self._parameters.set_reference("segmentation", node)
         return node
 

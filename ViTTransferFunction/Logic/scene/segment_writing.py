@@ -19,7 +19,8 @@ from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems
 from .segment_output import SegmentOutput
-from .written_segments import WrittenSegments
+from .volume_content import Frame
+from .written_segments import WrittenSegments, segmentation_for
 
 
 class SegmentWriting:
@@ -59,6 +60,7 @@ class SegmentWriting:
         self._output = SegmentOutput(scene, app_logic, parameters, classes)
         self._corrections: Corrections = "keep"
         self._written_from = ""
+        self._frame: tuple[slicer.vtkMRMLScalarVolumeNode, Frame] | None = None
         self.written = WrittenSegments(parameters, classes, requests, lambda: proxy.voxels)
 
     @property
@@ -117,6 +119,16 @@ class SegmentWriting:
     def cancel(self) -> None:
         """Stop turning labels into segments; nothing has changed."""
         self._output.cancel()
+
+    def on_volume_opened(self) -> None:
+        """The volume was handed over anew. Where it is another frame of it, its segments do not go over those of the former."""
+        self.cancel()
+        volume, content, before = self._parameters.volume, self._volume.content, self._frame
+        if volume is None or content is None or content.frame is None:
+            return
+        self._frame = volume, content.frame
+        if before is not None and before[0] is volume and before[1].number != content.frame.number:
+            self._parameters.set_reference("segmentation", segmentation_for(volume, self._parameters.segmentation))
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""

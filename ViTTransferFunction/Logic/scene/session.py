@@ -468,7 +468,7 @@ class SceneSession:
         """The volume was looked at; `anew`: and handed over."""
         if anew:
             self._asked = None
-            self._writing.cancel()
+            self._writing.on_volume_opened()
         self._take_problem()
         self.annotations.refresh()
         if anew:

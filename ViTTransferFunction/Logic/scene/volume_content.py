@@ -51,9 +51,19 @@ def content_of(node: slicer.vtkMRMLScalarVolumeNode) -> VolumeContent:
     """
     geometry = geometry_from_node(node)
     voxels = node.GetImageData().GetPointData().GetScalars()
+    return VolumeContent(geometry, (voxels, voxels.GetMTime()), frame_of(node))
+
+
+def frame_of(node: slicer.vtkMRMLScalarVolumeNode) -> Frame | None:
+    """Which frame of a sequence a volume node shows; None where it is no sequence."""
     browser = _browser_of(node)
-    frame = Frame(browser.GetSelectedItemNumber() + 1, browser.GetNumberOfItems()) if browser else None
-    return VolumeContent(geometry, (voxels, voxels.GetMTime()), frame)
+    return Frame(browser.GetSelectedItemNumber() + 1, browser.GetNumberOfItems()) if browser else None
+
+
+def changes_with(node: slicer.vtkMRMLNode, volume: slicer.vtkMRMLScalarVolumeNode) -> bool:
+    """Whether a node shows an item of a sequence, too, that is chosen together with the frame of a volume node."""
+    browser = _browser_of(volume)
+    return browser is not None and browser.GetSequenceNode(node) is not None
 
 
 def is_playing(node: slicer.vtkMRMLScalarVolumeNode) -> bool:

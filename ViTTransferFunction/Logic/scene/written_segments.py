@@ -18,11 +18,14 @@ from .class_state import ClassState
 from .nodes import nodes_of_class
 from .parameters import REFERENCES, SceneParameters
 from .segment_tags import segments_of_classes
+from .volume_content import changes_with, frame_of
 
 CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
 """Ids of all classes that were ever written there, percent-encoded, with spaces between."""
 SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
 """What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
+FRAME_ATTRIBUTE = "ViTTransferFunction.writtenFrame"
+"""Where the volume is a sequence: the number of the frame that they are of, from 1."""
 VOLUME_ROLE = "ViTTransferFunctionVolume"
 """Reference to the volume that they are of; where that is gone, it refers to none."""
 DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
@@ -89,11 +92,13 @@ class WrittenSegments:
 
 
 def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
-    """Note that classes were written, made from `source` and of a volume."""
+    """Note that classes were written, made from `source`, of a volume, and of the frame of it that it shows."""
     ids = written_classes(segmentation_node) | set(class_ids)
     segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, " ".join(sorted(quote(id_, safe="") for id_ in ids)))
     segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
     segmentation_node.SetNodeReferenceID(VOLUME_ROLE, volume_node.GetID())
+    frame = frame_of(volume_node)
+    segmentation_node.SetAttribute(FRAME_ATTRIBUTE, str(frame.number) if frame else None)
 
 
 def written_classes(segmentation_node: Any) -> set[str]:
@@ -102,10 +107,12 @@ def written_classes(segmentation_node: Any) -> set[str]:
 
 
 def segmentation_for(volume_node: Any, chosen: Any) -> Any:
-    """The segmentation that gets segments of a volume which is chosen now, in place of another one, or of none.
+    """The segmentation that gets segments of a volume, or frame of it, which is chosen now in place of another one, or of none.
 
     The results of one scan are not to be overwritten by those of the next: where the chosen segmentation has some, it is the
     one that has those of this volume, or None, a new one. Somebody else's, which has none, stays.
+
+    Frames of a sequence are as several scans, unless the segmentation is a sequence, too, which changes with them.
     """
     if chosen is not None and (not written_classes(chosen) or _is_of(chosen, volume_node)):
         return chosen
@@ -114,7 +121,11 @@ def segmentation_for(volume_node: Any, chosen: Any) -> Any:
 
 
 def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
-    return segmentation_node.GetNodeReference(VOLUME_ROLE) is volume_node
+    if segmentation_node.GetNodeReference(VOLUME_ROLE) is not volume_node:
+        return False
+    frame = frame_of(volume_node)
+    noted = segmentation_node.GetAttribute(FRAME_ATTRIBUTE)
+    return frame is None or noted == str(frame.number) or changes_with(segmentation_node, volume_node)
 
 
 def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:

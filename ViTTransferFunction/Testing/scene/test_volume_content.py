@@ -14,7 +14,13 @@ from ViTTransferFunction.Logic.scene import contours
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume_content import Frame, content_of, is_playing
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate
+from ViTTransferFunction.Testing.support.scenes import (
+    add_parameter_node,
+    add_volume,
+    annotate,
+    segment_masks,
+    write_all,
+)
 from ViTTransferFunction.Testing.support.sequences import Sequence
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
@@ -158,6 +164,58 @@ def test_a_frame_that_is_left_while_segments_are_computed_is_not_written_over_an
     assert "no segments were written" in (session.take_error() or "")
     assert session.parameters.segmentation is None
     assert session.frame == Frame(2, 2)
+
+
+def test_the_segments_of_a_frame_are_not_overwritten_by_those_of_another(
+    session: SceneSession, sequence: Sequence, spheres: Spheres
+) -> None:
+    ids = annotate(session, spheres)
+    write_all(session)
+    of_first = session.parameters.segmentation
+    before = segment_masks(of_first, sequence.volume)
+    sequence.show(2)
+    session.wait()
+    assert session.parameters.segmentation is None
+    assert not session.written.exist
+    session.annotations.remove_class(ids[2])
+    write_all(session)
+    of_second: Any = session.parameters.segmentation
+    assert of_second is not of_first
+    assert (of_first.GetName(), of_second.GetName()) == ("heart frame 1 segmentation", "heart frame 2 segmentation")
+    for name, mask in segment_masks(of_first, sequence.volume).items():
+        np.testing.assert_array_equal(mask, before[name])
+    for number, segmentation in ((1, of_first), (2, of_second)):
+        sequence.show(number)
+        session.wait()
+        assert session.parameters.segmentation is segmentation
+
+
+def test_a_segmentation_that_the_user_chooses_for_a_frame_stays_until_the_next_one(
+    session: SceneSession, sequence: Sequence, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    write_all(session)
+    of_first = session.parameters.segmentation
+    sequence.show(2)
+    session.wait()
+    session.set_segmentation(of_first)
+    session.parameters.set("grid", GRID + 1)
+    session.wait()
+    assert session.parameters.segmentation is of_first
+
+
+def test_a_segmentation_that_is_a_sequence_with_the_volume_gets_the_segments_of_each_frame(
+    slicer_app: Any, session: SceneSession, sequence: Sequence, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    write_all(session)
+    segmentation = session.parameters.segmentation
+    of_segments = slicer_app.scene.AddNewNodeByClass("vtkMRMLSequenceNode", "segments")
+    sequence.browser.AddSynchronizedSequenceNodeID(of_segments.GetID())
+    sequence.browser.AddProxyNode(segmentation, of_segments, False)
+    sequence.show(2)
+    session.wait()
+    assert session.parameters.segmentation is segmentation
 
 
 def test_voxels_that_a_user_edits_are_noticed(session: SceneSession, sequence: Sequence) -> None:
