@@ -174,12 +174,15 @@ class SceneAnnotations:
         return node if positive else negative_node(node)
 
     def add_points(self, id_: str, points_ras: np.ndarray, positive: bool, continued: bool = False) -> None:
-        """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo."""
+        """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo.
+
+        A hidden class is shown again: whoever adds to it is to see what that does.
+        """
         field = "positive" if positive else "negative"
         state = self._class(id_)
         grown = getattr(state, field) + _as_points(points_ras)
         with self._edit(f"{id_} {field}", continued):
-            write_class(self._scene, self._positive(id_), replace(state, **{field: grown}))
+            write_class(self._scene, self._positive(id_), replace(state, visible=True, **{field: grown}))
 
     def erase_points(self, points_ras: np.ndarray, radius_mm: float, continued: bool = False) -> None:
         """Remove the points of visible classes that lie within `radius_mm` of one of `points_ras` (N, 3)."""
@@ -275,7 +278,15 @@ class SceneAnnotations:
             if settled is not placed:
                 with self._unheard():
                     points.SetNthControlPointPositionWorld(index, *settled)
+        self._show_class_of(points)
         self._on_step(points)
+
+    def _show_class_of(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+        for positive in class_nodes(self._parameter_node):
+            state = read_class(positive)
+            if points in (positive, negative_node(positive)) and not state.visible:
+                with self._unheard():
+                    write_class(self._scene, positive, replace(state, visible=True))
 
     def _on_step(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
         """What passes before and after belongs to other steps."""

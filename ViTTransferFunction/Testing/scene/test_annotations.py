@@ -467,6 +467,25 @@ def test_points_that_are_hidden_in_slicer_stay_hidden_until_the_structure_is_sho
     assert points.GetDisplayVisibility()
 
 
+@pytest.mark.parametrize("positive", [True, False], ids=["inside", "outside"])
+@pytest.mark.parametrize("tool", ["click", "brush"])
+def test_a_hidden_structure_that_gets_a_point_is_shown_in_one_step(session: SceneSession, positive: bool, tool: str) -> None:
+    annotations = session.annotations
+    id_ = annotations.add_class("liver").id
+    annotations.set_class(id_, visible=False)
+    points = annotations.points_node(id_, positive)
+    if tool == "click":
+        points.AddControlPointWorld(vtk.vtkVector3d(1.0, 2.0, 3.0))
+    else:
+        annotations.add_points(id_, np.array([[1.0, 2.0, 3.0]]), positive)
+    assert session.classes[0].visible
+    assert points.GetDisplayNode().GetVisibility()
+    annotations.undo()
+    assert not session.classes[0].visible
+    assert not points.GetDisplayNode().GetVisibility()
+    assert points.GetNumberOfControlPoints() == 0
+
+
 def test_a_list_that_is_made_again_is_hidden_with_its_structure(session: SceneSession, slicer_app: Any) -> None:
     id_ = session.annotations.add_class("sphere").id
     session.annotations.set_class(id_, visible=False)

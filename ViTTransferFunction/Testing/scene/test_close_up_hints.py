@@ -224,14 +224,13 @@ def test_what_is_placed_while_nothing_of_it_is_shown_corrected_nothing(corrected
         corrected.proxy.phase = "extracting"
     elif unseen == "stale":
         corrected.volume.changed = True
-    elif unseen == "hidden":
-        corrected.annotations.set_class(corrected.id, visible=False)
-    else:
+    elif unseen == "missing":
         corrected.proxy.maps = {}
-    corrected.cut(DEEP)
-    corrected.cut(DEEPER)
+    for place in (DEEP, DEEPER):
+        if unseen == "hidden":  # Until the first one is placed.
+            corrected.annotations.set_class(corrected.id, visible=False)
+        corrected.cut(place)
     corrected.proxy.up_to_date, corrected.proxy.phase, corrected.volume.changed = True, "ready", False
-    corrected.annotations.set_class(corrected.id, visible=True)
     corrected.show(corrected.id)
     assert not corrected.suggests()
     # One is not enough, and those before are none.
