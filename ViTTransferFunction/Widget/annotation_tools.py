@@ -7,6 +7,8 @@ from typing import Any
 import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
+from ViTTransferFunction.Logic.scene.volume_in_slices import is_in_slices
+from ViTTransferFunction.Logic.scene.wording import not_in_slices_text
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 
@@ -33,6 +35,7 @@ class AnnotationTools(Section):
         size_mm = ui.brushSizeSlider
         app_logic = slicer.app.applicationLogic()
         self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._check_buttons)
+        self._told_of_other_scans = False
         for tool, button in self._buttons.items():
             self._connect(tool, button)
         ui.brushSizeSlider.valueChanged.connect(self._in_hand.follow_brush_size)
@@ -55,11 +58,13 @@ class AnnotationTools(Section):
         self.ui.undoButton.enabled = annotations is not None and annotations.can_undo
         self.ui.redoButton.enabled = annotations is not None and annotations.can_redo
         self.ui.removeLastButton.enabled = selected is not None and bool(selected.positive or selected.negative)
+        self._tell_of_other_scans()
 
     def toggle(self, tool: Tool) -> None:
         """Take a tool, or put it down if it is the one in hand."""
         self._in_hand.session = self.session
         self._in_hand.toggle(tool)
+        self._tell_of_other_scans()
 
     def put_down(self) -> None:
         """Give the mouse back to the views."""
@@ -84,6 +89,19 @@ class AnnotationTools(Section):
         selected = self.selected
         if self.session is not None and selected is not None:
             self.session.annotations.remove_last_point(selected.id)
+
+    def _tell_of_other_scans(self) -> None:
+        """Once for each time that a tool is in hand and the views show other scans than the one that it works on."""
+        volume = self._volume_out_of_view()
+        told, self._told_of_other_scans = self._told_of_other_scans, volume is not None
+        if volume is not None and not told:
+            self.report(not_in_slices_text(volume.GetName()), solved=lambda: self._volume_out_of_view() is not volume)
+
+    def _volume_out_of_view(self) -> slicer.vtkMRMLScalarVolumeNode | None:
+        """The volume that the tool in hand works on, where no slice view shows it."""
+        volume = self.session.parameters.volume if self.session and self.tool else None
+        in_view = volume is None or is_in_slices(slicer.mrmlScene, slicer.app.applicationLogic(), volume)
+        return None if in_view else volume
 
     def _connect(self, tool: Tool, button: Any) -> None:
         button.styleSheet = IN_HAND

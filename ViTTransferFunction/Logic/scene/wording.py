@@ -122,6 +122,14 @@ def _listing(names: Sequence[str]) -> str:
     return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")
 
 
+def not_in_slices_text(volume_name: str) -> str:
+    """What to do where slice views show other scans than the one that clicks in them are about."""
+    return _(
+        "No slice view shows '{name}', which is segmented; clicks are points in it all the same. Show it by its eye in the "
+        "module Data, or choose the scan that the views show."
+    ).format(name=volume_name)
+
+
 def choice_words() -> dict[str, str]:
     """What users read for the values of parameters that have few."""
     return {

@@ -20,6 +20,7 @@ from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.sequences import Sequence
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.views import Views
 from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -63,6 +64,40 @@ def test_who_chooses_no_volume_has_none_until_another_one_is_shown(
     other = add_volume(slicer_app.scene, spheres[0])
     show(other)
     assert widget.panel.session.parameters.volume is other
+
+
+def test_the_views_show_the_scan_that_is_chosen(widget: Any, volume: Any, slicer_app: Any) -> None:
+    view = shown_elsewhere(slicer_app)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    assert view.get_background_volume_id() == volume.GetID()
+
+
+def test_with_a_tool_in_hand_it_is_told_once_that_the_views_show_another_scan(
+    widget: Any, volume: Any, slicer_app: Any
+) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    view = shown_elsewhere(slicer_app)
+    told = f"No slice view shows '{volume.GetName()}'"
+    assert told not in widget.ui.messageLabel.text()
+    add_class(widget)
+    assert widget.panel.tools.tool == "pointOn"
+    assert told in widget.ui.messageLabel.text()
+    widget.ui.messageCloseButton.click()
+    widget.panel.refresh()
+    assert told not in widget.ui.messageLabel.text()
+    widget.ui.pointOnButton.click()
+    widget.ui.pointOnButton.click()
+    assert told in widget.ui.messageLabel.text()
+    view.set_background_volume_id(volume.GetID())
+    widget.panel.refresh()
+    assert told not in widget.ui.messageLabel.text()
+
+
+def shown_elsewhere(slicer_app: Any) -> Any:
+    """A slice view of the layout that shows another scan."""
+    view = Views(slicer_app).slice_view()
+    view.get_view_node().SetMappedInLayout(True)
+    return view
 
 
 def test_a_name_with_which_slicer_opens_no_saved_scene_is_told_once_until_it_is_another(widget: Any, volume: Any) -> None:
