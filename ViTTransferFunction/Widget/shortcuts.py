@@ -11,7 +11,11 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, Shortcut, meanings
+from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+
+OF_OTHER_PROGRAMS = {"Ctrl+Z": "undo", "Ctrl+Y": "redo", "Ctrl+Shift+Z": "redo"}
+"""Keys that other programs have for these actions, and Slicer's Segment Editor; its main window has them on no menu and no tool
+bar, where they do nothing."""
 
 
 class Shortcuts:
@@ -41,7 +45,8 @@ class Shortcuts:
     def install(self) -> None:
         """Let the keys work."""
         if not self.installed:
-            self.installed = [self._make(shortcut, window) for window in self._windows() for shortcut in SHORTCUTS]
+            keys = [*((shortcut.key, shortcut.action) for shortcut in SHORTCUTS), *OF_OTHER_PROGRAMS.items()]
+            self.installed = [self._make(key, action, window) for window in self._windows() for key, action in keys]
 
     def remove(self) -> None:
         """Leave the keys to others."""
@@ -51,9 +56,9 @@ class Shortcuts:
             shortcut.deleteLater()
         self.installed = []
 
-    def _make(self, shortcut: Shortcut, window: Any) -> Any:
-        made = qt.QShortcut(qt.QKeySequence(shortcut.key), window)
-        made.activated.connect(self._actions[shortcut.action])
+    def _make(self, key: str, action: str, window: Any) -> Any:
+        made = qt.QShortcut(qt.QKeySequence(key), window)
+        made.activated.connect(self._actions[action])
         return made
 
     def _windows(self) -> list[Any]:

@@ -275,11 +275,14 @@ def test_the_list_of_keys_goes_with_the_module(widget: Any, host: Host) -> None:
 
 def test_the_keys_listed_are_the_keys_installed_and_only_brackets_are_slicer_s(widget: Any) -> None:
     from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS
+    from ViTTransferFunction.Widget.shortcuts import OF_OTHER_PROGRAMS
 
     installed = [shortcut.key().toString() for shortcut in widget.panel.shortcuts.installed]
-    assert installed == [QKeySequence(shortcut.key).toString() for shortcut in SHORTCUTS]
+    own, of_other_programs = installed[: len(SHORTCUTS)], installed[len(SHORTCUTS) :]
+    assert own == [QKeySequence(shortcut.key).toString() for shortcut in SHORTCUTS]
+    assert of_other_programs == list(OF_OTHER_PROGRAMS)
     assert all(f"<b>{shortcut.key}</b>" in widget.ui.shortcutsLabel.text() for shortcut in SHORTCUTS)
-    assert KEYS_OF_SLICER.intersection(installed) == {"[", "]"}
+    assert KEYS_OF_SLICER.intersection(own) == {"[", "]"}
     for shortcut in SHORTCUTS:
         if shortcut.button:
             assert getattr(widget.ui, shortcut.button).toolTip().endswith(f"Key: {shortcut.key}")
@@ -305,6 +308,21 @@ def test_keys_do_what_the_buttons_do_while_the_module_is_open(widget: Any, host:
     host.representation.enter()
     QTest.keyClick(host.window, Qt.Key.Key_A)
     assert widget.panel.tools.tool == "pointOn"
+
+
+def test_undo_and_redo_are_on_the_keys_of_other_programs_too(widget: Any, host: Host) -> None:
+    add_class(widget)
+    host.window.activateWindow()
+    QTest.qWait(10)
+    ctrl, shift = Qt.KeyboardModifier.ControlModifier, Qt.KeyboardModifier.ShiftModifier
+    for key, held, count in (
+        (Qt.Key.Key_Z, ctrl, 0),
+        (Qt.Key.Key_Y, ctrl, 1),
+        (Qt.Key.Key_Z, ctrl, 0),
+        (Qt.Key.Key_Z, ctrl | shift, 1),
+    ):
+        QTest.keyClick(host.window, key, held)
+        assert len(widget.panel.session.classes) == count
 
 
 def in_front(window: QWidget) -> None:
