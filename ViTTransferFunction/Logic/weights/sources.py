@@ -214,7 +214,9 @@ def _given_source(path: str | Path | None) -> tuple[Path | None, str]:
         return None, origin
     source = user_path(named, f"a weights file ({origin})")
     if not source.exists():
-        raise InputError(f"There is no weights file {source} ({origin}). Check the path.")
+        raise InputError(
+            f"There is no weights file {source} ({origin}). Correct the path, or name none to use the model's own."
+        )
     if not source.is_dir():
         check_regular_file(source)
     return source, origin
