@@ -20,7 +20,7 @@ from .parameters import SceneParameters
 from .problems import Problems
 from .segment_output import SegmentOutput
 from .volume_content import Frame
-from .written_segments import WrittenSegments, segmentation_for
+from .written_segments import WrittenSegments, choose_segmentation_of
 
 
 class SegmentWriting:
@@ -128,7 +128,7 @@ class SegmentWriting:
             return
         self._frame = volume, content.frame
         if before is not None and before[0] is volume and before[1].number != content.frame.number:
-            self._parameters.set_reference("segmentation", segmentation_for(volume, self._parameters.segmentation))
+            choose_segmentation_of(volume, self._parameters, [state.id for state in self._classes()])
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""

@@ -46,7 +46,7 @@ from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .written_segments import segmentation_for
+from .written_segments import choose_segmentation_of
 
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
@@ -210,10 +210,10 @@ class SceneSession:
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
         """Choose the volume to segment. Where its features are cached, they load at once.
 
-        Segments that were written of another one stay as they are: see `segmentation_for`.
+        Segments that were written of another one stay as they are: see `choose_segmentation_of`.
         """
         if node is not None and node is not self.parameters.volume:
-            self.parameters.set_reference("segmentation", segmentation_for(node, self.parameters.segmentation))
+            choose_segmentation_of(node, self.parameters, [state.id for state in self.classes])
         self.parameters.set_reference("volume", node)
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:

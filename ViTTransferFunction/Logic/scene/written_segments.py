@@ -21,7 +21,7 @@ from .segment_tags import segments_of_classes
 from .volume_content import changes_with, frame_of
 
 CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
-"""Ids of all classes that were ever written there, percent-encoded, with spaces between."""
+"""Ids of the classes that were written there, percent-encoded, with spaces between."""
 SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
 """What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
 FRAME_ATTRIBUTE = "ViTTransferFunction.writtenFrame"
@@ -93,17 +93,37 @@ class WrittenSegments:
 
 def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
     """Note that classes were written, made from `source`, of a volume, and of the frame of it that it shows."""
-    ids = written_classes(segmentation_node) | set(class_ids)
-    segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, " ".join(sorted(quote(id_, safe="") for id_ in ids)))
+    _note_classes(segmentation_node, written_classes(segmentation_node) | set(class_ids))
     segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
     segmentation_node.SetNodeReferenceID(VOLUME_ROLE, volume_node.GetID())
     frame = frame_of(volume_node)
     segmentation_node.SetAttribute(FRAME_ATTRIBUTE, str(frame.number) if frame else None)
 
 
+def _note_classes(segmentation_node: Any, class_ids: Collection[str]) -> None:
+    text = " ".join(sorted(quote(id_, safe="") for id_ in class_ids))
+    segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, text or None)
+
+
 def written_classes(segmentation_node: Any) -> set[str]:
-    """Ids of all classes that were ever written there."""
+    """Ids of the classes that were written there; not of those whose segments are finished (`choose_segmentation_of`)."""
     return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
+
+
+def choose_segmentation_of(volume_node: Any, parameters: SceneParameters, class_ids: Collection[str]) -> None:
+    """Choose the segmentation that gets segments of a volume, or frame of it, which is chosen now (`segmentation_for`).
+
+    What was written there of classes that are gone by now is finished, and stays as it is: they were removed for another scan.
+
+    Args:
+        volume_node: the volume.
+        parameters: of the session.
+        class_ids: of the classes that there are.
+    """
+    node = segmentation_for(volume_node, parameters.segmentation)
+    if node is not None and node is not parameters.segmentation:
+        _note_classes(node, written_classes(node) & set(class_ids))
+    parameters.set_reference("segmentation", node)
 
 
 def segmentation_for(volume_node: Any, chosen: Any) -> Any:
@@ -114,10 +134,14 @@ def segmentation_for(volume_node: Any, chosen: Any) -> Any:
 
     Frames of a sequence are as several scans, unless the segmentation is a sequence, too, which changes with them.
     """
-    if chosen is not None and (not written_classes(chosen) or _is_of(chosen, volume_node)):
+    if chosen is not None and (not _was_written(chosen) or _is_of(chosen, volume_node)):
         return chosen
     known = nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"])
-    return next((node for node in known if written_classes(node) and _is_of(node, volume_node)), None)
+    return next((node for node in known if _was_written(node) and _is_of(node, volume_node)), None)
+
+
+def _was_written(segmentation_node: Any) -> bool:
+    return segmentation_node.GetAttribute(SOURCE_ATTRIBUTE) is not None
 
 
 def _is_of(segmentation_node: Any, volume_node: Any) -> bool:

@@ -56,6 +56,30 @@ def test_the_segments_of_one_scan_are_not_overwritten_by_those_of_the_next(sessi
     assert not session.written.outdated
 
 
+def test_structures_that_are_removed_for_another_scan_keep_their_segments_of_the_first(
+    session: SceneSession, follow_up: Any, spheres: Spheres
+) -> None:
+    baseline, of_baseline = session.parameters.volume, session.parameters.segmentation
+    before = masks(of_baseline, baseline)
+    session.set_volume(follow_up)
+    for state in session.classes[1:]:
+        session.annotations.remove_class(state.id)
+    session.wait()
+    write_all(session)
+    session.set_volume(baseline)
+    session.wait()
+    assert session.parameters.segmentation is of_baseline
+    write_all(session)
+    np.testing.assert_array_equal(masks(of_baseline, baseline), before)
+    session.annotations.remove_class(session.classes[0].id)
+    session.annotations.add_class("another")
+    for volume in (follow_up, baseline):
+        session.set_volume(volume)
+    assert not session.written.exist
+    session.set_volume(follow_up)
+    assert session.parameters.segmentation is not of_baseline
+
+
 def test_where_a_scan_was_deleted_its_segments_are_not_overwritten_either(session: SceneSession, follow_up: Any) -> None:
     scene, baseline, of_baseline = follow_up.GetScene(), session.parameters.volume, session.parameters.segmentation
     scene.RemoveNode(baseline)
