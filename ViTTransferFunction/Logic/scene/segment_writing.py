@@ -19,8 +19,7 @@ from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .problems import Problems
 from .segment_output import SegmentOutput
-from .volume_content import Frame
-from .written_segments import WrittenSegments, choose_segmentation_of
+from .written_segments import WrittenSegments
 
 
 class SegmentWriting:
@@ -60,7 +59,6 @@ class SegmentWriting:
         self._output = SegmentOutput(scene, app_logic, parameters, classes)
         self._corrections: Corrections = "keep"
         self._written_from = ""
-        self._frame: tuple[slicer.vtkMRMLScalarVolumeNode, Frame] | None = None
         self.written = WrittenSegments(parameters, classes, requests, lambda: proxy.voxels)
 
     @property
@@ -119,16 +117,6 @@ class SegmentWriting:
     def cancel(self) -> None:
         """Stop turning labels into segments; nothing has changed."""
         self._output.cancel()
-
-    def on_volume_opened(self) -> None:
-        """The volume was handed over anew. Where it is another frame of it, its segments do not go over those of the former."""
-        self.cancel()
-        volume, content, before = self._parameters.volume, self._volume.content, self._frame
-        if volume is None or content is None or content.frame is None:
-            return
-        self._frame = volume, content.frame
-        if before is not None and before[0] is volume and before[1].number != content.frame.number:
-            choose_segmentation_of(volume, self._parameters, [state.id for state in self._classes()])
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""

@@ -30,6 +30,7 @@ from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
+from .frame_segments import FrameSegments
 from .left_behind import LeftBehind
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
@@ -102,6 +103,7 @@ class SceneSession:
             lambda: self._requests.requests,
         )
         self.written = self._writing.written
+        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes)
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self.annotations = SceneAnnotations(
@@ -468,7 +470,8 @@ class SceneSession:
         """The volume was looked at; `anew`: and handed over."""
         if anew:
             self._asked = None
-            self._writing.on_volume_opened()
+            self._writing.cancel()
+            self._frames.follow()
         self._take_problem()
         self.annotations.refresh()
         if anew:

@@ -171,7 +171,7 @@ def test_the_segments_of_a_frame_are_not_overwritten_by_those_of_another(
 ) -> None:
     ids = annotate(session, spheres)
     write_all(session)
-    of_first = session.parameters.segmentation
+    of_first: Any = session.parameters.segmentation
     before = segment_masks(of_first, sequence.volume)
     sequence.show(2)
     session.wait()
@@ -184,10 +184,25 @@ def test_the_segments_of_a_frame_are_not_overwritten_by_those_of_another(
     assert (of_first.GetName(), of_second.GetName()) == ("heart frame 1 segmentation", "heart frame 2 segmentation")
     for name, mask in segment_masks(of_first, sequence.volume).items():
         np.testing.assert_array_equal(mask, before[name])
-    for number, segmentation in ((1, of_first), (2, of_second)):
+    for number, chosen, other in ((1, of_first, of_second), (2, of_second, of_first)):
         sequence.show(number)
         session.wait()
-        assert session.parameters.segmentation is segmentation
+        assert chosen.GetDisplayNode().GetVisibility()
+        assert not other.GetDisplayNode().GetVisibility()
+        assert session.parameters.segmentation is chosen
+
+
+def test_segments_that_the_user_hid_stay_hidden_when_their_frame_is_shown_again(
+    session: SceneSession, sequence: Sequence, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    write_all(session)
+    display = session.parameters.segmentation.GetDisplayNode()
+    display.SetVisibility(False)
+    for number in (2, 1):
+        sequence.show(number)
+        session.wait()
+        assert not display.GetVisibility()
 
 
 def test_a_segmentation_that_the_user_chooses_for_a_frame_stays_until_the_next_one(
