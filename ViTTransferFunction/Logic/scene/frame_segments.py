@@ -31,24 +31,28 @@ class FrameSegments:
         self._classes = classes
         self._last: tuple[slicer.vtkMRMLScalarVolumeNode, Frame] | None = None
 
-    def follow(self) -> None:
+    def follow(self) -> bool:
         """The volume was handed over anew. Where it is another frame, its segments do not go over those of the one before.
 
         These are not seen either, until their frame is shown again: they are of another picture.
+
+        Returns:
+            Whether it is a frame that has segments already.
         """
         volume, content, last = self._parameters.volume, self._volume.content, self._last
         if volume is None or content is None or content.frame is None:
-            return
+            return False
         self._last = volume, content.frame
         if last is None or last[0] is not volume or last[1].number == content.frame.number:
-            return
+            return False
         before = self._parameters.segmentation
-        choose_segmentation_of(volume, self._parameters, [state.id for state in self._classes()])
+        returned = choose_segmentation_of(volume, self._parameters, [state.id for state in self._classes()])
         now = self._parameters.segmentation
         if before is not None and before is not now:
             _hide(before)
         if now is not None and now is not before:
             _show_again(now)
+        return returned
 
 
 def _hide(segmentation_node: slicer.vtkMRMLSegmentationNode) -> None:

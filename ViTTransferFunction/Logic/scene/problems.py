@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-Cause = Literal["volume", "computing", "segments", "views", "close-up", "left behind"]
-"""The volume or a setting; the compute process, or what it was asked for; segments that could not be written; what
-cannot be shown; a structure that cannot be looked at more closely; points that the volume was moved away from."""
+Cause = Literal["volume", "computing", "segments", "older segments", "views", "close-up", "left behind"]
+"""The volume or a setting; the compute process, or what it was asked for; segments that could not be written; those of a
+volume that users come back to; what cannot be shown; a structure that cannot be looked at more closely; points that the volume
+was moved away from."""
 
 
 class Problems:

@@ -81,6 +81,7 @@ class SegmentWriting:
     def write(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
         """Begin to; see `SceneSession.write_segments`."""
         self._problems.solve("segments")
+        self._problems.solve("older segments")
         self._problems.solve("computing")
         if self.can_write and not self._is_annotated:
             self._remove_left()

@@ -47,6 +47,7 @@ from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
+from .wording import older_segments_text
 from .written_segments import choose_segmentation_of
 
 REACH_OF_STRUCTURE_MM = 3.0
@@ -214,13 +215,16 @@ class SceneSession:
 
         Segments that were written of another one stay as they are: see `choose_segmentation_of`.
         """
+        returned = False
         if node is not None and node is not self.parameters.volume:
-            choose_segmentation_of(node, self.parameters, [state.id for state in self.classes])
+            returned = choose_segmentation_of(node, self.parameters, [state.id for state in self.classes])
         self.parameters.set_reference("volume", node)
+        self._tell_of_older_segments(returned)
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
         self._problems.solve("segments")
+        self._problems.solve("older segments")
         self.parameters.set_reference("segmentation", node)
 
     @property
@@ -445,6 +449,7 @@ class SceneSession:
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
         self._problems.solve("segments")
+        self._problems.solve("older segments")
         self._problems.solve("close-up")
         self._hints.note()
         self._follow()
@@ -468,15 +473,25 @@ class SceneSession:
 
     def _on_opened(self, anew: bool) -> None:
         """The volume was looked at; `anew`: and handed over."""
+        returned = False
         if anew:
             self._asked = None
             self._writing.cancel()
-            self._frames.follow()
+            returned = self._frames.follow()
         self._take_problem()
         self.annotations.refresh()
         if anew:
             self._hints.forget()
         self._follow()
+        if anew:
+            self._tell_of_older_segments(returned)
+
+    def _tell_of_older_segments(self, returned: bool) -> None:
+        """Where the user has `returned` to a volume, or frame, whose segments were written before structures were changed."""
+        self._problems.solve("older segments")
+        if returned and self._volume.content is not None and self.written.outdated:
+            self._problems.put("older segments", older_segments_text(self.parameters.segmentation.GetName()))
+            self._notify()
 
     def _on_other_scene(self) -> None:
         self.annotations.restart()

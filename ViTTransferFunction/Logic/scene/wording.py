@@ -100,6 +100,14 @@ def outdated_text() -> str:
     return _("Not in the segments yet: the latest changes.")
 
 
+def older_segments_text(segmentation_name: str) -> str:
+    """Of segments of a scan that users come back to, after they changed structures for another one."""
+    return _(
+        "'{name}' is older than the structures, which were changed for another image: Update segments would replace it. To "
+        "keep it, choose New segmentation first."
+    ).format(name=segmentation_name)
+
+
 def left_behind_text(volume: str, names: Sequence[str]) -> str:
     """Of structures whose points stayed where they were when the volume was moved."""
     return _(

@@ -110,7 +110,7 @@ def written_classes(segmentation_node: Any) -> set[str]:
     return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
 
 
-def choose_segmentation_of(volume_node: Any, parameters: SceneParameters, class_ids: Collection[str]) -> None:
+def choose_segmentation_of(volume_node: Any, parameters: SceneParameters, class_ids: Collection[str]) -> bool:
     """Choose the segmentation that gets segments of a volume, or frame of it, which is chosen now (`segmentation_for`).
 
     What was written there of classes that are gone by now is finished, and stays as it is: they were removed for another scan.
@@ -119,11 +119,16 @@ def choose_segmentation_of(volume_node: Any, parameters: SceneParameters, class_
         volume_node: the volume.
         parameters: of the session.
         class_ids: of the classes that there are.
+
+    Returns:
+        Whether it is another one, which was written before.
     """
     node = segmentation_for(volume_node, parameters.segmentation)
-    if node is not None and node is not parameters.segmentation:
+    returned = node is not None and node is not parameters.segmentation
+    if returned:
         _note_classes(node, written_classes(node) & set(class_ids))
     parameters.set_reference("segmentation", node)
+    return returned
 
 
 def segmentation_for(volume_node: Any, chosen: Any) -> Any:

@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_segment, add_volume, annotate, segment_masks, write_all
-from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
 @pytest.fixture
@@ -54,6 +54,27 @@ def test_the_segments_of_one_scan_are_not_overwritten_by_those_of_the_next(sessi
         assert session.parameters.segmentation is segmentation
     session.wait()
     assert not session.written.outdated
+
+
+def test_it_is_told_when_structures_were_changed_for_another_scan_meanwhile(
+    session: SceneSession, follow_up: Any, spheres: Spheres
+) -> None:
+    baseline, of_baseline = session.parameters.volume, session.parameters.segmentation
+    for volume in (follow_up, baseline):
+        session.set_volume(volume)
+    assert session.errors == ()
+    session.set_volume(follow_up)
+    id_ = session.classes[0].id
+    session.annotations.add_points(id_, centre_ras(spheres, 1) + 2.0, positive=True)
+    session.set_volume(baseline)
+    assert session.parameters.segmentation is of_baseline
+    assert of_baseline.GetName() in " ".join(session.errors)
+    session.set_volume(follow_up)
+    assert session.errors == ()
+    session.set_volume(baseline)
+    assert len(session.errors) == 1
+    session.set_segmentation(None)
+    assert session.errors == ()
 
 
 def test_structures_that_are_removed_for_another_scan_keep_their_segments_of_the_first(
