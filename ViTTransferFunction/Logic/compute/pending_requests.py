@@ -53,6 +53,10 @@ class PendingRequests:
         """Whether an answer to a request of one of these kinds is awaited."""
         return any(isinstance(request, kinds) for request in self._by_number.values())
 
+    def has_other_than(self, *kinds: type) -> bool:
+        """Whether an answer to a request of any other kind is awaited."""
+        return any(not isinstance(request, kinds) for request in self._by_number.values())
+
     def cancel(self, *kinds: type) -> None:
         """Have the process stop what it was asked for of these kinds; its answers are still awaited."""
         if self._client is not None and self.has(*kinds):

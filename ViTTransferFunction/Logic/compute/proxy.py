@@ -100,6 +100,7 @@ class SegmentationProxy:
         self._maps_due = self._close_ups_due = self._volumes_due = False
         self._declined: CloseUps = ()
         self._rendering_due_s: float | None = None
+        self._render_from_s = 0.0
         self._refine_due_s: float | None = None
         self._overtaken_from_s = 0.0
         self._started_s = 0.0
@@ -186,6 +187,7 @@ class SegmentationProxy:
             self.progress = None
         self._classes, self._refinement, self._first = tuple(classes), refinement, first
         self._maps_due, self._refine_due_s = True, None
+        self._render_from_s = time.monotonic() + RENDER_AFTER_S
         self._answers.resize(self._classes)
         self._send_due()
 
@@ -304,19 +306,22 @@ class SegmentationProxy:
             if not self._pending.has(ComputeMaps):
                 self._pending.give_up(MeasureMaps, RefineMaps, Render)
                 self._send_maps()
-        elif self._pending:
-            return
-        elif self._close_ups_due:
+        elif not self._pending.has_other_than(MeasureMaps):
+            self._send_after_maps()
+
+    def _send_after_maps(self) -> None:
+        if self._close_ups_due:
             self._close_ups_due = False
             self.progress = WorkProgress(0, 0, "Looking closer", None)
             self._pending.ask(LookCloser(self._answers.low_classes))
-        elif self._volumes_due:
+            return
+        if self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
+            self._send_rendering()
+        if self._volumes_due:
             self._volumes_due = False
             annotated_alone = self._refinement is None or self._refinement.only_annotated_components
             self._pending.ask(MeasureMaps(self._answers.low_classes, annotated_alone))
-        elif self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
-            self._send_rendering()
-        elif self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
+        elif not self._pending and self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
             self._refine_due_s = None
             self._pending.ask(RefineMaps(self._classes, self._refinement or Refinement()))
 
@@ -418,7 +423,7 @@ class SegmentationProxy:
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
         self._answers.take(request, reply, refining=self._refinement is not None)
-        self._rendering_due_s, self._volumes_due = time.monotonic() + RENDER_AFTER_S, True
+        self._rendering_due_s, self._volumes_due = self._render_from_s, True
         self.awaiting_close_ups = reply.awaiting_close_ups
         wanted = bool(reply.awaiting_close_ups) and self.phase == "ready"
         self._close_ups_due = wanted and _close_ups(request.classes) != self._declined

@@ -365,13 +365,11 @@ def test_a_click_overtakes_refinement_and_rendering(ready: SegmentationProxy, cl
     ready.poll()
     client.answer(ComputeMaps, Maps((MAP,)))
     ready.poll()
-    client.answer(MeasureMaps, Volumes((1.5,)))
-    ready.poll()
-    assert client.asked[-1] == Render("similarity", (False,), (True,))
-    rendering = len(client.asked)
+    assert client.asked[-2:] == [Render("similarity", (False,), (True,)), MeasureMaps((LIVER,))]
+    measuring = len(client.asked)
     ready.update([LIVER, SPLEEN], Refinement())
     ready.poll()
-    assert client.cancelled == [rendering]
+    assert sorted(client.cancelled) == [measuring - 1, measuring]
     assert client.asked[-1] == ComputeMaps((LIVER, SPLEEN))
     client.answer(Render, RENDERING)
     assert "rendering" not in ready.poll()
@@ -396,7 +394,7 @@ def test_an_answer_is_waited_for_unless_it_takes_long(
     assert ready.up_to_date
 
 
-def test_maps_come_first_then_the_volumes_then_the_rendering_then_the_refined_maps(
+def test_maps_come_first_then_the_rendering_and_the_volumes_then_the_refined_maps(
     ready: SegmentationProxy, client: Client
 ) -> None:
     ready.look("transfer function", {})
@@ -405,18 +403,40 @@ def test_maps_come_first_then_the_volumes_then_the_rendering_then_the_refined_ma
     client.answer(ComputeMaps, Maps((MAP,)))
     assert ready.poll() == {"maps"}
     assert ready.maps == {"liver": MAP}
-    assert client.asked[-1] == MeasureMaps((LIVER,))
-    client.answer(MeasureMaps, Volumes((1.5,)))
-    assert ready.poll() == {"volumes"}
+    # Neither waits until it is noticed that the other has been answered.
+    assert client.kinds()[-2:] == ["Render", "MeasureMaps"]
     client.answer(Render, RENDERING)
     assert ready.poll() == {"rendering"}
     assert ready.rendered == ("liver",)
+    assert client.kinds()[-1] == "MeasureMaps"
+    client.answer(MeasureMaps, Volumes((1.5,)))
+    assert ready.poll() == {"volumes"}
     assert client.asked[-1] == RefineMaps((LIVER,), Refinement("guided"))
     client.answer(RefineMaps, RefinedMaps((MAP,), (1.5,)))
     assert ready.poll() == {"refined"}
     assert ready.refined == (True,)
     assert isinstance(client.asked[-1], Render)
     assert client.asked[-1].refined == (True,)
+
+
+@pytest.mark.parametrize(("answered_after_s", "waits"), [(0.01, True), (0.06, False)])
+def test_a_rendering_waits_for_a_pause_after_the_click_not_after_its_answer(
+    ready: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch, answered_after_s: float, waits: bool
+) -> None:
+    now = time.monotonic()
+    monkeypatch.setattr(proxy_module, "RENDER_AFTER_S", 0.05)
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    ready.look("similarity", {})
+    ready.update([LIVER], None)
+    now += answered_after_s
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    assert ("Render" not in client.kinds()) == waits
+    assert "MeasureMaps" in client.kinds()
+    now += 0.05
+    # Also while volumes are measured.
+    ready.poll()
+    assert "Render" in client.kinds()
 
 
 PROPOSALS = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
