@@ -32,7 +32,6 @@ from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
 from ViTTransferFunction.Logic.core.colors import default_color
-from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels, intensity_levels
@@ -41,7 +40,7 @@ from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.quick_pictures import GOAL_S
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import bytes_image
+from ViTTransferFunction.Logic.scene.volume import image_of
 from ViTTransferFunction.Testing.support.scenes import add_volume
 
 PRESET = "CT-AAA"
@@ -111,7 +110,7 @@ def measure_structures(
         "structures, glass": ([replace(look, opacity=0.5, style="glass") for look in looks], Surroundings()),
         "structures and surroundings": (looks, around),
     }
-    image = finished(bytes_image(structures.voxels))
+    image = image_of(structures.voxels)
     measured = {}
     for name, kind in kinds.items():
         uniforms = structures.uniforms(*kind)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import slicer
-from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ..core.stepped_work import SteppedWork
 from ..rendering.appearance import Appearance
@@ -16,7 +15,7 @@ from .contours import Contours, ShownMap, Surface, iso_surface
 from .overlay import SimilarityOverlay
 from .proposal_outlines import ProposalOutlines, Proposals
 from .rendering import ClassRendering
-from .volume import bytes_image
+from .volume import image_of
 
 
 class SceneDisplay:
@@ -47,8 +46,6 @@ class SceneDisplay:
         self._outlining: tuple[ShownMap, SteppedWork[Surface]] | None = None
         self._rendered: StructureVolume | None = None
         self._look: tuple[tuple[Appearance, ...], Surroundings] = (), Surroundings()
-        self._cut: Any = None
-        self._filling: tuple[StructureVolume, SteppedWork[vtkImageData]] | None = None
 
     def show_maps(
         self,
@@ -82,7 +79,7 @@ class SceneDisplay:
         surroundings: Surroundings | None = None,
         cut: Any = None,
     ) -> None:
-        """Show structures in the 3D views, at once if they are few voxels, else by `advance`; None: nothing.
+        """Show structures in the 3D views; None: nothing.
 
         Where they are shown already and only look otherwise, they do at once.
 
@@ -94,18 +91,20 @@ class SceneDisplay:
             cut: see `ClassRendering.cut`.
         """
         if rendering is None:
-            self._rendered = self._filling = None
+            self._rendered = None
             self._rendering.hide()
             return
         self._follow(volume)
         look = tuple(looks), surroundings or Surroundings()
-        if self._rendered is rendering and look != self._look:
+        rendered, looked = self._rendered, self._look
+        # First, so that what cannot be shown is not tried again and again.
+        self._rendered, self._look = rendering, look
+        if rendered is not rendering:
+            image, uniforms = image_of(rendering.voxels), rendering.uniforms(*look)
+            self._rendering.show(volume, image, len(rendering.own_levels), uniforms, rendering.geometry.ijk_to_ras)
+        elif looked != look:
             self._rendering.change(rendering.uniforms(*look))
-        self._look, self._cut = look, cut
         self._rendering.cut(cut)
-        if self._rendered is not rendering and (self._filling is None or self._filling[0] is not rendering):
-            self._filling = rendering, SteppedWork(bytes_image(rendering.voxels))
-            self._fill()
 
     def export_rendering(self, name: str) -> slicer.vtkMRMLVectorVolumeNode | None:
         """Nodes that go on showing what 3D views show now, without us; the volume among them. None: they show nothing."""
@@ -115,7 +114,7 @@ class SceneDisplay:
     def pending(self) -> bool:
         """Whether there is something still to be shown."""
         lacking = any(self._lacks_outline(of_class) for of_class in self._shown.values())
-        return self._filling is not None or lacking or self._proposals.pending or self.drawing_quickly
+        return lacking or self._proposals.pending or self.drawing_quickly
 
     @property
     def drawing_quickly(self) -> bool:
@@ -125,9 +124,6 @@ class SceneDisplay:
     def advance(self) -> None:
         """Go on with what is still to be shown: some hundredths of a second of work."""
         self._rendering.draw_in_full_at_rest()
-        if self._filling is not None:
-            self._fill()
-            return
         lacking = [of_class for of_class in self._shown.values() if self._lacks_outline(of_class)]
         begun = [of_class for of_class in lacking if self._outlining and of_class.map is self._outlining[0].map]
         if lacking:
@@ -141,17 +137,6 @@ class SceneDisplay:
         self._volume, self._transform = volume, volume.GetTransformNodeID() or ""
         if (self._volume, self._transform) != before:
             self._moved, self._rendered = True, None
-
-    def _fill(self) -> None:
-        """Go on to make the image of the structures, and show it when it is ready."""
-        assert self._filling is not None
-        rendering, work = self._filling
-        if work.advance():
-            assert work.result is not None
-            self._rendered, self._filling = rendering, None
-            structures, uniforms = len(rendering.own_levels), rendering.uniforms(*self._look)
-            self._rendering.show(self._volume, work.result, structures, uniforms, rendering.geometry.ijk_to_ras)
-            self._rendering.cut(self._cut)
 
     def _lacks_outline(self, of_class: ShownMap) -> bool:
         outlined = self._outlined.get(of_class.class_id)
@@ -204,5 +189,5 @@ class SceneDisplay:
         self._forget()
 
     def _forget(self) -> None:
-        self._volume = self._overlaid = self._outlining = self._rendered = self._filling = None
+        self._volume = self._overlaid = self._outlining = self._rendered = None
         self._shown, self._outlined = {}, {}

@@ -17,7 +17,7 @@ from .observers import SceneObservers
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
-from .volume import take_image
+from .volume import own_copy, take_image
 
 VOLUME_NAME = "Structure rendering"
 DISPLAY_NAME = "Structure rendering display"
@@ -65,7 +65,7 @@ class ClassRendering:
 
         Args:
             volume_node: the volume that they are of; they move with it.
-            image: uint8, the voxels of a volume of structures, four numbers in each. It must not be changed later.
+            image: uint8, the voxels of a volume of structures, four numbers in each. It must not be changed while it is shown.
             structures: how many there are.
             uniforms: how they look (`StructureVolume.uniforms`).
             ijk_to_ras: (4, 4), of its voxels in the volume's local frame, RAS millimetres.
@@ -77,6 +77,8 @@ class ClassRendering:
         if volume.GetVolumeDisplayNode() is None:
             volume.CreateDefaultDisplayNodes()
             volume.GetVolumeDisplayNode().SetSaveWithScene(False)
+            # Slice views do not show it, and it would look at all voxels of each image.
+            volume.GetVolumeDisplayNode().SetAutoWindowLevel(False)
         display = self._nodes.find(DISPLAY_NAME) or self._add_display()
         material = self._nodes.find(PROPERTY_NAME) or self._add_property()
         shader = self._nodes.find(SHADER_NAME) or self._nodes.add("vtkMRMLShaderPropertyNode", SHADER_NAME)
@@ -172,6 +174,10 @@ class ClassRendering:
         if volume is None or display is None or not display.GetVisibility():
             return None
         self._quick.end()
+        # From now on others may change it, show it in slices, and still have it when Python ends.
+        volume.SetAndObserveImageData(own_copy(volume.GetImageData()))
+        if (in_slices := volume.GetVolumeDisplayNode()) is not None:
+            in_slices.SetAutoWindowLevel(True)
         for shown_by in displays_of(volume):
             shown_by.SetSaveWithScene(True)
         for node in self._nodes.release():

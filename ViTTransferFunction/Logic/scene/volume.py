@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import VTK_UNSIGNED_CHAR
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
-from ..core.stepped_work import Steps, slabs
 
 
 def array_from_node(node: Any) -> np.ndarray:
@@ -94,23 +92,25 @@ def set_image(node: Any, array: np.ndarray, ijk_to_ras: np.ndarray) -> None:
         array: (K, J, I), or (K, J, I, C) with C numbers in each voxel; any real dtype. It is copied.
         ijk_to_ras: (4, 4), in the node's local frame, RAS millimetres.
     """
-    image = vtkImageData()
-    image.SetDimensions(*array.shape[2::-1])
-    image.GetPointData().SetScalars(numpy_to_vtk(_as_tuples(array), deep=True))
-    take_image(node, image, ijk_to_ras)
+    take_image(node, own_copy(image_of(array)), ijk_to_ras)
 
 
-def bytes_image(array: np.ndarray) -> Steps[vtkImageData]:
-    """An image with the voxels of an array (K, J, I, C) uint8, C numbers in each; in steps."""
+def image_of(array: np.ndarray) -> vtkImageData:
+    """An image whose voxels are an array itself, not a copy: (K, J, I), or (K, J, I, C) with C numbers in each voxel.
+
+    It lives no longer than Python, and the array must not be changed meanwhile.
+    """
     image = vtkImageData()
     image.SetDimensions(*array.shape[2::-1])
-    image.AllocateScalars(VTK_UNSIGNED_CHAR, array.shape[3])
-    voxels = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(array.shape)
-    k, j, i = (slice(0, size) for size in array.shape[:3])
-    for slab in slabs((k, j, i)):
-        np.copyto(voxels[slab], array[slab])
-        yield voxels[slab].size
+    image.GetPointData().SetScalars(numpy_to_vtk(_as_tuples(array)))
     return image
+
+
+def own_copy(image: vtkImageData) -> vtkImageData:
+    """An image with the same voxels in memory of VTK's own, which may be changed, and outlives Python."""
+    copy = vtkImageData()
+    copy.DeepCopy(image)
+    return copy
 
 
 def take_image(node: Any, image: vtkImageData, ijk_to_ras: np.ndarray) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import slicer
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.composition import own_levels
 from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
@@ -21,7 +21,7 @@ from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.exported_renderings import exported_renderings, remove_exported
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import bytes_image
+from ViTTransferFunction.Logic.scene.volume import image_of
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
 
@@ -77,7 +77,7 @@ def rendering(views: Views) -> ClassRendering:
     around = Surroundings(((180.0, (0.9, 0.9, 0.8), 0.0), (230.0, (0.9, 0.9, 0.8), 0.5)))
     shown = ClassRendering(views.scene, views.app_logic)
     uniforms = structures.uniforms(looks, around)
-    shown.show(views.volume, finished(bytes_image(voxels)), 2, uniforms, geometry.ijk_to_ras)
+    shown.show(views.volume, image_of(voxels), 2, uniforms, geometry.ijk_to_ras)
     return shown
 
 
@@ -152,6 +152,16 @@ def test_a_rendering_is_exported_also_where_the_user_deleted_what_displays_its_v
         views.scene.RemoveNode(display)
     exported = rendering.export("CT structures")
     assert exported_renderings(views.scene) == [exported]
+
+
+def test_an_exported_rendering_has_voxels_of_its_own_for_slices_as_well(views: Views, rendering: ClassRendering) -> None:
+    (live,) = nodes_of_class(views.scene, "vtkMRMLVectorVolumeNode")
+    before = vtk_to_numpy(live.GetImageData().GetPointData().GetScalars())
+    exported = rendering.export("CT structures")
+    after = vtk_to_numpy(exported.GetImageData().GetPointData().GetScalars())
+    assert not np.shares_memory(before, after)
+    np.testing.assert_array_equal(after, before)
+    assert exported.GetVolumeDisplayNode().GetAutoWindowLevel()
 
 
 def test_what_is_not_shown_is_not_exported(views: Views, rendering: ClassRendering) -> None:

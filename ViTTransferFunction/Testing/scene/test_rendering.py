@@ -15,7 +15,6 @@ from ViTTransferFunction.CommandLine.structure_prop import structure_prop
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.core.stepped_work import finished
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.composition import own_levels
 from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels
@@ -26,7 +25,7 @@ from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene import rendering as rendering_module
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import bytes_image, set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volume import image_of, set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -52,7 +51,7 @@ def show(
     looks: Sequence[Appearance],
     surroundings: Surroundings = NOTHING,
 ) -> None:
-    image, uniforms = finished(bytes_image(shown.voxels)), shown.uniforms(looks, surroundings)
+    image, uniforms = image_of(shown.voxels), shown.uniforms(looks, surroundings)
     rendering.show(volume, image, len(looks), uniforms, shown.geometry.ijk_to_ras)
 
 

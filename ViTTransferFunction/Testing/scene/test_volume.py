@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -10,14 +12,17 @@ import pytest
 import vtk
 from hypothesis import given
 from hypothesis import strategies as st
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.scene.volume import (
     array_from_node,
     geometry_from_node,
+    image_of,
     matrix_to_world,
     numpy_matrix,
+    own_copy,
     set_image,
     world_to_local,
 )
@@ -232,3 +237,24 @@ def test_a_read_only_array_can_be_set(a_volume: Callable[..., Any]) -> None:
     array = ramp()
     array.setflags(write=False)
     np.testing.assert_array_equal(array_from_node(a_volume(array)), array)
+
+
+def test_an_image_of_an_array_is_that_array_and_keeps_it_as_long_as_a_node_has_it(slicer_app: Any) -> None:
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode")
+    array = ramp(np.uint8, (3, 4, 5, 4)).copy()
+    kept = weakref.ref(array)
+    node.SetAndObserveImageData(image_of(array))
+    del array
+    gc.collect()
+    still = kept()
+    assert still is not None
+    voxels = vtk_to_numpy(node.GetImageData().GetPointData().GetScalars())
+    assert np.shares_memory(voxels, still)
+    np.testing.assert_array_equal(voxels.reshape(3, 4, 5, 4), still)
+
+
+def test_a_copy_of_an_image_does_not_change_with_it() -> None:
+    array = ramp(np.uint8, (3, 4, 5, 4))
+    copy = own_copy(image_of(array))
+    array += 1
+    np.testing.assert_array_equal(vtk_to_numpy(copy.GetPointData().GetScalars()).reshape(array.shape), array - 1)
