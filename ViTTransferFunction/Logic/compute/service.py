@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
+from ..core.bounding_box import bounding_box, whole_box
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
 from ..core.errors import Cancelled, InputError
@@ -17,6 +18,7 @@ from ..core.intensity_window import looks_like_hounsfield_units
 from ..core.progress import Between, Progress, nothing_between
 from ..core.volume import Volume
 from ..features.networks import Networks
+from ..rendering.composition import COMPOSING
 from ..rendering.intensity_levels import gray_levels, intensity_levels
 from ..rendering.iso_surfaces import similarity_volume
 from ..rendering.structure_volume import StructureVolume, structure_volume
@@ -200,19 +202,23 @@ class SegmentationService:
         shown = self._shown_maps(request.refined)
         isos = [each.iso for each in shown]
         maps, box, shape = on_one_box(shown, scan.shape, request.surroundings)
+        # Often, so that a click that comes meanwhile is not slowed for longer than it has to be.
+        between = partial(self._progress, len(maps), len(maps), COMPOSING)
         intensities = session.volume.array[box]
         if request.mode == "similarity":
             composition = similarity_volume(maps, isos, shape, self._progress)
         else:
             composition = transfer_function_volume(intensities, session.display_window, maps, isos, shape, self._progress)
+        between()
         levels, hounsfield = self._known_intensities()
-        geometry = scan.part(box).resized(composition.shape)
-        gray = gray_levels(intensities, levels, composition.shape)
-        if not request.surroundings:
-            # Renderers take time for each pixel of the volume's box.
-            part = composition.crop()
-            geometry, gray = geometry.part(part), gray[part]
+        shape = composition.shape
+        # Renderers take time for each pixel of the volume's box.
+        part = whole_box(shape) if request.surroundings else composition.crop()
+        gray = gray_levels(intensities, levels, shape, part)
+        between()
         voxels = composition.voxels(gray, request.casting)
+        between()
+        geometry = scan.part(box).resized(shape).part(part)
         return structure_volume(voxels, len(maps), levels, geometry, scan, hounsfield=hounsfield)
 
     def _known_intensities(self) -> tuple[np.ndarray, bool]:

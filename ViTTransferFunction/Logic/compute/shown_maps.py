@@ -1,4 +1,4 @@
-"""The maps that are shown, S_H of some classes and S_L of others, as arrays that fill one part of the volume."""
+"""The maps that are shown, S_H of some classes and S_L of others, of one part of the volume."""
 
 from __future__ import annotations
 
@@ -6,21 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.bounding_box import common_box, covering_box, whole_box
+from ..core.bounding_box import common_box, covering_box, grown, whole_box, within
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
 from ..core.geometry import Box
 from ..core.resampling import interpolated
-from ..rendering.class_membership import Shape, on_whole_grid
+from ..rendering.class_membership import Map, PartialMap, Shape
 from ..rendering.composition import shape_within_budget
 from ..rendering.iso_surfaces import VOXELS_FROM_CELLS
-from ..session.map_crop import MapCrop, on_common_box
+from ..session.map_crop import MapCrop
+
+FILTER_REACH_CELLS = 2
+"""How far beyond the cells that a value lies between `interpolated` looks, at most."""
 
 Shown = MapCrop | ClassMap
 """S_H, or S_L."""
 
 
-def on_one_box(maps: Sequence[Shown], whole: Shape, surroundings: bool = False) -> tuple[list[np.ndarray], Box, Shape | None]:
-    """The arrays of maps on the smallest box of a volume that matters to all of them; of S_L alone, on all of it.
+def on_one_box(maps: Sequence[Shown], whole: Shape, surroundings: bool = False) -> tuple[list[Map], Box, Shape | None]:
+    """Maps on the smallest box of a volume that matters to all of them; of S_L alone, on all of it.
 
     Args:
         maps: of the volume.
@@ -28,27 +31,25 @@ def on_one_box(maps: Sequence[Shown], whole: Shape, surroundings: bool = False) 
         surroundings: whether all of the volume matters.
 
     Returns:
-        An array for each map, (K, J, I), of which all fill the same box though their shapes may differ; the box; and the shape
-        that they are to be rendered in: where some are S_L, somebody waits for the answer to a click. None: any.
+        The maps, of which all are of the same box though their shapes may differ; the box; and the shape that they are to be
+        rendered in: where some are S_L, somebody waits for the answer to a click. None: any.
     """
-    if surroundings:
-        shape = shape_within_budget(whole)
-        return [_on_all(each, whole, shape) for each in maps], whole_box(whole), shape
     crops, lows = [each for each in maps if isinstance(each, MapCrop)], [each for each in maps if isinstance(each, ClassMap)]
-    if not crops:
-        return [low.array for low in lows], whole_box(whole), None
-    if not lows:
-        return *on_common_box(crops), None
+    if surroundings or not crops:
+        box, shape = whole_box(whole), shape_within_budget(whole) if surroundings else None
+        shown: list[Map] = [_in_box(each, box) if isinstance(each, MapCrop) else each.array for each in maps]
+        return shown, box, shape
     box = common_box([*(crop.box for crop in crops), *(covering_box(_near_cells(low), low.array.shape, whole) for low in lows)])
     k, j, i = (extent.stop - extent.start for extent in box)
     grid = shape_within_budget((k, j, i), VOXELS_FROM_CELLS)
-    arrays = [each.on_box(box) if isinstance(each, MapCrop) else _on_grid(each, whole, box, grid) for each in maps]
-    return arrays, box, None if grid == (k, j, i) else grid
+    shown = [_in_box(each, box) if isinstance(each, MapCrop) else _on_grid(each, whole, box, grid) for each in maps]
+    return shown, box, grid if lows and grid != (k, j, i) else None
 
 
-def _on_all(shown: Shown, whole: Shape, shape: Shape) -> np.ndarray:
-    """The array of a map on all of a volume, S_H on a grid of `shape`, which is not finer."""
-    return on_whole_grid(shown.array, shown.box, whole, shape) if isinstance(shown, MapCrop) else shown.array
+def _in_box(crop: MapCrop, box: Box) -> PartialMap:
+    """S_H of a box of the volume that holds the crop."""
+    k, j, i = (extent.stop - extent.start for extent in box)
+    return PartialMap(crop.array, within(crop.box, box), (k, j, i))
 
 
 def _near_cells(low: ClassMap) -> Box:
@@ -56,16 +57,17 @@ def _near_cells(low: ClassMap) -> Box:
     return box_above(low.array, NEAR_SHARE_OF_ISO * low.iso, margin=1) or (slice(0, 2),) * 3
 
 
-def _on_grid(low: ClassMap, whole: Shape, box: Box, grid: Shape) -> np.ndarray:
+def _on_grid(low: ClassMap, whole: Shape, box: Box, grid: Shape) -> PartialMap:
     """S_L on a grid that fills a box of the volume, smooth between cells, uint8; 0 away from the iso-surface."""
-    positions, near = [], []
-    shapes = zip(box, grid, low.array.shape, whole, _near_cells(low), strict=True)
-    for extent, count, cells, voxels, of_cells in shapes:
+    cells = low.array.shape
+    near = _near_cells(low)
+    needed = grown(near, (FILTER_REACH_CELLS,) * 3, whole_box(cells))
+    positions, places = [], []
+    for axis, (extent, count) in enumerate(zip(box, grid, strict=True)):
         in_voxels = extent.start + (np.arange(count) + 0.5) * ((extent.stop - extent.start) / count)
-        in_cells = in_voxels * (cells / voxels) - 0.5
-        near.append(slice(*np.searchsorted(in_cells, (of_cells.start - 0.5, of_cells.stop - 0.5)).tolist()))
-        positions.append(in_cells[near[-1]])
-    smooth = np.clip(interpolated(low.array, positions, cubic=True), 0.0, 1.0)
-    array = np.zeros(grid, dtype=np.uint8)
-    array[tuple(near)] = np.rint(smooth * np.float32(FULL_SCALE))
-    return array
+        in_cells = in_voxels * (cells[axis] / whole[axis]) - 0.5
+        places.append(slice(*np.searchsorted(in_cells, (near[axis].start - 0.5, near[axis].stop - 0.5)).tolist()))
+        positions.append(in_cells[places[-1]] - needed[axis].start)
+    smooth = np.clip(interpolated(low.array[needed], positions, cubic=True), 0.0, 1.0)
+    k, j, i = places
+    return PartialMap(np.rint(smooth * np.float32(FULL_SCALE)).astype(np.uint8), (k, j, i), grid)

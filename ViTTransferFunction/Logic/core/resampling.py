@@ -100,9 +100,10 @@ def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool
     """
     k, j, i = (_weights(position, count, cubic) for position, count in zip(positions, array.shape, strict=True))
     # In an order in which nothing has to be transposed.
-    fine = j @ (array.astype(np.float32, copy=False) @ i.T)
-    values: np.ndarray = (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
-    return values
+    fine: np.ndarray = j @ (array.astype(np.float32, copy=False) @ i.T)
+    if not np.array_equal(k, np.eye(len(fine))):
+        fine = (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
+    return fine
 
 
 def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.ndarray:

@@ -3,20 +3,55 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from ..core.bounding_box import covering_box
+from ..core.bounding_box import common_part, covering_box, grown, out_of, whole_box, within
 from ..core.class_map import NEAR_SHARE_OF_ISO, box_above
 from ..core.geometry import Box
+from ..core.lookup import looked_up
 from ..core.resampling import cell_positions, interpolated
 
 Shape = tuple[int, int, int]
 
 UNIT = 4096
 """A ratio of 1 between a map and its iso value, as an integer."""
+
+
+NEAR_MARGIN = 2
+"""Cells around the place where a map is near its iso value, in which it is looked at as well."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartialMap:
+    """A map that is 0 outside a box.
+
+    Attributes:
+        array: (k, j, i) of the box, float32 in [0, 1] or uint8 with 255 for 1.
+        box: of the map's cells.
+        shape: (K, J, I) of all of the map.
+    """
+
+    array: np.ndarray
+    box: Box
+    shape: Shape
+
+    def on(self, box: Box) -> np.ndarray:
+        """The map on any box of its cells."""
+        common = common_part(box, self.box)
+        if common == box:
+            return self.array[within(box, self.box)]
+        result = np.zeros([extent.stop - extent.start for extent in box], dtype=self.array.dtype)
+        if common is not None:
+            result[within(common, box)] = self.array[within(common, self.box)]
+        return result
+
+
+Map = np.ndarray | PartialMap
+"""(K, J, I), float32 in [0, 1] or uint8 with 255 for 1."""
 
 
 class Membership(NamedTuple):
@@ -32,7 +67,7 @@ class Membership(NamedTuple):
 
 
 def memberships(
-    maps: Sequence[np.ndarray],
+    maps: Sequence[Map],
     isos: Sequence[float],
     shape: Shape,
     softness_voxels: Sequence[float],
@@ -44,7 +79,7 @@ def memberships(
     its own iso value by as large a factor: as in `session.labels.assign_labels`.
 
     Args:
-        maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1; of the same box, but possibly of different shapes.
+        maps: of the same part of the volume, but possibly of different shapes.
         isos: for each map, the value at its surface, in [0, 1].
         shape: (K', J', I') of the volume that memberships are for, of the same box.
         softness_voxels: for each class half the distance over which its membership rises from 0 to 255, in voxels of that
@@ -56,72 +91,121 @@ def memberships(
     if math.prod(grid) > math.prod(shape):
         grid = shape
     voxel_size = min(size * cells / voxels for size, cells, voxels in zip(cell_sizes, grid, shape, strict=True))
-    largest, second = np.zeros(grid, dtype=np.uint16), np.zeros(grid, dtype=np.uint16)
-    near: dict[int, tuple[Box, np.ndarray]] = {}
+    near: dict[int, Membership] = {}
     for index, iso in enumerate(isos):
         similarity = _on_grid(maps[index], grid)
-        box = box_above(similarity, NEAR_SHARE_OF_ISO * iso, margin=2)
-        if box is not None:
-            ratios = _ratios(similarity[box], iso)
-            np.maximum(second[box], np.minimum(largest[box], ratios), out=second[box])
-            np.maximum(largest[box], ratios, out=largest[box])
-            near[index] = box, ratios
+        found = box_above(similarity.array, NEAR_SHARE_OF_ISO * iso, margin=0)
+        if found is not None:
+            box = grown(out_of(found, similarity.box), (NEAR_MARGIN,) * 3, whole_box(grid))
+            near[index] = Membership(box, _ratios(similarity.on(box), iso))
+    competition = _Competition(near, grid)
     for index, (box, ratios) in near.items():
-        others = np.where(ratios == largest[box], second[box], largest[box])
-        # What others are above their iso values counts against the class.
-        ratios -= np.minimum(ratios, np.maximum(others, UNIT) - UNIT)
+        competition.take_from(index)
         rise = _rise(ratios, softness_voxels[index] * voxel_size, cell_sizes)
         if grid != shape:
             box, ratios = _refined(ratios, box, grid, shape)
-        yield index, Membership(box, rise[ratios])
+        yield index, Membership(box, looked_up(rise, ratios))
 
 
-def finest_shape(maps: Sequence[np.ndarray]) -> Shape:
+class _Competition:
+    """What classes take from each other where the boxes overlap in which their maps are near their iso values.
+
+    Args:
+        near: of each class the box, and the ratios in it (`_ratios`).
+        grid: the shape (K, J, I) that boxes are of.
+    """
+
+    def __init__(self, near: Mapping[int, Membership], grid: Shape) -> None:
+        self._near = near
+        self._contested = _contested({index: box for index, (box, _) in near.items()})
+        self._largest, self._second = np.zeros(grid, dtype=np.uint16), np.zeros(grid, dtype=np.uint16)
+        for index, box in self._contested.items():
+            largest, second, ratios = self._largest[box], self._second[box], self._ratios(index, box)
+            np.maximum(second, np.minimum(largest, ratios), out=second)
+            np.maximum(largest, ratios, out=largest)
+
+    def take_from(self, index: int) -> None:
+        """Let what others are above their iso values count against a class: its ratios change; others' stay as they were."""
+        box = self._contested.get(index)
+        if box is not None:
+            largest, ratios = self._largest[box], self._ratios(index, box)
+            others = np.where(ratios == largest, self._second[box], largest)
+            ratios -= np.minimum(ratios, np.maximum(others, UNIT) - UNIT)
+
+    def _ratios(self, index: int, box: Box) -> np.ndarray:
+        near = self._near[index]
+        return near.values[within(box, near.box)]
+
+
+def _contested(boxes: Mapping[int, Box]) -> dict[int, Box]:
+    """For each of many boxes that overlaps others, the smallest box around all that it has in common with them."""
+    ends = np.array([[(extent.start, extent.stop) for extent in box] for box in boxes.values()]).reshape(-1, 3, 2)
+    contested = {}
+    for place, index in enumerate(boxes):
+        others = np.delete(ends, place, axis=0)
+        first, stop = np.maximum(ends[place, :, 0], others[..., 0]), np.minimum(ends[place, :, 1], others[..., 1])
+        overlap = (first < stop).all(axis=1)
+        if overlap.any():
+            k, j, i = map(slice, first[overlap].min(axis=0).tolist(), stop[overlap].max(axis=0).tolist())
+            contested[index] = k, j, i
+    return contested
+
+
+def finest_shape(maps: Sequence[Map]) -> Shape:
     """The shape of the map with the most cells."""
     return max((similarity.shape for similarity in maps), key=np.prod)
 
 
-def nearest_voxels(array: np.ndarray, shape: Shape) -> np.ndarray:
-    """`array` at a coarser `shape` of the same box: of each voxel the value nearest to its centre."""
-    for axis, count in enumerate(shape):
-        size = array.shape[axis]
-        if count != size:
-            array = array.take(((np.arange(count) + 0.5) * size / count).astype(int), axis=axis)
-    return array
+def nearest_voxels(array: np.ndarray, shape: Shape, part: Box | None = None) -> np.ndarray:
+    """`array` at a coarser `shape` of the same box, or at a part of that: of each voxel the value nearest to its centre."""
+    part = part or whole_box(shape)
+    if array.shape == shape:
+        return array[part]
+    k, j, i = (_nearest(*counts)[extent] for *counts, extent in zip(shape, array.shape, part, strict=True))
+    return _picked(array, k, j, i)
 
 
-def on_whole_grid(similarity: np.ndarray, box: Box, whole: Shape, shape: Shape) -> np.ndarray:
-    """A map (k, j, i) of a box of the volume, 0 elsewhere, on a grid of `shape`, not finer, that fills all of the volume.
-
-    Args:
-        similarity: one value for each voxel of the box.
-        box: of the volume's voxels.
-        whole: the volume's shape.
-        shape: (K', J', I') of the result.
-    """
-    result = np.zeros(shape, dtype=similarity.dtype)
-    taken, places = [], []
-    for extent, size, count in zip(box, whole, shape, strict=True):
-        nearest = ((np.arange(count) + 0.5) * size / count).astype(int)
-        within = np.flatnonzero((nearest >= extent.start) & (nearest < extent.stop))
-        taken.append(nearest[within] - extent.start)
-        places.append(within)
-    result[np.ix_(*places)] = similarity[np.ix_(*taken)]
-    return result
+def _nearest(count: int, size: int) -> np.ndarray:
+    """Of each of `count` voxels along an axis, which of `size` finer ones lies nearest to its centre."""
+    nearest: np.ndarray = ((np.arange(count) + 0.5) * size / count).astype(int)
+    return nearest
 
 
-def _on_grid(similarity: np.ndarray, grid: Shape) -> np.ndarray:
-    """A map with the shape of the finest, or of the volume if that is coarser; uint8 if its shape changed."""
-    if similarity.dtype != np.uint8:
-        similarity = np.nan_to_num(similarity.astype(np.float32, copy=False))
+def _on_grid(similarity: Map, grid: Shape) -> PartialMap:
+    """A map with the shape of the finest, or of the volume if that is coarser; uint8 if it is finer than it was."""
+    if not isinstance(similarity, PartialMap):
+        similarity = PartialMap(similarity, whole_box(similarity.shape), similarity.shape)
+    if similarity.array.dtype != np.uint8:
+        similarity = replace(similarity, array=np.nan_to_num(similarity.array.astype(np.float32, copy=False)))
     if similarity.shape == grid:
         return similarity
     if math.prod(similarity.shape) > math.prod(grid):
-        return nearest_voxels(similarity, grid)
-    scale = 1.0 if similarity.dtype == np.uint8 else 255.0
+        return _coarser(similarity, grid)
+    scale = 1.0 if similarity.array.dtype == np.uint8 else 255.0
     positions = [cell_positions(cells, voxels) for cells, voxels in zip(similarity.shape, grid, strict=True)]
-    fine = interpolated(similarity, positions, cubic=True)
-    return np.clip(np.rint(scale * fine), 0.0, 255.0).astype(np.uint8)
+    fine = interpolated(similarity.on(whole_box(similarity.shape)), positions, cubic=True)
+    return PartialMap(np.clip(np.rint(scale * fine), 0.0, 255.0).astype(np.uint8), whole_box(grid), grid)
+
+
+def _coarser(similarity: PartialMap, grid: Shape) -> PartialMap:
+    """A map on a coarser grid, as `nearest_voxels` has it."""
+    indices, places = [], []
+    for extent, count, size in zip(similarity.box, grid, similarity.shape, strict=True):
+        nearest = _nearest(count, size)
+        places.append(slice(*np.searchsorted(nearest, (extent.start, extent.stop)).tolist()))
+        indices.append(nearest[places[-1]] - extent.start)
+    k, j, i = places
+    return PartialMap(_picked(similarity.array, *indices), (k, j, i), grid)
+
+
+def _picked(array: np.ndarray, k: np.ndarray, j: np.ndarray, i: np.ndarray) -> np.ndarray:
+    """`array` (K, J, I) at all combinations of indices along its axes."""
+    picked = np.empty((len(k), len(j), len(i)), dtype=array.dtype)
+    # Plane by plane, which is many times faster than axis by axis.
+    in_plane = j[:, None] * array.shape[2] + i
+    for plane, index in zip(picked, k.tolist(), strict=True):
+        np.take(array[index], in_plane, mode="clip", out=plane)
+    return picked
 
 
 def _ratios(similarity: np.ndarray, iso: float) -> np.ndarray:
@@ -129,31 +213,36 @@ def _ratios(similarity: np.ndarray, iso: float) -> np.ndarray:
     # An iso value of 0 takes in whatever is above 0.
     unit = UNIT / max(iso, 1e-3)
     if similarity.dtype == np.uint8:
-        of_bytes: np.ndarray = np.minimum(np.arange(256) * (unit / 255.0), 65535.0).astype(np.uint16)[similarity]
-        return of_bytes
+        return looked_up(np.minimum(np.arange(256) * (unit / 255.0), 65535.0).astype(np.uint16), similarity)
     ratios: np.ndarray = np.clip(similarity * np.float32(unit), 0.0, 65535.0).astype(np.uint16)
     return ratios
 
 
 def _rise(ratios: np.ndarray, softness: float, cell_sizes: Sequence[float]) -> np.ndarray:
     """The membership for every ratio, (65536,) uint8: a rise over a distance of `softness` to either side of the surface."""
-    half = softness * _slope(ratios, cell_sizes)
-    below = max(min(half, (1.0 - NEAR_SHARE_OF_ISO) * UNIT), 1.0)
-    inside = ratios[ratios >= UNIT]
-    # What is typical well inside must be reached.
-    above = max(min(half, 0.8 * (float(np.percentile(inside[::5], 95)) - UNIT)), 1.0) if inside.size else below
-    rise = np.interp(np.arange(65536), [UNIT - below, UNIT, UNIT + above], [0.0, 127.5, 255.0])
-    return rise.astype(np.uint8)
-
-
-def _slope(ratios: np.ndarray, cell_sizes: Sequence[float]) -> float:
-    """How much ratios typically change over a distance of 1, across the surface."""
     inside = ratios >= UNIT
-    differences = []
-    for axis in range(3):
-        near, far = _pairs(ratios, axis)
-        crossing = np.logical_xor(*_pairs(inside, axis))
-        differences.append(np.abs(near[crossing].astype(np.int32) - far[crossing]) / cell_sizes[axis])
+    half = softness * _slope(ratios, inside, cell_sizes)
+    below = max(min(half, (1.0 - NEAR_SHARE_OF_ISO) * UNIT), 1.0)
+    sample = ratios[inside][::5]
+    # What is typical well inside must be reached.
+    above = max(min(half, 0.8 * (float(np.percentile(sample, 95)) - UNIT)), 1.0) if sample.size else below
+    rise = np.zeros(65536, dtype=np.uint8)
+    low, high = math.floor(UNIT - below), math.ceil(UNIT + above)
+    rise[low:high] = np.interp(np.arange(low, high), [UNIT - below, UNIT, UNIT + above], [0.0, 127.5, 255.0])
+    rise[high:] = 255
+    return rise
+
+
+def _slope(ratios: np.ndarray, inside: np.ndarray, cell_sizes: Sequence[float]) -> float:
+    """How much ratios typically change over a distance of 1, across the surface."""
+    flat, differences = ratios.ravel(), []
+    for axis, cell_size in enumerate(cell_sizes):
+        crossing = np.zeros(inside.shape, dtype=bool)
+        near, far = _pairs(inside, axis)
+        np.not_equal(near, far, out=_pairs(crossing, axis)[0])
+        at = np.flatnonzero(crossing)
+        beyond = at + math.prod(inside.shape[axis + 1 :])
+        differences.append(np.abs(flat[at].astype(np.int32) - flat[beyond]) / cell_size)
     across = np.concatenate(differences)
     # Along an axis, a slope in a random direction shows with 0.7 of its size, weighted by how often it crosses.
     return float(np.median(across)) / 0.7 if across.size else 0.0

@@ -73,15 +73,15 @@ class Composition:
                 f"A 3D rendering shows up to {MOST_STRUCTURES} structures, and there are {structures}. Show fewer of them."
             )
         self.shape = shape
-        self._voxels = np.zeros((*shape, 4), dtype=np.uint8)
+        # Each by itself until the volume is made: numbers that lie beside each other are compared many at a time.
+        self._numbers, self._depths = np.zeros(shape, dtype=np.uint8), np.zeros(shape, dtype=np.uint8)
         self._filled_blocks = np.zeros([-(-size // BLOCK_VOXELS) for size in shape], dtype=bool)
 
     def add(self, box: Box, index: int, depths: np.ndarray) -> None:
         """Add the structure of an index, from 0: how deep voxels lie in it, (k, j, i) uint8 of a box."""
-        part = self._voxels[box]
-        deeper = depths > part[..., DEPTH]
-        np.copyto(part[..., DEPTH], depths, where=deeper)
-        np.copyto(part[..., NUMBER], np.uint8(index + 1), where=deeper)
+        part = self._depths[box]
+        np.copyto(self._numbers[box], np.uint8(index + 1), where=depths > part)
+        np.maximum(part, depths, out=part)
         if depths.size:
             self._fill_blocks(box, depths)
 
@@ -93,7 +93,7 @@ class Composition:
             for extent, size in zip(blocks, self.shape, strict=True)
         )
         self._filled_blocks = self._filled_blocks[blocks]
-        self._voxels = np.ascontiguousarray(self._voxels[k, j, i])
+        self._numbers, self._depths = self._numbers[k, j, i], self._depths[k, j, i]
         self.shape = k.stop - k.start, j.stop - j.start, i.stop - i.start
         return k, j, i
 
@@ -104,11 +104,12 @@ class Composition:
             gray: the intensities, (K, J, I) uint8; None: there are none.
             casting: which structures cast shadows; None: all.
         """
-        if gray is not None:
-            self._voxels[..., INTENSITY] = gray
-        self._voxels[..., LIGHT] = _ambient_light(self._voxels, casting)
-        self._write_distances()
-        return self._voxels
+        voxels = np.empty((*self.shape, 4), dtype=np.uint8)
+        voxels[..., DEPTH] = self._depths
+        voxels[..., INTENSITY] = 0 if gray is None else gray
+        _write_ambient_light(voxels[..., LIGHT], self._numbers, self._depths, casting)
+        self._write_numbers(voxels[..., NUMBER])
+        return voxels
 
     def _fill_blocks(self, box: Box, depths: np.ndarray) -> None:
         """Note the blocks in which a ray may meet the structure: those that have voxels of it, or voxels beside such."""
@@ -122,8 +123,8 @@ class Composition:
             places.append(slice(first, last + 1))
         self._filled_blocks[tuple(places)] |= blocks > SURFACE
 
-    def _write_distances(self) -> None:
-        """Let voxels of empty blocks have instead of a number how many blocks away, along each axis, all others are."""
+    def _write_numbers(self, numbers: np.ndarray) -> None:
+        """Write the voxels' numbers; in empty blocks, how many blocks away, along each axis, all others are."""
         if self._filled_blocks.any():
             blocks_away = np.minimum(distance_transform_cdt(~self._filled_blocks, "chessboard"), MOST_BLOCKS_AWAY)
         else:
@@ -132,8 +133,9 @@ class Composition:
         _, rows, columns = self.shape
         for index, of_blocks in enumerate(marks):
             of_voxels = of_blocks.repeat(BLOCK_VOXELS, axis=0).repeat(BLOCK_VOXELS, axis=1)[:rows, :columns]
-            slices = self._voxels[index * BLOCK_VOXELS : (index + 1) * BLOCK_VOXELS]
-            np.copyto(slices[..., NUMBER], of_voxels, where=of_voxels > 0)
+            slices = slice(index * BLOCK_VOXELS, (index + 1) * BLOCK_VOXELS)
+            # Marks are above all structures' numbers.
+            numbers[slices] = np.maximum(self._numbers[slices], of_voxels)
 
 
 def shape_within_budget(shape: Shape, budget: int = VOXEL_BUDGET) -> Shape:
@@ -161,35 +163,37 @@ def inside_histograms(voxels: np.ndarray, structures: int) -> np.ndarray:
     """How many voxels well inside each structure have each grey level, (structures, 256) int; a sample of large volumes."""
     step = max(1, int(np.cbrt(voxels[..., 0].size / 2_000_000)))
     sample = voxels[::step, ::step, ::step].reshape(-1, 4)
-    inside = sample[sample[:, DEPTH] >= TYPICAL_DEPTH]
-    keys = inside[:, NUMBER].astype(np.int32) * 256 + inside[:, INTENSITY]
+    # All four at once, of which the depth is the most significant.
+    packed = sample.view("<u4")[:, 0]
+    inside = packed[packed >= np.uint32(TYPICAL_DEPTH << 8 * DEPTH)]
+    keys = (inside >> 8 * NUMBER & 255) << 8 | inside >> 8 * INTENSITY & 255
     return np.bincount(keys, minlength=256 * (structures + 1))[256 : 256 * (structures + 1)].reshape(structures, 256)
 
 
-def _ambient_light(voxels: np.ndarray, casting: Sequence[bool] | None) -> np.ndarray:
-    """How much of the light around reaches each voxel, (K, J, I) uint8, 255 for all: soft shadows, at no cost to renderers."""
-    shape = voxels.shape[:3]
-    step = max(1, round(max(shape) / SHADOW_STEPS))
-    coarse = voxels[::step, ::step, ::step]
-    matter = np.maximum(coarse[..., DEPTH], SURFACE) - np.float32(SURFACE)
+def _write_ambient_light(light: np.ndarray, numbers: np.ndarray, depths: np.ndarray, casting: Sequence[bool] | None) -> None:
+    """Write how much of the light around reaches each voxel, (K, J, I) uint8, 255 for all: soft shadows, free for renderers."""
+    step = max(1, round(max(light.shape) / SHADOW_STEPS))
+    coarse = (slice(None, None, step),) * 3
+    matter = np.maximum(depths[coarse], SURFACE) - np.float32(SURFACE)
     matter /= 255.0 - SURFACE
     if casting is not None:
         casts = np.zeros(256, dtype=bool)
         casts[1 : len(casting) + 1] = casting
-        matter *= casts[coarse[..., NUMBER]]
+        matter *= casts[numbers[coarse]]
     sigmas = [reach * max(matter.shape) for reach in SHADOW_REACHES]
     # Half of what is around a flat surface is matter.
     occlusion = sum(gaussian_filter(matter, sigma, mode="constant", truncate=2.5) for sigma in sigmas) / len(sigmas)
-    return _refined(255.0 * np.clip(1.45 - 0.95 * occlusion, 0.4, 1.0), step, shape)
+    _write_refined(light, 255.0 * np.clip(1.45 - 0.95 * occlusion, 0.4, 1.0), step)
 
 
-def _refined(values: np.ndarray, step: int, shape: Shape) -> np.ndarray:
-    """Values of every `step`-th voxel along each axis, at all voxels of a volume of `shape`, uint8."""
-    planes = interpolated(values, [np.arange(len(values)), *(np.arange(count) / step for count in shape[1:])])
-    refined = np.empty(shape, dtype=np.uint8)
+def _write_refined(light: np.ndarray, values: np.ndarray, step: int) -> None:
+    """Write values of every `step`-th voxel along each axis at all voxels, (K, J, I) uint8."""
+    planes = interpolated(values, [np.arange(len(values)), *(np.arange(count) / step for count in light.shape[1:])])
+    between = np.empty_like(planes[0])
     # Plane by plane: all of them as floating-point numbers would take longer to write than to compute.
-    for k, plane in enumerate(refined):
-        low, share = divmod(k, step)
-        below, above = planes[low], planes[min(low + 1, len(planes) - 1)]
-        np.copyto(plane, below + np.float32(share / step) * (above - below), casting="unsafe")
-    return refined
+    for low, (below, above) in enumerate(zip(planes, [*planes[1:], planes[-1]], strict=True)):
+        difference = above - below
+        for share, plane in enumerate(light[low * step : (low + 1) * step]):
+            np.multiply(difference, np.float32(share / step), out=between)
+            between += below
+            np.copyto(plane, between, casting="unsafe")

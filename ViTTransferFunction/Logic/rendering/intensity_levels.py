@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.bounding_box import whole_box
+from ..core.geometry import Box
 from ..core.intensity_window import finite_sample, percentile_window
+from ..core.lookup import looked_up
 from ..core.resampling import cell_positions, interpolated
 from ..core.volume import Volume
 from .class_membership import Shape, nearest_voxels
@@ -32,19 +35,24 @@ def intensity_levels(scan: Volume) -> np.ndarray:
     return levels
 
 
-def gray_levels(intensities: np.ndarray, levels: np.ndarray, shape: Shape) -> np.ndarray:
+def gray_levels(intensities: np.ndarray, levels: np.ndarray, shape: Shape, part: Box | None = None) -> np.ndarray:
     """Intensities as grey levels on a grid of another shape that fills the same box.
 
     Args:
         intensities: (K, J, I), of any real dtype.
         levels: (256,), as `intensity_levels` has them.
-        shape: (K', J', I') of the result, uint8.
+        shape: (K', J', I') of the grid.
+        part: of the grid, whose levels are wanted; None: all of it.
+
+    Returns:
+        (K'', J'', I'') of the part, uint8.
     """
+    part = part or whole_box(shape)
     coarse: Shape = tuple(np.minimum(shape, intensities.shape).tolist())
-    levelled = _levels_of(nearest_voxels(intensities, coarse), levels)
     if coarse == shape:
-        return levelled
-    positions = [cell_positions(cells, voxels) for cells, voxels in zip(coarse, shape, strict=True)]
+        return _levels_of(nearest_voxels(intensities, shape, part), levels)
+    levelled = _levels_of(nearest_voxels(intensities, coarse), levels)
+    positions = [cell_positions(*counts) for counts in zip(coarse, shape, part, strict=True)]
     fine: np.ndarray = np.rint(interpolated(levelled, positions)).astype(np.uint8)
     return fine
 
@@ -53,8 +61,7 @@ def _levels_of(intensities: np.ndarray, levels: np.ndarray) -> np.ndarray:
     if intensities.dtype in (np.int16, np.uint16):
         # Each of the values once, not each of the voxels.
         values = np.arange(65536, dtype=np.uint16).view(intensities.dtype)
-        of_values: np.ndarray = _nearest_levels(values, levels)[intensities.view(np.uint16)]
-        return of_values
+        return looked_up(_nearest_levels(values, levels), intensities.view(np.uint16))
     # Slice by slice, since interpolation takes eight bytes of each voxel.
     return np.stack([_nearest_levels(part, levels) for part in intensities])
 

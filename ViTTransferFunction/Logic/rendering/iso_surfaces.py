@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from ..core.progress import Progress, no_progress
-from .class_membership import Shape, finest_shape, memberships
+from .class_membership import Map, Shape, finest_shape, memberships
 from .composition import COMPOSING, MOST_ALONG_AXIS, Composition, shape_within_budget
 from .smoothing import smoothed
 
@@ -28,7 +28,7 @@ masks would look smaller than they are, and thin parts break."""
 
 
 def similarity_volume(
-    maps: Sequence[np.ndarray],
+    maps: Sequence[Map],
     isos: Sequence[float],
     shape: Shape | None = None,
     progress: Progress = no_progress,
@@ -36,7 +36,7 @@ def similarity_volume(
     """Every class as an iso-surface of its map; where classes overlap, cut as `memberships` says.
 
     Args:
-        maps: (K, J, I) each, float32 in [0, 1] or uint8 with 255 for 1. Where their shapes differ, they fill the same box.
+        maps: of the same part of the volume, but possibly of different shapes.
         isos: for each map, the value at its surface, in (0, 1).
         shape: (K', J', I') of the volume, which fills the box of the maps; None: `similarity_shape`.
         progress: called with classes done; may raise `Cancelled`.
@@ -49,7 +49,7 @@ def similarity_volume(
     return composition
 
 
-def similarity_shape(maps: Sequence[np.ndarray]) -> Shape:
+def similarity_shape(maps: Sequence[Map]) -> Shape:
     """Whole voxels for each cell of the finest map, more than one if it is coarse."""
     shape = shape_within_budget(finest_shape(maps))
     per_cell = min(int(np.cbrt(VOXELS_FROM_CELLS / np.prod(shape))), MOST_VOXELS_PER_CELL, MOST_ALONG_AXIS // max(shape))

@@ -8,8 +8,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from ..core.intensity_window import IntensityWindow
+from ..core.lookup import looked_up
 from ..core.progress import Progress, no_progress
-from .class_membership import Shape, finest_shape, memberships, nearest_voxels
+from .class_membership import Map, Shape, finest_shape, memberships, nearest_voxels
 from .composition import COMPOSING, Composition, shape_within_budget
 from .smoothing import binomial, smoothed
 
@@ -20,7 +21,7 @@ CERTAIN, DOUBTFUL = 200, 55
 def transfer_function_volume(
     intensities: np.ndarray,
     window: IntensityWindow,
-    maps: Sequence[np.ndarray],
+    maps: Sequence[Map],
     isos: Sequence[float],
     shape: Shape | None = None,
     progress: Progress = no_progress,
@@ -58,7 +59,7 @@ def _gray(intensities: np.ndarray, window: IntensityWindow) -> np.ndarray:
     if intensities.dtype in (np.int16, np.uint16):
         # Each of the values once, not each of the voxels.
         values = np.arange(65536, dtype=np.uint16).view(intensities.dtype)
-        return np.rint(255.0 * window.apply(values)).astype(np.uint8)[intensities.view(np.uint16)]
+        return looked_up(np.rint(255.0 * window.apply(values)).astype(np.uint8), intensities.view(np.uint16))
     return np.rint(255.0 * window.apply(intensities)).astype(np.uint8)
 
 
@@ -70,8 +71,7 @@ def _posterior(prior: np.ndarray, gray: np.ndarray) -> np.ndarray:
     # Where the map denies the class, intensities alone do not make it.
     possible = np.minimum(np.arange(256) / 26.0, 1.0)
     table = 255.0 * possible[:, None] / (1.0 + np.exp(-odds[:, None] - np.clip(likelihood, -4.0, 4.0)))
-    posterior: np.ndarray = np.rint(table).astype(np.uint8).ravel()[(prior.astype(np.uint16) << np.uint16(8)) | gray]
-    return posterior
+    return looked_up(np.rint(table).astype(np.uint8).ravel(), (prior.astype(np.uint16) << np.uint16(8)) | gray)
 
 
 def _frequencies(gray: np.ndarray) -> np.ndarray:

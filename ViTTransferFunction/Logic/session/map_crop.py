@@ -6,12 +6,11 @@ enough to be handed from process to process and shown at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import common_box, grown, out_of, whole_box, within
+from ..core.bounding_box import grown, out_of, whole_box
 from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
 from ..core.class_request import ClassRequest
 from ..core.geometry import Box, Geometry
@@ -38,12 +37,6 @@ class MapCrop:
     def on(self, geometry: Geometry) -> ClassMap:
         """The crop as the map of a part of the volume, which has this geometry."""
         return ClassMap(self.array, geometry.part(self.box), self.iso)
-
-    def on_box(self, box: Box) -> np.ndarray:
-        """The array on a box of the volume that holds the crop's, (K, J, I) uint8; 0 where it was cut off."""
-        array = np.zeros([extent.stop - extent.start for extent in box], dtype=np.uint8)
-        array[within(self.box, box)] = self.array
-        return array
 
 
 class SegmentCrops:
@@ -75,12 +68,6 @@ def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
     around = grown(reaching, (MARGIN_VOXELS,) * 3, whole_box(voxels.shape))
     crop = crop_map(voxels.part(around), iso)
     return MapCrop(crop.array, out_of(crop.box, around), crop.iso)
-
-
-def on_common_box(crops: Sequence[MapCrop]) -> tuple[list[np.ndarray], Box]:
-    """The crops' arrays, 0 where they were cut off, on the smallest box that holds them all; and that box."""
-    box = common_box([crop.box for crop in crops])
-    return [crop.on_box(box) for crop in crops], box
 
 
 def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:

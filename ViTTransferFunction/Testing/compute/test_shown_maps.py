@@ -9,8 +9,11 @@ import pytest
 
 from ViTTransferFunction.Logic.compute import shown_maps
 from ViTTransferFunction.Logic.compute.shown_maps import Shown, on_one_box
+from ViTTransferFunction.Logic.core.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.resampling import cell_positions, interpolated
+from ViTTransferFunction.Logic.rendering.class_membership import Map, PartialMap
 from ViTTransferFunction.Logic.session.map_crop import MapCrop, crop_map
 
 WHOLE = (20, 16, 24)
@@ -35,10 +38,15 @@ def on_voxels(similarity: np.ndarray) -> MapCrop:
     return crop_map(similarity, ISO)
 
 
+def whole(similarity: Map) -> np.ndarray:
+    return similarity.on(whole_box(similarity.shape)) if isinstance(similarity, PartialMap) else similarity
+
+
 def test_cells_and_voxels_meet_on_the_box_that_matters_to_both() -> None:
     fine, coarse = cone(6), cone(12)
     maps: list[Shown] = [on_voxels(fine), on_cells(coarse)]
-    (of_fine, of_coarse), box, shape = on_one_box(maps, WHOLE)
+    shown, box, shape = on_one_box(maps, WHOLE)
+    of_fine, of_coarse = map(whole, shown)
     assert shape is None
     assert of_fine.shape == of_coarse.shape == fine[box].shape
     near = fine[box] >= 0.5 * ISO
@@ -48,10 +56,30 @@ def test_cells_and_voxels_meet_on_the_box_that_matters_to_both() -> None:
     np.testing.assert_allclose(of_coarse[surface] / 255.0, coarse[box][surface], atol=0.04)
 
 
+def test_voxels_alone_meet_on_the_box_that_holds_them_all() -> None:
+    similarities = [cone(6), cone(12)]
+    shown, box, shape = on_one_box([on_voxels(similarity) for similarity in similarities], WHOLE)
+    assert shape is None
+    for each, similarity in zip(map(whole, shown), similarities, strict=True):
+        near = similarity[box] >= 0.5 * ISO
+        np.testing.assert_allclose(each[near] / 255.0, similarity[box][near], atol=0.5 / 255.0)
+        assert near.sum() == (similarity >= 0.5 * ISO).sum()
+
+
+def test_cells_are_put_on_voxels_as_if_all_of_them_were_there() -> None:
+    low = on_cells(cone(12))
+    (_, of_coarse), box, _ = on_one_box([on_voxels(cone(6)), low], WHOLE)
+    positions = [cell_positions(cells, size, extent) for cells, size, extent in zip(low.array.shape, WHOLE, box, strict=True)]
+    expected = 255.0 * interpolated(low.array, positions, cubic=True)
+    near = expected >= 0.5 * ISO * 255.0
+    np.testing.assert_allclose(whole(of_coarse)[near], expected[near], atol=0.51)
+
+
 def test_what_somebody_waits_for_is_rendered_in_fewer_voxels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shown_maps, "VOXELS_FROM_CELLS", 500)
     maps: list[Shown] = [on_voxels(cone(6)), on_cells(cone(12))]
-    (of_fine, of_coarse), box, shape = on_one_box(maps, WHOLE)
+    shown, box, shape = on_one_box(maps, WHOLE)
+    of_fine, of_coarse = map(whole, shown)
     assert shape is not None
     assert 250 < math.prod(shape) <= 500
     assert of_coarse.shape == shape
@@ -71,13 +99,14 @@ def test_cells_alone_stay_as_they_are() -> None:
 def test_a_map_that_reaches_its_iso_value_nowhere_shows_nothing() -> None:
     maps: list[Shown] = [on_voxels(cone(6)), on_cells(np.zeros(WHOLE, dtype=np.float32))]
     (_, nothing), *_ = on_one_box(maps, WHOLE)
-    assert nothing.max() == 0
+    assert whole(nothing).max() == 0
 
 
 def test_with_surroundings_all_fill_the_volume() -> None:
     fine, low = cone(6), on_cells(cone(12))
     maps: list[Shown] = [on_voxels(fine), low]
-    (of_fine, of_coarse), box, shape = on_one_box(maps, WHOLE, surroundings=True)
+    shown, box, shape = on_one_box(maps, WHOLE, surroundings=True)
+    of_fine, of_coarse = map(whole, shown)
     assert shape == WHOLE == fine[box].shape
     assert of_coarse is low.array
     np.testing.assert_array_equal(of_fine >= ISO * 255.0, fine >= ISO)

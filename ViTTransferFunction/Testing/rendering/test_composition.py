@@ -9,6 +9,7 @@ from scipy.ndimage import distance_transform_cdt, maximum_filter
 from ViTTransferFunction.Logic.rendering.composition import (
     BLOCK_VOXELS,
     DEPTH,
+    LIGHT,
     MOST_BLOCKS_AWAY,
     MOST_STRUCTURES,
     NUMBER,
@@ -93,3 +94,21 @@ def test_where_there_is_no_structure_nothing_is_left_out() -> None:
     composition = Composition(SHAPE, 1)
     composition.crop()
     assert composition.voxels().shape[:3] == SHAPE
+
+
+def test_of_structures_in_which_a_voxel_lies_equally_deep_the_first_has_it() -> None:
+    box = (slice(5, 9), slice(4, 8), slice(30, 41))
+    voxels = composed([box, box])
+    assert (voxels[box][..., NUMBER] == 1).all()
+
+
+def test_shadows_lie_alike_on_both_sides_of_a_structure() -> None:
+    # They are known at every third voxel: at both ends, too.
+    composition = Composition((193, 60, 60), 1)
+    composition.add((slice(84, 109), slice(0, 60), slice(0, 60)), 0, np.full((25, 60, 60), 255, dtype=np.uint8))
+    light = composition.voxels()[..., LIGHT].astype(int)
+    np.testing.assert_allclose(light, light[::-1], atol=1)
+    along = light[:, 30, 30]
+    assert along[96] < along[84] < along[78] <= along[0] == 255
+    # In between as well.
+    assert np.abs(np.diff(along)).max() < 20

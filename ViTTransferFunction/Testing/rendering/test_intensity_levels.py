@@ -31,3 +31,13 @@ def test_what_is_frequent_gets_more_levels_and_all_is_covered() -> None:
 def test_what_is_no_number_is_dark() -> None:
     intensities = np.full((2, 2, 2), np.nan)
     assert (gray_levels(intensities, np.arange(256.0), (2, 2, 2)) == 0).all()
+
+
+@pytest.mark.parametrize("shape", [(20, 18, 16), (13, 18, 11), (31, 40, 20)])
+def test_a_part_has_the_levels_that_it_has_in_the_whole(shape: tuple[int, int, int]) -> None:
+    intensities = np.random.default_rng(0).integers(-50, 300, (20, 18, 16)).astype(np.int16)
+    part = (slice(2, 9), slice(0, 17), slice(5, 10))
+    levels = np.arange(256.0)
+    of_part, of_all = gray_levels(intensities, levels, shape, part), gray_levels(intensities, levels, shape)
+    # Where they are interpolated, sums are not rounded alike.
+    np.testing.assert_allclose(of_part.astype(int), of_all[part], atol=1 if shape > intensities.shape else 0)

@@ -156,6 +156,7 @@ def test_a_rendering_is_exported_also_where_the_user_deleted_what_displays_its_v
 
 def test_an_exported_rendering_has_voxels_of_its_own_for_slices_as_well(views: Views, rendering: ClassRendering) -> None:
     (live,) = nodes_of_class(views.scene, "vtkMRMLVectorVolumeNode")
+    assert not live.GetVolumeDisplayNode().GetAutoWindowLevel()
     before = vtk_to_numpy(live.GetImageData().GetPointData().GetScalars())
     exported = rendering.export("CT structures")
     after = vtk_to_numpy(exported.GetImageData().GetPointData().GetScalars())

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, on_common_box, restricted
+from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, restricted
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
@@ -39,15 +39,6 @@ def test_a_restricted_crop_encloses_just_the_labelled_voxels(ramp: np.ndarray) -
     labels[:, :, 6:] = 1
     inside = restricted(crop, labels, 2).array / 255.0 >= crop.iso
     np.testing.assert_array_equal(inside, (labels == 2)[crop.box])
-
-
-def test_crops_meet_on_the_box_that_holds_them_all(ramp: np.ndarray) -> None:
-    other = np.roll(ramp, -6, axis=0)
-    crops = [crop_map(ramp, 0.6), crop_map(other, 0.6)]
-    arrays, box = on_common_box(crops)
-    for array, similarity in zip(arrays, (ramp, other), strict=True):
-        near = similarity[box] >= 0.3
-        np.testing.assert_allclose(array[near] / 255.0, similarity[box][near], atol=0.5 / 255.0)
 
 
 def test_the_crops_of_a_segmentation_show_its_segments(session: SegmentationSession, spheres: Spheres) -> None:
