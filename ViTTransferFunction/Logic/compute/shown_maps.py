@@ -11,7 +11,7 @@ from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
 from ..core.geometry import Box
 from ..core.resampling import interpolated
 from ..rendering.class_membership import Map, PartialMap, Shape
-from ..rendering.composition import shape_within_budget
+from ..rendering.composition import VOXEL_BUDGET, shape_within_budget
 from ..rendering.iso_surfaces import VOXELS_FROM_CELLS
 from ..session.map_crop import MapCrop
 
@@ -35,15 +35,14 @@ def on_one_box(maps: Sequence[Shown], whole: Shape, surroundings: bool = False) 
         rendered in: where some are S_L, somebody waits for the answer to a click. None: any.
     """
     crops, lows = [each for each in maps if isinstance(each, MapCrop)], [each for each in maps if isinstance(each, ClassMap)]
-    if surroundings or not crops:
-        box, shape = whole_box(whole), shape_within_budget(whole) if surroundings else None
-        shown: list[Map] = [_in_box(each, box) if isinstance(each, MapCrop) else each.array for each in maps]
-        return shown, box, shape
-    box = common_box([*(crop.box for crop in crops), *(covering_box(_near_cells(low), low.array.shape, whole) for low in lows)])
+    if not crops:
+        return [low.array for low in lows], whole_box(whole), shape_within_budget(whole) if surroundings else None
+    near = [*(crop.box for crop in crops), *(covering_box(_near_cells(low), low.array.shape, whole) for low in lows)]
+    box = whole_box(whole) if surroundings else common_box(near)
     k, j, i = (extent.stop - extent.start for extent in box)
-    grid = shape_within_budget((k, j, i), VOXELS_FROM_CELLS)
-    shown = [_in_box(each, box) if isinstance(each, MapCrop) else _on_grid(each, whole, box, grid) for each in maps]
-    return shown, box, grid if lows and grid != (k, j, i) else None
+    grid = shape_within_budget((k, j, i), VOXEL_BUDGET if surroundings else VOXELS_FROM_CELLS)
+    shown: list[Map] = [_in_box(each, box) if isinstance(each, MapCrop) else _on_grid(each, whole, box, grid) for each in maps]
+    return shown, box, grid if surroundings or (lows and grid != (k, j, i)) else None
 
 
 def _in_box(crop: MapCrop, box: Box) -> PartialMap:
