@@ -52,8 +52,17 @@ def gray_levels(intensities: np.ndarray, levels: np.ndarray, shape: Shape, part:
     if coarse == shape:
         return _levels_of(nearest_voxels(intensities, shape, part), levels)
     levelled = _levels_of(nearest_voxels(intensities, coarse), levels)
-    positions = [cell_positions(*counts) for counts in zip(coarse, shape, part, strict=True)]
-    fine: np.ndarray = np.rint(interpolated(levelled, positions)).astype(np.uint8)
+    k, j, i = (cell_positions(*counts) for counts in zip(coarse, shape, part, strict=True))
+    planes = interpolated(levelled, [np.arange(len(levelled)), j, i])
+    fine = np.empty((len(k), len(j), len(i)), dtype=np.uint8)
+    between = np.empty_like(planes[0])
+    # Plane by plane: all of them as floating-point numbers would take longer to write than to compute.
+    for plane, position in zip(fine, np.clip(k, 0, len(planes) - 1).tolist(), strict=True):
+        low = int(position)
+        np.subtract(planes[min(low + 1, len(planes) - 1)], planes[low], out=between)
+        between *= np.float32(position - low)
+        between += planes[low]
+        np.copyto(plane, np.rint(between, out=between), casting="unsafe")
     return fine
 
 

@@ -19,6 +19,17 @@ def test_the_volume_has_the_scans_intensities_as_grey_levels(dtype: type, shape:
     assert levels[5, 5] == pytest.approx(np.clip((centres - 10.0) / 40.0, 0.0, 1.0) * 255.0, abs=4.0)
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_between_voxels_levels_are_interpolated_along_each_axis(axis: int) -> None:
+    along = np.array([10.0, 50.0, 20.0])
+    intensities = np.moveaxis(np.broadcast_to(along, (4, 4, 3)), 2, axis)
+    shape: list[int] = [4, 4, 4]
+    shape[axis] = 9
+    levels = np.moveaxis(gray_levels(intensities, np.arange(256.0), (shape[0], shape[1], shape[2])), axis, 2)
+    expected = np.rint(np.interp(np.arange(9), [1, 4, 7], along))
+    np.testing.assert_array_equal(levels, np.broadcast_to(expected, (4, 4, 9)))
+
+
 def test_what_is_frequent_gets_more_levels_and_all_is_covered() -> None:
     rng = np.random.default_rng(0)
     array = np.where(rng.random((40, 40, 40)) < 0.1, 3000.0 * rng.random((40, 40, 40)), rng.normal(60.0, 20.0, (40, 40, 40)))
