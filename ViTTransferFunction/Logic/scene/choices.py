@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from ..core.errors import InputError, shown
@@ -76,7 +77,14 @@ def make_possible(parameters: SceneParameters, offered: dict[str, dict[str, str]
         try:
             check_possible(name, value, offered)
         except InputError as error:
-            replaced.append(_("{reason} The saved setting was replaced by the default.").format(reason=error))
+            # Where structures were made with the model, the session sees what can be done (`FormerModel`).
+            if name != "model" or value != parameters.get("usedModel"):
+                replaced.append(_("{reason} The saved setting was replaced by the default.").format(reason=error))
             value = parameters.DEFAULTS[name]
         parameters.set(name, value)
+    weights = parameters.get("weightsPath")
+    if weights and not Path(weights).exists():
+        text = _("The weights that the saved settings name are not on this computer: {path}. Others are used if there are any.")
+        replaced.append(text.format(path=shown(weights)))
+        parameters.set("weightsPath", "")
     return replaced

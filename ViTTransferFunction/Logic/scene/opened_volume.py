@@ -11,6 +11,7 @@ from ..compute.proxy import SegmentationProxy
 from ..compute.requests import TakeVolume
 from ..core.errors import InputError
 from ..session.settings import SessionSettings
+from .former_model import FormerModel
 from .parameters import SceneParameters
 from .problems import Problems
 from .volume import array_from_node, world_to_local
@@ -28,13 +29,17 @@ class OpenedVolume:
         parameters: say which volume, and with which settings.
         proxy: of the compute process.
         problems: are told where a volume or a setting cannot be used.
+        former_model: of the scene.
 
     Attributes:
         content: what the process has; None for nothing.
     """
 
-    def __init__(self, parameters: SceneParameters, proxy: SegmentationProxy, problems: Problems) -> None:
+    def __init__(
+        self, parameters: SceneParameters, proxy: SegmentationProxy, problems: Problems, former_model: FormerModel
+    ) -> None:
         self._parameters = parameters
+        self._former_model = former_model
         self._proxy = proxy
         self._problems = problems
         self._opened: tuple[Any, ...] | None = None
@@ -57,7 +62,7 @@ class OpenedVolume:
         """Hand the volume over if it or what decides its features has changed; returns whether it has."""
         node, content, settings = self._parameters.volume, None, SessionSettings()
         try:
-            settings = self._parameters.session_settings()
+            settings = self._former_model.applied_to(self._parameters.session_settings())
             if node:
                 replace_impossible_window(node)
                 content = content_of(node)

@@ -37,7 +37,8 @@ class SceneParameters:
     The parameters, by the names that they have in the node:
         volume, segmentation: references to the volume to segment, and to the segmentation that gets the segments.
         preset: one of `PRESETS`.
-        model: one of `PRETRAINED_MODELS`; empty: the preset's.
+        model: one of `PRETRAINED_MODELS`; empty: the one that the scene's structures were made with, or the preset's.
+        usedModel: with which features were got last; empty: none were yet.
         weightsPath: file or folder of weights; empty: the cache or a download.
         grid: feature cells along the longest edge; 0: the preset's.
         device: one of `DEVICE_NAMES`.
@@ -60,6 +61,7 @@ class SceneParameters:
     DEFAULTS: dict[str, bool | int | float | str] = {  # noqa: RUF012
         "preset": DEFAULT_PRESET,
         "model": "",
+        "usedModel": "",
         "weightsPath": "",
         "grid": 0,
         "device": "auto",

@@ -30,6 +30,7 @@ from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
+from .former_model import FormerModel
 from .frame_segments import FrameSegments
 from .left_behind import LeftBehind
 from .opened_volume import OpenedVolume
@@ -90,7 +91,8 @@ class SceneSession:
         self._asked: tuple[Any, ...] | None = None
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
-        self._volume = OpenedVolume(self.parameters, self._proxy, self._problems)
+        self._former_model = FormerModel(self.parameters, self._problems)
+        self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
         self._writing = SegmentWriting(
@@ -404,6 +406,8 @@ class SceneSession:
             if self._proxy.up_to_date:
                 self._close_ups.remember_shown()
         self._take_problem()
+        if "state" in events:
+            self._former_model.look(self._proxy, has_structures=bool(self.classes))
         if events & {"first map", "maps", "refined", "rendering", "state"}:
             self._show()
         elif self.views.pending and not self.awaits_maps:

@@ -37,9 +37,11 @@ class FeatureEstimate:
         seconds: that computing them will take; None where that is not known.
         memory_bytes: that is in use while they are computed; of the features alone where that is not known.
         download: of the model's weights; None where they are on this computer, or where nobody publishes them.
+        model: the name of the model that they are of.
     """
 
     cached: bool
     seconds: float | None
     memory_bytes: int
     download: WeightsDownload | None = None
+    model: str = ""

@@ -116,9 +116,9 @@ class FeatureSource:
         if weights is not None and weights.path.exists() and not cached:
             network = self._networks.network(weights, self._device)
             cost = feature_cost(self._volume, self._settings, network, self._networks.speed(network, self._settings))
-            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes)
+            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes, model=self._model.name)
         here = cached or (weights is not None and weights.path.exists())
-        return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download)
+        return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download, self._model.name)
 
     def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[NormalisedFeatures]:
         """Get the features, normalised; the slow step, once for a volume.

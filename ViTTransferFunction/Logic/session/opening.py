@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..core.errors import InputError
 from ..core.intensity_window import IntensityWindow, check_shows_something
 from ..core.volume import Volume
 from ..features.cache import FeatureCache
@@ -9,7 +10,7 @@ from ..features.device import check_device_name
 from ..features.networks import Networks
 from ..features.settings import FeatureSettings
 from ..weights.models import PretrainedModel, pretrained_model
-from ..weights.sources import Trust, identify_model
+from ..weights.sources import Trust, find_weights, identify_model
 from .close_ups import close_up_settings
 from .feature_source import FeatureSource
 from .presets import preset
@@ -56,9 +57,22 @@ def open_session(
 
 
 def chosen_model(settings: SessionSettings) -> PretrainedModel:
-    """The model that the settings name, else the one whose weights the user's file holds, else the preset's.
+    """The model that the settings name, or else the former one, that of the user's file of weights, or the preset's.
 
     Raises:
         InputError: a setting cannot be used.
     """
+    if settings.model is None and _is_here(settings.former_model, settings.weights_path):
+        return pretrained_model(str(settings.former_model))
     return pretrained_model(settings.model or identify_model(settings.weights_path) or preset(settings.preset).model)
+
+
+def _is_here(model_name: str | None, weights_path: str | None) -> bool:
+    """Whether a model is known whose weights are on this computer."""
+    if model_name is None:
+        return False
+    try:
+        find_weights(model_name, weights_path, allow_download=False)
+    except InputError:
+        return False
+    return True

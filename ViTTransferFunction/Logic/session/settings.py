@@ -17,7 +17,9 @@ class SessionSettings:
         preset: one of `PRESETS`.
         grid: feature cells along the longest edge; None: the preset's.
         window: intensities that the network sees, low and high; None: the preset's.
-        model: one of `PRETRAINED_MODELS`; None: the one whose weights the user's file holds, else the preset's.
+        model: one of `PRETRAINED_MODELS`; None: the former one, else the one whose weights the user's file holds, else the
+            preset's.
+        former_model: what was used before, where `model` is None; passed over where its weights are not on this computer.
         weights_path: the user's own file or folder of weights; None: as `find_weights` finds them.
         device: one of `DEVICE_NAMES`.
     """
@@ -26,6 +28,7 @@ class SessionSettings:
     grid: int | None = None
     window: tuple[float, float] | None = None
     model: str | None = None
+    former_model: str | None = None
     weights_path: str | None = None
     device: str = "auto"
 

@@ -20,7 +20,7 @@ from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.features.precision import precision_name
 from ViTTransferFunction.Logic.session import feature_source
-from ViTTransferFunction.Logic.session.opening import open_session
+from ViTTransferFunction.Logic.session.opening import chosen_model, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
@@ -164,3 +164,14 @@ def test_cached_features_need_neither_weights_nor_network(spheres: Spheres, monk
     assert session.load_features().cached
     assert opened.count == 0
     assert np.isfinite(session.features.array).all()
+
+
+def test_the_former_model_is_taken_where_its_weights_are_here_and_none_is_chosen(
+    tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+    automatic = replace(tiny_weights, model=None, former_model="tiny")
+    assert chosen_model(automatic).name == "tiny"
+    assert chosen_model(replace(automatic, model="dino_vits8")).name == "dino_vits8"
+    assert chosen_model(replace(automatic, weights_path=None)).name == "dinov2_vits14"
+    assert chosen_model(replace(automatic, former_model="of a later version", weights_path=None)).name == "dinov2_vits14"

@@ -1,0 +1,49 @@
+"""The model that a scene's structures were made with: they are made with it again where that can be, or the user is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..compute.proxy import SegmentationProxy
+from ..session.settings import SessionSettings
+from .parameters import SceneParameters
+from .problems import Problems
+from .translation import tr as _
+
+
+class FormerModel:
+    """Remembers which model features were got with, in the scene, and speaks of the one that was there when the scene came.
+
+    Args:
+        parameters: of the scene.
+        problems: are told where another model has to do.
+    """
+
+    def __init__(self, parameters: SceneParameters, problems: Problems) -> None:
+        self._parameters = parameters
+        self._problems = problems
+        self._name = parameters.get("usedModel")
+        self._preset = parameters.get("preset")
+
+    def applied_to(self, settings: SessionSettings) -> SessionSettings:
+        """Settings that prefer it, unless the user has chosen anew."""
+        if settings.preset != self._preset or settings.model not in (None, self._name):
+            self._name = ""
+        return replace(settings, former_model=self._name or None)
+
+    def look(self, proxy: SegmentationProxy, has_structures: bool) -> None:
+        """Take in which model the features are or will be of, and tell the user if their structures were made with another."""
+        model = proxy.estimate.model if proxy.estimate is not None else ""
+        if not model:
+            return
+        if self._name in ("", model) or not has_structures:
+            self._problems.solve("model")
+        else:
+            text = _(
+                "The structures of this scene were made with the model {former}, whose weights are not on this computer. With "
+                "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
+                "under Advanced. To go on with {model}, look at each structure again."
+            )
+            self._problems.put("model", text.format(former=self._name, model=model))
+        if proxy.phase == "ready" and self._parameters.get("usedModel") != model:
+            self._parameters.set("usedModel", model)
