@@ -29,7 +29,7 @@ from .browser_session import BrowserSession
 from .security_headers import add_security_headers, page_policy
 
 LOOPBACK = "127.0.0.1"
-TOKEN_BYTES = 32
+TOKEN_BYTES = 24
 _SAFE_METHODS = ("GET", "HEAD")
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -41,12 +41,20 @@ class Access:
     Args:
         host: the name or address that the server listens at.
         on_left: called in the server's loop once the browser's tab was closed and did not come back.
+        on_entered: called there when a page is sent, which then is the one that has the session.
     """
 
-    def __init__(self, host: str = LOOPBACK, on_left: Callable[[], object] = lambda: None) -> None:
+    def __init__(
+        self,
+        host: str = LOOPBACK,
+        on_left: Callable[[], object] = lambda: None,
+        on_entered: Callable[[], object] = lambda: None,
+    ) -> None:
         self.host = host
-        self.token = secrets.token_urlsafe(TOKEN_BYTES)
+        # Without capitals, which trame's client loses where it connects again.
+        self.token = secrets.token_hex(TOKEN_BYTES)
         self._session = BrowserSession(on_left)
+        self._on_entered = on_entered
         self._web_server: Any = None
         # The computer's names are looked up in the network, which takes long where there is none.
         of_this_computer = () if _is_loopback(host) else (socket.gethostname(), socket.getfqdn())
@@ -101,6 +109,7 @@ class Access:
             headers = {"Content-Security-Policy": page_policy(html_of_page, request.host), "Cache-Control": "no-store"}
             response = web.Response(text=html_of_page, content_type="text/html", headers=headers)
             self._session.give_to(response, self.path())
+            self._on_entered()
             return response
 
         async def leave(request: web.Request) -> web.StreamResponse:

@@ -30,6 +30,7 @@ from .extraction import ExtractionButton
 from .films import Films
 from .opening import Opening
 from .page import build_page
+from .page_requests import PageRequests
 from .panel_state import session_state, window_ends
 from .routes import Routes
 from .scene_files import import_scene, parameter_node
@@ -73,6 +74,7 @@ class WebApp:
         films: the film that the page has made of the 3D view.
         opening: volumes, sessions and points from files.
         actions: what the page can ask for.
+        requests: how it does.
     """
 
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
@@ -101,6 +103,8 @@ class WebApp:
         self.films = Films(self)
         self.opening = Opening(self)
         self.actions = Actions(self)
+        self.requests = PageRequests(self.server.controller.trigger_fn)
+        self.server.trigger("ask")(self.requests)
         self.server.trigger("act")(self.actions)
         self.server.trigger("open_path")(self.opening.open_typed)
         self.server.trigger("open_sample")(self.opening.open_sample)
@@ -130,7 +134,7 @@ class WebApp:
         Raises:
             InputError: nothing can listen there.
         """
-        access = Access(host, on_left=self.stop)
+        access = Access(host, on_left=self.stop, on_entered=self.requests.expect_page)
         if access.warning:
             on_warning(access.warning)
         self.server.controller.on_server_bind.add(Routes(self, access.path).add)
@@ -302,10 +306,12 @@ class WebApp:
             windows_3d=lambda: [self.views.view_3d.render_window()],
             points_3d=lambda: [self.views.view_3d.get_displayable_manager_by_class(MARKUPS_MANAGER)],
         )
+        of_this_computer = {name: value for name, value in self._settings.items() if name in OF_THIS_COMPUTER}
+        for name, value in of_this_computer.items():
+            session.parameters.set(name, value)
         self._replaced = make_possible(session.parameters, choices())
-        for name, value in self._settings.items():
-            if not saved or name in OF_THIS_COMPUTER:
-                session.parameters.set(name, value)
+        for name, value in ({} if saved else self._settings).items():
+            session.parameters.set(name, value)
         session.add_observer(self._on_changed)
         return session
 

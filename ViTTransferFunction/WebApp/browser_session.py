@@ -59,7 +59,8 @@ class BrowserSession:
         """
         previous, self._socket = self._socket, request
         if previous is not None and previous.transport is not None:
-            previous.transport.close()
+            # Not closed: that would wait until a browser that is not heard any more has taken what was sent to it.
+            previous.transport.abort()
         self._stay()
         response = None
         try:

@@ -29,14 +29,13 @@ def build_page(server: Any, contexts: list[str]) -> None:
     """Make the page of a server whose views are there; `contexts`: what can be shown around structures, by name."""
     server.enable_module({
         "serve": {"__vittf": str(_STATIC), "__vittf_icons": str(_ICONS)},
-        "scripts": ["__vittf/page.js", "__vittf/view_steps.js", "__vittf/mouse.js", "__vittf/touch.js"],
+        "scripts": [f"__vittf/{name}.js" for name in ("requests", "connection", "page", "view_steps", "mouse", "touch")],
         "styles": ["__vittf/page.css"],
     })  # fmt: skip
     words, form, endings = meanings(), panel_form(), film_endings()
     keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
     server.state.update({
         "trame__title": TITLE,
-        "trame__template_error": (_STATIC / "disconnected.html").read_text(encoding="utf-8"),
         "trame__favicon": "__vittf_icons/ViTTransferFunction.svg",
         "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
         "table_keys": list(TABLE_KEYS),

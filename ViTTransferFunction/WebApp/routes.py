@@ -51,6 +51,7 @@ class Routes:
     def add(self, web_server: Any) -> None:
         """To be called when the server is bound."""
         router = web_server.app.router
+        router.add_get(self._path("served"), self._tell_whether_served)
         router.add_post(self._path("upload"), self._upload)
         router.add_get(self._path("download/segmentation"), self._download_segmentation)
         router.add_get(self._path("download/session"), self._download_session)
@@ -58,6 +59,10 @@ class Routes:
         router.add_get(self._path("download/picture"), self._download_picture)
         router.add_get(self._path("download/camera"), self._download_camera)
         router.add_get(self._path("download/film"), self._download_film)
+
+    async def _tell_whether_served(self, request: web.Request) -> web.StreamResponse:
+        """Tell a page that lost its connection whether it may come back, or another one was opened since."""
+        return web.Response(status=204 if self._app.requests.is_of(request.query.get("page", "")) else 409)
 
     async def _upload(self, request: web.Request) -> web.StreamResponse:
         try:

@@ -2,7 +2,10 @@
 (() => {
   const state = (name) => window.trame && window.trame.state && window.trame.state.get(name);
   const set = (name, value) => window.trame.state.set(name, value);
-  const act = (...request) => window.trame.trigger("act", request);
+  const act = (...request) => window.requests.ask("act", request);
+
+  // Whether the page may not be used, since the server is not heard, or serves another one.
+  const isCutOff = () => document.querySelector("#app").inert;
 
   // Keys, by the table that all front ends share.
   const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
@@ -35,7 +38,7 @@
   }
 
   window.addEventListener("keydown", (event) => {
-    if (!window.trame) return;
+    if (!window.trame || isCutOff()) return;
     if ((event.ctrlKey || event.metaKey) && !isSignByAlt(event)) return withControl(event);
     const key = keyOf(event);
     const inDialog = document.querySelector(".backdrop");
@@ -90,7 +93,7 @@
 
   // Closing the page ends the app.
   window.addEventListener("beforeunload", (event) => {
-    if (state("unsaved")) event.preventDefault();
+    if (state("unsaved") && !isCutOff()) event.preventDefault();
   });
   window.addEventListener("pagehide", () => {
     fetch("leave", { method: "POST", keepalive: true }).catch(() => {});

@@ -9,9 +9,7 @@
 
   function send() {
     if (!steps.length) return;
-    // `trame.trigger` would keep changed settings from being sent while the mouse moves.
-    const session = window.trame.client.getConnection().getSession();
-    const answer = session.call("trame.trigger", ["use_view", [view, steps], {}]);
+    const answer = window.requests.ask("use_view", [view, steps]);
     steps = [];
     unanswered += 1;
     answer.catch(() => {}).then(() => {

@@ -1,0 +1,146 @@
+"""What becomes of the page, and of what was done on it, where its connection breaks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+from ViTTransferFunction.Testing.support.network import Network
+from ViTTransferFunction.Testing.support.web_app import AppPage, Server, is_painted
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def network(noise_server: Server) -> Iterator[Network]:
+    network = Network(int(noise_server.address.split(":")[2].split("/")[0]))
+    yield network
+    network.close()
+
+
+@pytest.fixture
+def address(noise_server: Server, network: Network) -> str:
+    scheme, host, rest = noise_server.address.split(":")
+    return f"{scheme}:{host}:{network.port}/{rest.split('/', 1)[1]}"
+
+
+@pytest.fixture
+def page(new_page: Callable[[], Any], address: str) -> AppPage:
+    """The app by way of the network, with a new structure and the tool for its points in hand."""
+    page = new_page()
+    page.page.goto(address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    before = page.page.evaluate("trame.state.get('classes').length")
+    page.page.keyboard.press("Escape")
+    page["add-class"].click()
+    page.wait_for_state(f"classes.length === {before + 1} && state.get('tool') === 'pointOn'")
+    page.page.evaluate(f"window.first = {before}")
+    return page
+
+
+def wait_for_connection(page: AppPage, state: str) -> None:
+    """Wait until the page shows its connection to be so: "", "waiting", "lost", "elsewhere" or "anew"."""
+    page.page.wait_for_function(f"(document.querySelector('.connection').dataset.state || '') === '{state}'")
+
+
+def wait_for_points(page: AppPage, *numbers: int) -> None:
+    """Wait until the structures since the page was opened have such numbers of points."""
+    page.wait_for_state(f"classes.slice(first).map((item) => item.positive).join() === '{','.join(map(str, numbers))}'")
+
+
+def test_a_connection_that_broke_comes_back_by_itself_and_the_page_goes_on(page: AppPage, network: Network) -> None:
+    page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
+    network.go_down()
+    wait_for_connection(page, "lost")
+    page.keep_picture("lost")
+    page.page.keyboard.press("z")
+    network.come_up()
+    wait_for_connection(page, "")
+    page.click_in("Red", 190, 150)
+    wait_for_points(page, 2)
+    page.wait_for_picture("Red", lambda picture: is_painted(picture, 190, 150, radius=3))
+
+
+def test_a_click_that_was_lost_on_its_way_is_placed_once(page: AppPage, network: Network) -> None:
+    network.go_down(after_sending=False)
+    page.click_in("Red", 150, 150)
+    wait_for_connection(page, "lost")
+    network.come_up()
+    wait_for_connection(page, "")
+    page.click_in("Red", 190, 150)
+    wait_for_points(page, 2)
+
+
+def test_clicks_that_arrived_without_an_answer_are_placed_once(page: AppPage, network: Network) -> None:
+    # What the page hears of them is lost, and it sends them again.
+    page.page.evaluate("""() => {
+        const send = WebSocket.prototype.send;
+        WebSocket.prototype.send = function (...message) {
+            this.onmessage = null;
+            return send.apply(this, message);
+        };
+        window.hearAgain = () => { WebSocket.prototype.send = send; };
+    }""")
+    page.click_in("Red", 150, 150)
+    page.click_in("Red", 170, 150)
+    page.page.wait_for_function("window.requests.awaited() !== null")
+    page.page.wait_for_timeout(1000)
+    page.page.evaluate("window.hearAgain()")
+    network.go_down()
+    network.come_up()
+    wait_for_connection(page, "")
+    page.click_in("Red", 190, 150)
+    wait_for_points(page, 3)
+
+
+def test_a_connection_that_is_dead_without_a_word_is_replaced(page: AppPage, network: Network) -> None:
+    network.fall_silent()
+    page.click_in("Red", 150, 150)
+    wait_for_connection(page, "waiting")
+    page.keep_picture("waiting")
+    page["add-class"].click()
+    page.click_in("Red", 170, 150)
+    wait_for_connection(page, "lost")
+    wait_for_connection(page, "")
+    wait_for_points(page, 1, 1)
+
+
+def test_a_page_that_another_tab_replaced_does_not_quarrel_with_it(page: AppPage, address: str) -> None:
+    other = AppPage(page.page.context.new_page(), page._pictures)
+    other.page.goto(address)
+    other["app"].wait_for()
+    wait_for_connection(page, "elsewhere")
+    page.keep_picture("elsewhere")
+    other.page.evaluate("window.first = trame.state.get('classes').length - 1")
+    other.click_in("Red", 150, 150)
+    wait_for_points(other, 1)
+    page.page.get_by_role("button", name="Go on here").click()
+    page["app"].wait_for()
+    page.wait_for_state("classes.at(-1).positive === 1")
+    wait_for_connection(other, "elsewhere")
+
+
+def test_who_stays_on_a_page_that_asks_before_it_is_closed_goes_on(page: AppPage) -> None:
+    page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
+    page.page.wait_for_function("trame.state.get('unsaved')")
+    page.page.once("dialog", lambda dialog: dialog.dismiss())
+    page.page.evaluate("setTimeout(() => { location.href = 'about:blank'; }, 0)")
+    wait_for_connection(page, "lost")
+    wait_for_connection(page, "")
+    page.click_in("Red", 190, 150)
+    wait_for_points(page, 2)
+
+
+def test_an_app_that_was_started_anew_is_not_taken_for_the_one_before(page: AppPage) -> None:
+    # Any other server of the app knows nothing of this page's token.
+    page.page.route("**/served?*", lambda route: route.fulfill(status=403, body="No entry"))
+    page.page.evaluate("trame.client.getConnection().getSession().close()")
+    wait_for_connection(page, "anew")
+    page.keep_picture("anew")

@@ -1,0 +1,140 @@
+// A connection that breaks is made anew, without the page being loaded again: the scene is the server's. Until then the page says
+// what it waits for, and keeps what was asked for.
+(() => {
+  // How long the server may be silent before the page says so, and, where it answers other requests meanwhile, before its silence
+  // means that this connection is dead: computers that slept and networks that changed say nothing.
+  const SILENT_MS = 4000;
+  const DEAD_MS = 5000;
+  const RETRY_MS = 1000;
+  const TRIES = 8;
+  const PROBE_MS = 5000;
+  const PATIENCE_MS = 20000;
+  const SLEPT_MS = 20000;
+  // The page may be about to be closed.
+  const FIRST_RETRY_MS = 1000;
+
+  const TEXTS = {
+    waiting: ["", "The app does not answer. What you do is kept until it does."],
+    lost: ["The connection was lost",
+      "This page tries again by itself, and goes on where you were. Nothing is lost as long as the app runs: it may have been " +
+      "ended, its computer may sleep, or the network is interrupted."],
+    elsewhere: ["Open elsewhere", "This session was opened in another tab or browser since. Everything is still there."],
+    anew: ["The app was started anew", "It has another address now: open the one that it printed. What was not saved before is gone."],
+  };
+
+  let state = "";
+  let heard = Date.now();
+  let probing = false;
+  let leaving = false;
+  let wake = () => {};
+  const box = document.body.appendChild(document.createElement("div"));
+  box.className = "connection";
+  box.setAttribute("role", "status");
+
+  function show(next) {
+    if (next === state) return;
+    state = next;
+    const [title, text] = TEXTS[state] || ["", ""];
+    box.dataset.state = state;
+    box.replaceChildren();
+    if (title) box.appendChild(document.createElement("h2")).textContent = title;
+    if (text) box.appendChild(document.createElement("p")).textContent = text;
+    if (state === "elsewhere") {
+      const button = box.appendChild(document.createElement("button"));
+      button.textContent = "Go on here";
+      button.onclick = () => window.location.reload();
+    }
+    document.querySelector("#app").inert = !["", "waiting"].includes(state);
+  }
+
+  const pause = (time) => new Promise((done) => {
+    wake = done;
+    setTimeout(done, time);
+  });
+
+  // What the server says of this page: "here", "elsewhere", "anew", or "" if it does not answer. Browsers ask over connections that
+  // they have, which may be dead as well, so that one question is not enough.
+  async function probe() {
+    let answer = "";
+    for (let tries = 0; !answer && tries < TRIES; tries += 1) {
+      fetch(`served?page=${window.requests.page}`, { cache: "no-store", signal: AbortSignal.timeout(PROBE_MS) })
+        .then(({ status }) => { answer = { 204: "here", 409: "elsewhere", 403: "anew" }[status] || ""; wake(); }, () => {});
+      await pause(RETRY_MS);
+    }
+    return answer;
+  }
+
+  // trame gives no connection up that opens and then says nothing.
+  async function connect() {
+    const impatience = setInterval(() => window.trame.client.getConnection()?.getSession().close(), PATIENCE_MS);
+    try {
+      await window.trame.connect();
+      return true;
+    } catch {
+      return false;
+    } finally {
+      clearInterval(impatience);
+    }
+  }
+
+  async function lose() {
+    if (state === "lost") return;
+    window.requests.hold();
+    show("lost");
+    await pause(FIRST_RETRY_MS);
+    while (!leaving) {
+      const answer = await probe();
+      if (answer === "elsewhere" || answer === "anew") return show(answer);
+      if (answer === "here" && await connect()) break;
+      await pause(RETRY_MS);
+    }
+    window.requests.goOn();
+    show("");
+  }
+
+  window.trame.addConnectListener(() => {
+    const client = window.trame.client;
+    const session = client.getConnection().getSession();
+    // What trame would show instead of the page.
+    window.trame.state.get().trame__template_error = window.trame.state.get("trame__template_main");
+    const hear = () => { heard = Date.now(); };
+    hear();
+    for (const topic of ["trame.state.topic", "trame.rca.topic.stream"]) session.subscribe(topic, hear);
+    client.onConnectionClose(() => client === window.trame.client && lose());
+  });
+
+  // Since when nothing at all was heard, although an answer is awaited; null if all is well.
+  function silence() {
+    const awaited = window.requests.awaited();
+    const since = awaited === null ? Date.now() : Math.max(heard, awaited);
+    return Date.now() - since > SILENT_MS ? since : null;
+  }
+
+  async function watch() {
+    const since = silence();
+    if (state === "waiting" && since === null) show("");
+    if (!["", "waiting"].includes(state) || probing || since === null) return;
+    show("waiting");
+    probing = true;
+    const answer = await probe();
+    if (answer) await pause(DEAD_MS);
+    probing = false;
+    if (!answer || silence() !== since || state !== "waiting") return;
+    window.trame.client.getConnection().getSession().close();
+    lose();
+  }
+
+  let ticked = Date.now();
+  setInterval(() => {
+    if (!window.requests) return;  // Scripts come in any order.
+    // The computer slept: whether the connection survived that shows only when something is asked for.
+    if (Date.now() - ticked > SLEPT_MS && state === "") window.requests.ask("arrive");
+    ticked = Date.now();
+    watch();
+  }, 1000);
+
+  window.addEventListener("online", () => wake());
+  document.addEventListener("visibilitychange", () => document.hidden || wake());
+  window.addEventListener("pagehide", () => { leaving = true; });
+  window.addEventListener("pageshow", () => { leaving = false; });
+})();
