@@ -81,6 +81,7 @@ class Actions:
             "updateAndDownload": app.update_and_download,
             "showSegments": self._show_segments,
             "notReadable": self._tell_of_unreadable_drop,
+            "notSent": self._tell_of_broken_upload,
             "closeMessages": app.close_messages,
         }
         for tool in TOOLS:
@@ -129,6 +130,9 @@ class Actions:
             f"What was dropped cannot be read by the browser ({shown(str(reason))}), and nothing was opened. Check that its "
             "files are still there and that you may read them."
         )
+
+    def _tell_of_broken_upload(self) -> None:
+        raise InputError("The files did not arrive, since the connection was lost, and nothing was opened. Open them again.")
 
     def _class(self, id_: str) -> ClassState:
         """The class of an id that the page sent; it may be gone since."""

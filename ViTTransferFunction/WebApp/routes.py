@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .app import WebApp
 
 SERIES = "DICOM series"
-"""Name of a volume that was sent as slices: browsers keep that of their folder to themselves."""
+"""Name of a volume that was sent as slices without the name of their folder."""
 
 Pack = Callable[[Path, Path, Progress], None]
 """Makes the file that is sent out of what was staged for it."""
@@ -68,7 +68,7 @@ class Routes:
         try:
             with private_folder() as private:
                 # What a series in it will be called, and its segments, and what is saved of them.
-                folder = Path(private, SERIES)
+                folder = Path(private, kept_name(request.query.get("folder") or SERIES))
                 folder.mkdir()
                 await self._app.opening.open(await receive_files(request, folder))
         except InputError as error:

@@ -59,8 +59,8 @@ class Network:
                     end.shutdown(socket.SHUT_RDWR)
 
     def _accept(self) -> None:
-        with suppress(OSError):
-            while True:
+        while self._listener.fileno() >= 0:
+            with suppress(OSError):
                 browser, _ = self._listener.accept()
                 if self._is_down:
                     browser.close()

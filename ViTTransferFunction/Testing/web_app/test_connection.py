@@ -68,13 +68,18 @@ def test_a_connection_that_broke_comes_back_by_itself_and_the_page_goes_on(page:
 
 
 def test_a_click_that_was_lost_on_its_way_is_placed_once(page: AppPage, network: Network) -> None:
-    network.go_down(after_sending=False)
     page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
+    page.page.mouse.move(page["view-Red"].bounding_box()["x"] + 170, page["view-Red"].bounding_box()["y"] + 150)
+    page.page.wait_for_function("window.requests.awaited() === null")
+    network.go_down(after_sending=False)
+    page.page.mouse.down()
+    page.page.mouse.up()
     wait_for_connection(page, "lost")
     network.come_up()
     wait_for_connection(page, "")
     page.click_in("Red", 190, 150)
-    wait_for_points(page, 2)
+    wait_for_points(page, 3)
 
 
 def test_clicks_that_arrived_without_an_answer_are_placed_once(page: AppPage, network: Network) -> None:
@@ -93,6 +98,7 @@ def test_clicks_that_arrived_without_an_answer_are_placed_once(page: AppPage, ne
     page.page.wait_for_timeout(1000)
     page.page.evaluate("window.hearAgain()")
     network.go_down()
+    wait_for_connection(page, "lost")
     network.come_up()
     wait_for_connection(page, "")
     page.click_in("Red", 190, 150)

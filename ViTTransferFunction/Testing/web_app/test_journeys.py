@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Testing.files.test_several_series import write_two
+from ViTTransferFunction.Testing.files.test_several_series import write_series, write_two
 from ViTTransferFunction.Testing.support.tiny_model import random_state_dict
 
 pytest.importorskip("trame_slicer.core")
@@ -241,8 +241,38 @@ def test_a_folder_of_several_series_is_sent_and_one_is_chosen(at_app: AppPage, v
     page["open"].click()
     page["open-folder"].set_input_files(folder / "disk")
     page["series-line"].filter(has_text="T1 axial").click()
-    page.wait_for_state("volume_name === 'DICOM series' && opening === ''")
+    page.wait_for_state("volume_name === 'disk' && opening === ''")
     assert not page["message"].count()
+
+
+def test_a_dropped_series_is_called_as_its_folder(at_app: AppPage, folder: Path) -> None:
+    page = at_app
+    write_series(folder / "patient 7", "2", "T1 axial", 3)
+    drop(page, folder / "patient 7")
+    page.wait_for_state("volume_name === 'patient 7' && opening === ''")
+
+
+def test_files_that_did_not_arrive_are_told_of(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    page.page.route("**/upload*", lambda route: route.abort())
+    page["open"].click()
+    page["open-upload"].set_input_files(volume)
+    page["message"].wait_for()
+    assert "did not arrive" in page["message"].inner_text()
+
+
+def test_who_clicks_without_features_is_told_what_is_missing(at_app: AppPage, folder: Path) -> None:
+    import SimpleITK as sitk  # noqa: N813
+
+    page, volume = at_app, folder / "not computed yet.nrrd"
+    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(7).normal(0.0, 8.0, (20, 22, 24))), str(volume))
+    open_volume(page, volume)
+    add_structure(page, 0)
+    assert not page["features-missing"].count()
+    page.click_in("Red", 200, 200)
+    page["features-missing"].wait_for()
+    page["extract"].click()
+    page["features-missing"].wait_for(state="detached")
 
 
 def test_a_page_that_is_loaded_again_while_it_sends_a_file_sends_none(at_app: AppPage, volume: Path, folder: Path) -> None:
@@ -279,6 +309,10 @@ def test_what_is_dropped_closes_no_unsaved_structures_unasked(at_app: AppPage, v
     drop(page, folder / "dropped.nrrd")
     page["dropped"].wait_for()
     assert page.page.evaluate("[trame.state.get('volume_name'), trame.state.get('sent')]") == [volume.stem, None]
+    with page.page.expect_download() as saving:
+        page["dropped-save"].click()
+    assert saving.value.suggested_filename == f"{volume.stem}.mrb"
+    page["dropped-saved"].wait_for()
     page["dropped-open"].click()
     page.wait_for_state("volume_name === 'dropped' && opening === ''")
     # There is nothing to lose now.

@@ -273,8 +273,11 @@ def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
     opened(journey)
 
 
+@pytest.mark.parametrize(
+    ("folder", "name"), [("", "DICOM series"), ("?folder=Müller%20CT%202", "Müller CT 2"), ("?folder=..%2F..", ".._..")]
+)
 def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
-    in_app: Callable[[Journey], None], tmp_path: Path
+    in_app: Callable[[Journey], None], tmp_path: Path, folder: str, name: str
 ) -> None:
     form = aiohttp.FormData()
     for path in write_dicom(tmp_path / "sent", make_scan(random.Random(0), ("int16",))):
@@ -282,10 +285,10 @@ def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
 
     async def journey(app: WebApp) -> None:
         async with browser_of(app) as browser:
-            async with browser.post("/upload", data=form) as response:
+            async with browser.post(f"/upload{folder}", data=form) as response:
                 assert response.status == 200
             async with browser.get("/download/session") as response:
-                assert 'filename="DICOM series.mrb"' in response.headers["Content-Disposition"]
-        assert app.server.state.volume_name == "DICOM series"
+                assert f"''{quote(name)}.mrb" in response.headers["Content-Disposition"]
+        assert app.server.state.volume_name == name
 
     in_app(journey)

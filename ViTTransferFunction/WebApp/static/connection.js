@@ -8,7 +8,7 @@
   const RETRY_MS = 1000;
   const TRIES = 8;
   const PROBE_MS = 5000;
-  const PATIENCE_MS = 20000;
+  const PATIENCE_MS = 10000;
   const SLEPT_MS = 20000;
   // The page may be about to be closed.
   const FIRST_RETRY_MS = 1000;
@@ -64,9 +64,17 @@
     return answer;
   }
 
-  // trame gives no connection up that opens and then says nothing.
+  // trame keeps its socket to itself, and gives none up that says nothing.
+  let socket = null;
+  window.WebSocket = class extends WebSocket {
+    constructor(...given) {
+      super(...given);
+      socket = this;
+    }
+  };
+
   async function connect() {
-    const impatience = setInterval(() => window.trame.client.getConnection()?.getSession().close(), PATIENCE_MS);
+    const impatience = setInterval(() => socket.close(), PATIENCE_MS);
     try {
       await window.trame.connect();
       return true;
@@ -133,6 +141,10 @@
     watch();
   }, 1000);
 
+  // Views tell their sizes whether that can be or not.
+  window.addEventListener("unhandledrejection", (event) => {
+    if (event.reason && event.reason.code === window.requests.NOT_CONNECTED) event.preventDefault();
+  });
   window.addEventListener("online", () => wake());
   document.addEventListener("visibilitychange", () => document.hidden || wake());
   window.addEventListener("pagehide", () => { leaving = true; });

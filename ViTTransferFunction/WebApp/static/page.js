@@ -38,7 +38,7 @@
   }
 
   window.addEventListener("keydown", (event) => {
-    if (!window.trame || isCutOff()) return;
+    if (!window.requests || isCutOff()) return;
     if ((event.ctrlKey || event.metaKey) && !isSignByAlt(event)) return withControl(event);
     const key = keyOf(event);
     const inDialog = document.querySelector(".backdrop");
@@ -100,12 +100,14 @@
   });
 
   // Files.
-  function send(files) {
+  // `folder`: the name of the one that they were in, if any.
+  function send(files, folder = "") {
     if (!files.length) return;
     const form = new FormData();
     for (const file of files) form.append("files", file, file.name);
     const request = new XMLHttpRequest();
-    request.open("POST", "upload");
+    request.open("POST", `upload?folder=${encodeURIComponent(folder)}`);
+    request.onerror = () => act("notSent");
     request.upload.onprogress = (event) => set("sent", event.lengthComputable ? event.loaded / event.total : 0);
     request.onloadend = () => set("sent", null);
     set("asking_open", false);
@@ -114,16 +116,17 @@
   }
 
   // Dropped while there is something to lose: kept until the user has answered.
-  let dropped = [];
+  let dropped = [[]];
   document.addEventListener("click", (event) => {
     if (!event.target.matches("[data-open-dropped]")) return;
     set("asking_dropped", false);
-    send(dropped);
+    send(...dropped);
   });
 
   document.addEventListener("change", (event) => {
     if (!event.target.matches || !event.target.matches("[data-upload]")) return;
-    send([...event.target.files]);
+    const files = [...event.target.files];
+    send(files, files.length ? files[0].webkitRelativePath.split("/")[0] : "");
     event.target.value = "";
   });
 
@@ -161,8 +164,8 @@
     }
     // Points are added to what is open.
     const arePoints = files.length === 1 && files[0].name.toLowerCase().endsWith(".json");
-    if (!state("unsaved") || arePoints) return send(files);
-    dropped = files;
+    dropped = [files, entries.length === 1 && entries[0].isDirectory ? entries[0].name : ""];
+    if (!state("unsaved") || arePoints) return send(...dropped);
     set("asking_dropped", files.length > 0);
   });
 })();

@@ -30,6 +30,7 @@
 
   window.requests = {
     page,
+    NOT_CONNECTED,
     // By name, with arguments; gives the answer.
     ask,
     // Since when an answer is awaited; null if none is.
