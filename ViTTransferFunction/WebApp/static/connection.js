@@ -1,16 +1,19 @@
 // A connection that breaks is made anew, without the page being loaded again: the scene is the server's. Until then the page says
 // what it waits for, and keeps what was asked for.
 (() => {
-  // How long the server may be silent before the page says so, and, where it answers other requests meanwhile, before its silence
-  // means that this connection is dead: computers that slept and networks that changed say nothing.
+  // How long the server may leave a request unanswered before the page says so; and how much longer, while it does answer others,
+  // before this connection is taken for dead: networks that changed, and computers that slept, do not say so.
   const SILENT_MS = 4000;
   const DEAD_MS = 5000;
+  // Whether the server is there is asked so often, so many times in a row, and each time so long.
   const RETRY_MS = 1000;
   const TRIES = 8;
   const PROBE_MS = 5000;
+  // How long a new connection may take.
   const PATIENCE_MS = 10000;
+  // A clock that ticks each second and misses so much stood still, and the computer with it.
   const SLEPT_MS = 20000;
-  // The page may be about to be closed.
+  // Before the first try: the page may just be about to be closed.
   const FIRST_RETRY_MS = 1000;
 
   const TEXTS = {
