@@ -14,6 +14,7 @@ from .region_tool import RegionTool, Shape
 from .session import SceneSession
 from .slice_tools import SliceTools
 from .stroke_tool import StrokeTool
+from .wording import no_structure_text
 
 Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
 TOOLS: tuple[Tool, ...] = get_args(Tool)
@@ -63,9 +64,12 @@ class AnnotationTool:
         self._on_changed = on_changed
 
     def toggle(self, tool: Tool) -> None:
-        """Take a tool, or put it down if it is the one in hand."""
-        if tool == self.tool or self._selected is None:
+        """Take a tool, or put it down if it is the one in hand; where there is no structure, tell what to do first."""
+        if tool == self.tool:
             self.put_down()
+        elif self._selected is None:
+            self.put_down()
+            self._report(no_structure_text(self.session is not None and self.session.parameters.volume is not None))
         else:
             self.tool = tool
             self._use()

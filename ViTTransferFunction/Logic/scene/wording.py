@@ -138,6 +138,13 @@ def not_in_slices_text(volume_name: str) -> str:
     ).format(name=volume_name)
 
 
+def no_structure_text(has_volume: bool) -> str:
+    """What to do first where somebody takes a tool and there is no structure to work on."""
+    if has_volume:
+        return _("Points belong to a structure, and there is none yet: add a structure first.")
+    return _("Points belong to a structure in a scan, and there is no scan yet: open one first, then add a structure.")
+
+
 def choice_words() -> dict[str, str]:
     """What users read for the values of parameters that have few."""
     return {

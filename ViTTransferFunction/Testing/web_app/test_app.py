@@ -535,6 +535,29 @@ def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Ca
     opened(journey)
 
 
+@pytest.mark.parametrize("tool", ["pointOn", "brushOff", "eraser"])
+def test_a_tool_without_a_structure_says_what_to_do_first(opened: Callable[[Journey], None], tool: str) -> None:
+    async def journey(app: WebApp) -> None:
+        state = app.server.state
+        app.actions(tool)
+        assert state.tool == ""
+        assert state.message.endswith("add a structure first.")
+        app.actions("addClass")
+        assert state.message == ""
+
+    opened(journey)
+
+
+def test_a_tool_without_a_scan_says_that_one_comes_first(in_app: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app._close_scene()
+        app._take_session()
+        app.actions("pointOn")
+        assert "open one first" in app.server.state.message
+
+    in_app(journey)
+
+
 def test_the_window_that_is_shown_is_one_of_those_that_are_offered_whatever_the_voxels(
     in_app: Callable[[Journey], None], tmp_path: Path
 ) -> None:
