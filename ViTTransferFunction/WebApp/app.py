@@ -31,12 +31,13 @@ from .films import Films
 from .opening import Opening
 from .page import build_page
 from .page_requests import PageRequests
-from .panel_state import session_state, window_ends
+from .panel_state import session_state, shown_window, window_ends
 from .routes import Routes
 from .scene_files import import_scene, parameter_node
 from .serving import Serving
 from .slicer_views import SlicerViews, slice_tools
 from .volumes import add_volume, windows_of
+from .window_drag import WindowDrag, is_on_markup
 
 POLL_S = 0.010
 """How often the session is asked for news while something runs."""
@@ -97,6 +98,8 @@ class WebApp:
         )
         self._wheel = slice_tools(self.views)
         self._wheel.start(self._size_wheel)
+        self._window_drags = slice_tools(self.views)
+        self._window_drags.start(self._window_drag)
         self.session = self._new_session()
         self._saved = self.work
         self.extraction = ExtractionButton(lambda: self.session)
@@ -134,7 +137,7 @@ class WebApp:
         Raises:
             InputError: nothing can listen there.
         """
-        access = Access(host, on_left=self.stop, on_entered=self.requests.expect_page)
+        access = Access(host, on_left=self.stop, on_entered=self._expect_page)
         if access.warning:
             on_warning(access.warning)
         self.server.controller.on_server_bind.add(Routes(self, access.path).add)
@@ -293,6 +296,11 @@ class WebApp:
                 self._news.clear()
                 await asyncio.sleep(0)  # The loop's other work first: pictures, say.
 
+    def _expect_page(self) -> None:
+        """A page is being loaded; in the one before, a button may have been held."""
+        self.requests.expect_page()
+        self.views.leave()
+
     def _on_changed(self) -> None:
         self._stale = True
         self._news.set()
@@ -362,6 +370,18 @@ class WebApp:
                 self.session.annotations.turn_size(selected.id, notches)
 
         return SizeWheel(interactor, slice_node, shown_class, lambda point_ras: self.session.is_on_selected(point_ras), turn)
+
+    def _window_drag(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> WindowDrag:
+        """The left button changes the window where no tool is in hand and no point is under the mouse, and with Ctrl always."""
+
+        def is_free() -> bool:
+            return self.tool.tool is None and not is_on_markup(self.scene)
+
+        def show() -> None:
+            # Sent with the answer to the steps, once for all moves among them.
+            self.server.state.window = shown_window(self.session.parameters.volume)
+
+        return WindowDrag(interactor, slice_node, lambda: self.session.parameters.volume, is_free, show)
 
     def _delays_3d(self) -> bool:
         """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""

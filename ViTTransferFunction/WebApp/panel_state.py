@@ -82,7 +82,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
         "network_window": _network_window(session),
         "cache": _cache(session) if with_cache else None,
-        "window": _window(volume),
+        "window": shown_window(volume),
         **(look_state(session) if with_look else NO_LOOK),
     }
 
@@ -91,6 +91,14 @@ def window_ends(low: float, high: float) -> dict[str, float]:
     """Both ends of a window of intensities, to four digits of its width: nobody sees more, and no more fit into a field."""
     digits = 3 - math.floor(math.log10(high - low)) if high > low else 3
     return {"low": round(low, max(0, digits)), "high": round(high, max(0, digits))}
+
+
+def shown_window(volume: Any) -> dict[str, Any] | None:
+    """In which intensities the slice views show the volume."""
+    display = volume.GetScalarVolumeDisplayNode() if volume else None
+    if display is None:
+        return None
+    return window_ends(display.GetWindowLevelMin(), display.GetWindowLevelMax())
 
 
 def color_of_hex(text: str) -> tuple[float, float, float]:
@@ -190,11 +198,3 @@ def _cache(session: SceneSession) -> dict[str, Any]:
         "features_question": cache.features_question,
         "model_question": cache.model_question,
     }
-
-
-def _window(volume: Any) -> dict[str, Any] | None:
-    """In which intensities the slice views show the volume."""
-    display = volume.GetScalarVolumeDisplayNode() if volume else None
-    if display is None:
-        return None
-    return window_ends(display.GetWindowLevelMin(), display.GetWindowLevelMax())

@@ -15,7 +15,8 @@
   function step(area, what, event, ...more) {
     const box = area.getBoundingClientRect();
     const place = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
-    window.viewStep(area.dataset.view, what, place, [event.ctrlKey, event.shiftKey, event.altKey], ...more);
+    // On a Mac, Ctrl makes a left button the right one; what is Ctrl elsewhere is Cmd there.
+    window.viewStep(area.dataset.view, what, place, [event.ctrlKey || event.metaKey, event.shiftKey, event.altKey], ...more);
   }
 
   function hold(event, buttons) {
