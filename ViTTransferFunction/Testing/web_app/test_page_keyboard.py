@@ -112,12 +112,12 @@ def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: 
 
 
 ASKED_BY = """(keys) => {
-    const asked = [], trigger = window.trame.trigger;
-    window.trame.trigger = (name, [action]) => asked.push(action);
+    const asked = [], ask = window.requests.ask;
+    window.requests.ask = (name, [action]) => asked.push(action);
     for (const key of keys) {
         document.body.dispatchEvent(new KeyboardEvent("keydown", {bubbles: true, ...key}));
     }
-    window.trame.trigger = trigger;
+    window.requests.ask = ask;
     return asked;
 }"""
 """What the page asks for when keys are pressed."""
