@@ -78,7 +78,7 @@ def test_two_fingers_bring_the_3d_view_nearer(in_views: Callable[[Journey], None
 
 
 @pytest.mark.slow
-def test_in_a_browser_fingers_place_points_paint_and_enlarge(at_noise: AppPage) -> None:
+def test_in_a_browser_fingers_place_points_paint_enlarge_and_change_the_window(at_noise: AppPage) -> None:
     page = at_noise
     browser = page.page.context.new_cdp_session(page.page)
     box = page["view-Red"].bounding_box()
@@ -88,6 +88,13 @@ def test_in_a_browser_fingers_place_points_paint_and_enlarge(at_noise: AppPage) 
         for name, places in events:
             points = [{"x": column, "y": row, "id": number} for number, (column, row) in enumerate(places)]
             browser.send("Input.dispatchTouchEvent", {"type": name, "touchPoints": points})
+
+    # Without a tool, a finger changes the window, until it is lifted.
+    high = float(page["window-high"].input_value())
+    fingers(("touchStart", ((x, y),)), *(("touchMove", ((x + by, y),)) for by in (20, 40, 60)), ("touchEnd", ()))
+    page.page.wait_for_function(f"window.trame.state.get('window').high > {high}")
+    page["window-0"].click()
+    page.page.wait_for_function(f"window.trame.state.get('window').high === {high}")
 
     page["add-class"].click()
     page["class-0"].wait_for()
