@@ -318,8 +318,9 @@ class WebApp:
         for name, value in of_this_computer.items():
             session.parameters.set(name, value)
         self._replaced = make_possible(session.parameters, choices())
-        for name, value in ({} if saved else self._settings).items():
-            session.parameters.set(name, value)
+        if not saved:
+            for name, value in self._settings.items():
+                session.parameters.set(name, value)
         session.add_observer(self._on_changed)
         return session
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import reduce
 
 import numpy as np
@@ -104,6 +104,25 @@ def interpolated(array: np.ndarray, positions: Sequence[np.ndarray], cubic: bool
     if not np.array_equal(k, np.eye(len(fine))):
         fine = (k @ fine.reshape(len(fine), -1)).reshape(len(k), len(j), len(i))
     return fine
+
+
+def planes_between(planes: np.ndarray, places: Iterable[tuple[int, float]]) -> Iterator[np.ndarray]:
+    """Planes that lie between those of an array, one by one: all at once would take longer to write than to compute.
+
+    Args:
+        planes: (K, J, I) float32.
+        places: for each plane that is wanted, the one before it and how far it lies on the way to the next, from 0 to 1; beyond
+            the last plane there is that one.
+
+    Yields:
+        (J, I) float32, each in the memory of the one before.
+    """
+    between = np.empty_like(planes[0])
+    for low, share in places:
+        np.subtract(planes[min(low + 1, len(planes) - 1)], planes[low], out=between)
+        between *= np.float32(share)
+        between += planes[low]
+        yield between
 
 
 def cell_positions(cells: int, voxels: int, extent: slice | None = None) -> np.ndarray:

@@ -15,7 +15,7 @@ from scipy.ndimage import distance_transform_cdt, gaussian_filter
 from ..core.bounding_box import bounding_box, whole_box
 from ..core.errors import InputError
 from ..core.geometry import Box
-from ..core.resampling import interpolated
+from ..core.resampling import interpolated, planes_between
 from .class_membership import Shape
 
 NUMBER, LIGHT, INTENSITY, DEPTH = range(4)
@@ -189,11 +189,6 @@ def _write_ambient_light(light: np.ndarray, numbers: np.ndarray, depths: np.ndar
 def _write_refined(light: np.ndarray, values: np.ndarray, step: int) -> None:
     """Write values of every `step`-th voxel along each axis at all voxels, (K, J, I) uint8."""
     planes = interpolated(values, [np.arange(len(values)), *(np.arange(count) / step for count in light.shape[1:])])
-    between = np.empty_like(planes[0])
-    # Plane by plane: all of them as floating-point numbers would take longer to write than to compute.
-    for low, (below, above) in enumerate(zip(planes, [*planes[1:], planes[-1]], strict=True)):
-        difference = above - below
-        for share, plane in enumerate(light[low * step : (low + 1) * step]):
-            np.multiply(difference, np.float32(share / step), out=between)
-            between += below
-            np.copyto(plane, between, casting="unsafe")
+    places = ((k // step, k % step / step) for k in range(len(light)))
+    for plane, between in zip(light, planes_between(planes, places), strict=True):
+        np.copyto(plane, between, casting="unsafe")

@@ -12,7 +12,7 @@ from ..core.bounding_box import whole_box
 from ..core.geometry import Box
 from ..core.intensity_window import finite_sample, percentile_window
 from ..core.lookup import looked_up
-from ..core.resampling import cell_positions, interpolated
+from ..core.resampling import cell_positions, interpolated, planes_between
 from ..core.volume import Volume
 from .class_membership import Shape, nearest_voxels
 
@@ -55,13 +55,8 @@ def gray_levels(intensities: np.ndarray, levels: np.ndarray, shape: Shape, part:
     k, j, i = (cell_positions(*counts) for counts in zip(coarse, shape, part, strict=True))
     planes = interpolated(levelled, [np.arange(len(levelled)), j, i])
     fine = np.empty((len(k), len(j), len(i)), dtype=np.uint8)
-    between = np.empty_like(planes[0])
-    # Plane by plane: all of them as floating-point numbers would take longer to write than to compute.
-    for plane, position in zip(fine, np.clip(k, 0, len(planes) - 1).tolist(), strict=True):
-        low = int(position)
-        np.subtract(planes[min(low + 1, len(planes) - 1)], planes[low], out=between)
-        between *= np.float32(position - low)
-        between += planes[low]
+    places = ((int(position), position - int(position)) for position in np.clip(k, 0, len(planes) - 1).tolist())
+    for plane, between in zip(fine, planes_between(planes, places), strict=True):
         np.copyto(plane, np.rint(between, out=between), casting="unsafe")
     return fine
 
