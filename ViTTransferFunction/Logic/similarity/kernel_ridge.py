@@ -12,13 +12,14 @@ believed little (Λ), since any of them may lie in a structure of interest, and 
 
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
-√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). A negative point at the rim of its structure is looked at where its cell
-is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
+√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`); and later points of a class reach the less far the less they look like those
+before them (`point_reach`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
+(`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -47,6 +48,7 @@ from .iso_value import (
 )
 from .kernel_rows import KernelRows
 from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
+from .point_reach import PointReach, Reach, first_of_their_class
 from .similarity_map import SimilarityMap
 
 POINT_RIDGE = 0.05
@@ -82,6 +84,7 @@ class KernelRidge:
         vectors = features.array.reshape(-1, features.array.shape[-1])
         cells = Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
         self._with_cells = CellKernel(cells, features.geometry, self._sigma_mm)
+        self._reach = PointReach(cells, features.geometry.voxel_volume_mm3 ** (1 / 3) / self._sigma_mm)
         background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = cells.subset(background), background
         self._background_kernel = place_kernel(self._background, self._background).astype(np.float64)
@@ -100,26 +103,34 @@ class KernelRidge:
             finish_components = begin(partial(self._intensities.components.update, requests, between))
             points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
             keys = self._connected.keys(annotated.points_ras)
+            before = first_of_their_class(annotated.points_ras, annotated.classes, annotated.positive)
+            row_keys = _row_keys(keys, before)
+            self._reach.keep(row_keys)
 
             def write_row(index: int, row: np.ndarray) -> np.ndarray:
                 between()
-                self._with_cells.write(points.subset(np.array([index])), row[None])
+                point = points.subset(np.array([index]))
+                self._with_cells.write(point, row[None])
+                if index in before:
+                    earlier = before[index]
+                    self._reach.apply(row_keys[index], point, [row_keys[each] for each in earlier], points.subset(earlier), row)
                 finish_joining()
                 (factors,) = self._connected.at([keys[index]])
                 return np.asarray(factors)
 
-            rows = self._rows.indices(keys, write_row)
+            rows = self._rows.indices(row_keys, write_row)
+            reach = self._reach.of(row_keys)
             finish_joining()
             joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
             share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-            weights, without_negatives = self._weights(annotated, points, keys, joined, share)
+            weights, without_negatives = self._weights(annotated, points, keys, joined, share, reach)
             ratio = share / (1.0 - share)
             for turn, together in enumerate(_in_turns(len(requests), first)):
                 if turn:
                     # Until something is clicked in their own classes, these points' kernels stay as they are.
                     for point in np.flatnonzero(annotated.classes != first):
-                        self._rows.add_second(keys[point], float(ratio[point]))
-                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(keys))], axis=1)
+                        self._rows.add_second(row_keys[point], float(ratio[point]))
+                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(row_keys))], axis=1)
                 of_rows, without = (
                     self._weights_of_rows(each[:, together], rows, parts) for each in (weights, without_negatives)
                 )
@@ -223,13 +234,21 @@ class KernelRidge:
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _weights(
-        self, annotated: _Annotated, points: Places, keys: Sequence[bytes], between: np.ndarray, share: np.ndarray
+        self,
+        annotated: _Annotated,
+        points: Places,
+        keys: Sequence[bytes],
+        between: np.ndarray,
+        share: np.ndarray,
+        reach: Reach,
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
         targets = annotated.targets
         joined = self._connected.at(keys, self._background_cells).T
         to_points = place_kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
+        to_points *= reach.factors(points, self._background).T
         of_points = place_kernel(points, points).astype(np.float64) * point_factors(between, share)
+        of_points *= reach.factors_between(points)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
         background = np.zeros((len(to_points), targets.shape[1]))
         wanted = np.concatenate([targets, background])
@@ -248,6 +267,14 @@ class KernelRidge:
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
         return weights, _solve(kernel, ridge, wanted, seen)
+
+
+def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray]) -> list[bytes]:
+    """A key for each point's kernel: another one where something else is known of the point, or of those before it."""
+    return [
+        b"".join(keys[each] for each in before[index]) + b"then" + key if index in before else key
+        for index, key in enumerate(keys)
+    ]
 
 
 def _in_turns(classes: int, first: int | None) -> list[list[int]]:

@@ -59,6 +59,20 @@ def place_kernel(a: Places, b: Places) -> np.ndarray:
     return array_of(kernel)
 
 
+def alike(a: Places, b: Places) -> np.ndarray:
+    """The kernel as if all places were one: how alike features and intensities are, (len a, len b) float32."""
+    import torch
+
+    kernel = torch.empty((len(a.cdf), len(b.cdf)))
+    _write_kernel(kernel, a, b, torch.ones_like(kernel))
+    return array_of(kernel)
+
+
+def nearness(a: Places, b: Places, sigma: np.ndarray) -> np.ndarray:
+    """exp(−|x − y|² / 2σ²) with a σ for each place of `a`, (len a,) in units of σ_x: (len a, len b) float32."""
+    return array_of(_near(a, b, sigma))
+
+
 class CellKernel:
     """Kernel of places with the cells of a grid.
 
@@ -109,14 +123,14 @@ class CellKernel:
         return (tensor_of(of_lines)[:, :, None] * tensor_of(of_i)[:, None, :]).flatten(1)
 
 
-def _near(a: Places, b: Places) -> Tensor:
-    """exp(−|x − y|² / 2σ_x²), (len a, len b)."""
+def _near(a: Places, b: Places, sigma: np.ndarray | float = 1.0) -> Tensor:
+    """exp(−|x − y|² / 2σ²), (len a, len b), with one σ for all or each place of `a` in units of σ_x."""
     import torch
 
     squared = torch.zeros((len(a.cdf), len(b.cdf)))
     for of_a, of_b in zip(a.positions.T, b.positions.T, strict=True):
         _add_squared_differences(squared, of_a, of_b, 1.0)
-    return squared.mul_(-0.5).exp_()
+    return squared.mul_(tensor_of(np.float32(-0.5) / np.atleast_1d(np.float32(sigma))[:, None] ** 2)).exp_()
 
 
 def _write_kernel(kernel: Tensor, a: Places, b: Places, near: Tensor) -> None:

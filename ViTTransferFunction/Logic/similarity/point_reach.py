@@ -1,0 +1,143 @@
+"""How far the kernel of a class's later points reaches.
+
+A later positive point was placed where those before did not find its structure: at a rim, mostly, and a rim is thin. Where it
+looks unlike them, it looks like its surroundings, which its kernel would raise as well. So of the n-th positive point p of a
+class, in the order placed, the kernel is multiplied by
+
+    (1 − w) + w exp(−|x − p|² / 2ρ²),    w = W (1 − max_m l(p_m, p)),    ρ = max(R, c min {|x − p|: max_m k(p_m, x) ≥ FOUND}),
+
+over the points p_m before it, with l the kernel of features and intensities without positions. It reaches the less far the less
+it looks like those points, and the nearer it lies to what these find. Between two points, the factor is
+
+    √((1 − w)(1 − w′)) + √(w w′) (2ρρ′ / (ρ² + ρ′²))^(3/2) exp(−|p − p′|² / (ρ² + ρ′²)),
+
+which is positive semidefinite: the second term is how much two Gaussians have in common. Of all other points w is 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .place_kernel import Places, alike, nearness
+
+FIRST_POINTS = 6
+"""The reach of so many different positive points of a class is looked at: those after them reach without an end."""
+LARGEST_WEIGHT = 0.8
+"""W: of a point that is unlike all before it."""
+FOUND = 0.2
+"""Cells whose kernel with a point is no less are found by it."""
+WIDER = 2.0
+"""c: reach, as a multiple of the distance from what was found."""
+SHORTEST_CELLS = 1.5
+"""R, in cells: nothing reaches less far."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """How far points reach.
+
+    Attributes:
+        distance: ρ of each, (P,), in units of σ_x.
+        weight: w of each, (P,) in [0, 1): how much that counts.
+    """
+
+    distance: np.ndarray
+    weight: np.ndarray
+
+    def factors(self, points: Places, others: Places) -> np.ndarray:
+        """What the kernel of points (P) with other places (N) is multiplied by, (P, N)."""
+        weight = self.weight[:, None]
+        factors: np.ndarray = (1.0 - weight) + weight * nearness(points, others, self.distance)
+        return factors
+
+    def factors_between(self, points: Places) -> np.ndarray:
+        """What the kernel between the points is multiplied by, (P, P): 1 on the diagonal."""
+        squares = self.distance**2
+        sums = squares[:, None] + squares
+        positions = points.positions.astype(np.float64)
+        apart = ((positions[:, None] - positions) ** 2).sum(axis=-1)
+        overlap = (2.0 * np.outer(self.distance, self.distance) / sums) ** 1.5 * np.exp(-apart / sums)
+        unchanged = 1.0 - self.weight
+        factors: np.ndarray = np.sqrt(np.outer(unchanged, unchanged)) + np.sqrt(np.outer(self.weight, self.weight)) * overlap
+        return factors
+
+
+class PointReach:
+    """The reach of points, kept from click to click.
+
+    Args:
+        cells: all of them.
+        cell: the edge of one, in units of σ_x.
+    """
+
+    def __init__(self, cells: Places, cell: float) -> None:
+        self._cells = cells
+        self._shortest = SHORTEST_CELLS * cell
+        self._of_key: dict[bytes, tuple[float, float]] = {}
+        self._found_by_key: dict[bytes, np.ndarray] = {}
+
+    def keep(self, keys: Collection[bytes]) -> None:
+        """Forget what is known of all other keys."""
+        for kept in (self._of_key, self._found_by_key):
+            for gone in kept.keys() - set(keys):
+                del kept[gone]
+
+    def apply(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places, row: np.ndarray) -> None:
+        """Find out how far a point reaches, and multiply its kernel with all cells by what follows.
+
+        Args:
+            key: whatever is another one where the point or those before are others.
+            point: one.
+            before: the keys of the positive points placed before it, which this was called for already.
+            points_before: these.
+            row: its kernel with all cells, (cells,) float32, which is changed.
+        """
+        self._found_by_key[key] = np.flatnonzero(row >= FOUND)
+        self._of_key[key] = distance, weight = self._reach(point, before, points_before)
+        if weight:
+            reach = Reach(np.array([distance]), np.array([weight]))
+            row *= reach.factors(point, self._cells)[0]
+
+    def of(self, keys: Sequence[bytes]) -> Reach:
+        """The reach of points by their keys: without an end for those that `apply` was not called for."""
+        distance, weight = np.array([self._of_key.get(key, (1.0, 0.0)) for key in keys]).reshape(-1, 2).T
+        return Reach(distance, weight)
+
+    def _reach(self, point: Places, before: Sequence[bytes], points_before: Places) -> tuple[float, float]:
+        """ρ and w of a point (one), given those before it."""
+        if not before:
+            return 1.0, 0.0
+        weight = LARGEST_WEIGHT * (1.0 - min(1.0, float(alike(points_before, point).max())))
+        found = [points_before.positions, *(self._cells.positions[self._found_by_key[key]] for key in before)]
+        nearest = min(float(_squared_distances(positions, point).min()) for positions in found if len(positions)) ** 0.5
+        return max(self._shortest, WIDER * nearest), weight
+
+
+def _squared_distances(positions: np.ndarray, point: Places) -> np.ndarray:
+    """Of positions (N, 3) from a point (one), (N,)."""
+    squares: np.ndarray = ((positions - point.positions) ** 2).sum(axis=1)
+    return squares
+
+
+def first_of_their_class(points_ras: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> dict[int, np.ndarray]:
+    """The points whose reach is looked at, and which of their class's were placed before each.
+
+    Args:
+        points_ras: (P, 3) RAS millimetres, those of a class in the order placed; the same place counts once.
+        classes: (P,) the class that each point belongs to.
+        positive: (P,) bool, whether it is a positive point of that class.
+
+    Returns:
+        Of each such point's index, those of the points before it.
+    """
+    before: dict[int, np.ndarray] = {}
+    for index in np.unique(classes[positive]):
+        first_at: dict[bytes, np.intp] = {}
+        for point in np.flatnonzero((classes == index) & positive):
+            first_at.setdefault(points_ras[point].tobytes(), point)
+        first = np.array(list(first_at.values())[:FIRST_POINTS])
+        before |= {int(point): first[:count] for count, point in enumerate(first)}
+    return before
