@@ -12,8 +12,8 @@ believed little (Λ), since any of them may lie in a structure of interest, and 
 
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
-√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`); and later points of a class reach the less far the less they look like those
-before them (`point_reach`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
+√((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
+them (`point_reach`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
 (`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
 """
 

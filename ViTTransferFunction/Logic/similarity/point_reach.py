@@ -1,13 +1,15 @@
 """How far the kernel of a class's later points reaches.
 
 A later positive point was placed where those before did not find its structure: at a rim, mostly, and a rim is thin. Where it
-looks unlike them, it looks like its surroundings, which its kernel would raise as well. So of the n-th positive point p of a
-class, in the order placed, the kernel is multiplied by
+looks unlike them and like much else, its kernel would raise all of that as well. So of the n-th positive point p of a class, in
+the order placed, the kernel is multiplied by
 
-    (1 − w) + w exp(−|x − p|² / 2ρ²),    w = W (1 − max_m l(p_m, p)),    ρ = max(R, c min {|x − p|: max_m k(p_m, x) ≥ FOUND}),
+    (1 − w) + w exp(−|x − p|² / 2ρ²),    ρ = max(R, c min {|x − p|: x ∈ F(p_m), m < n}),
+    w = W (1 − max_m l(p_m, p)) (1 − min(1, A max_m |F(p_m)| / |F(p)|)),
 
-over the points p_m before it, with l the kernel of features and intensities without positions. It reaches the less far the less
-it looks like those points, and the nearer it lies to what these find. Between two points, the factor is
+with p_m the points before it, F(p) the cells that it finds, those with k(p, x) ≥ `FOUND`, and l the kernel of features and
+intensities without positions. It reaches the less far the less it looks like those points, the more common its look is than
+theirs, and the nearer it lies to what they find. Between two points, the factor is
 
     √((1 − w)(1 − w′)) + √(w w′) (2ρρ′ / (ρ² + ρ′²))^(3/2) exp(−|p − p′|² / (ρ² + ρ′²)),
 
@@ -16,6 +18,7 @@ which is positive semidefinite: the second term is how much two Gaussians have i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -26,13 +29,18 @@ from .place_kernel import Places, alike, nearness
 FIRST_POINTS = 6
 """The reach of so many different positive points of a class is looked at: those after them reach without an end."""
 LARGEST_WEIGHT = 0.8
-"""W: of a point that is unlike all before it."""
+"""W: of a point that is unlike all before it, and finds very many cells."""
+AS_COMMON = 0.5
+"""A: a point that finds fewer times more cells than those before it, 1 / A, is as common, and reaches without an end."""
 FOUND = 0.2
 """Cells whose kernel with a point is no less are found by it."""
 WIDER = 2.0
 """c: reach, as a multiple of the distance from what was found."""
 SHORTEST_CELLS = 1.5
 """R, in cells: nothing reaches less far."""
+
+WITHOUT_END = (1.0, 0.0)
+"""ρ and w of other points: any ρ, which does not count."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,30 +104,29 @@ class PointReach:
             row: its kernel with all cells, (cells,) float32, which is changed.
         """
         self._found_by_key[key] = np.flatnonzero(row >= FOUND)
-        self._of_key[key] = distance, weight = self._reach(point, before, points_before)
+        weight = self._weight(key, point, before, points_before) if before else 0.0
         if weight:
-            reach = Reach(np.array([distance]), np.array([weight]))
-            row *= reach.factors(point, self._cells)[0]
+            distance = max(self._shortest, WIDER * self._from_found(point, before, points_before))
+            self._of_key[key] = distance, weight
+            row *= Reach(np.array([distance]), np.array([weight])).factors(point, self._cells)[0]
+
+    def _weight(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places) -> float:
+        """How much the reach of a point (one) counts, w, given those before it, at least one."""
+        most, found = max(len(self._found_by_key[each]) for each in before), len(self._found_by_key[key])
+        if found <= AS_COMMON * most:
+            return 0.0
+        unlike = 1.0 - min(1.0, float(alike(points_before, point).max()))
+        return LARGEST_WEIGHT * unlike * (1.0 - AS_COMMON * most / found)
+
+    def _from_found(self, point: Places, before: Sequence[bytes], points_before: Places) -> float:
+        """How far a point (one) lies from those before it, at least one, and what they find, in units of σ_x."""
+        found = [points_before.positions, *(self._cells.positions[self._found_by_key[key]] for key in before)]
+        return math.sqrt(float(((np.concatenate(found) - point.positions) ** 2).sum(axis=1).min()))
 
     def of(self, keys: Sequence[bytes]) -> Reach:
         """The reach of points by their keys: without an end for those that `apply` was not called for."""
-        distance, weight = np.array([self._of_key.get(key, (1.0, 0.0)) for key in keys]).reshape(-1, 2).T
+        distance, weight = np.array([self._of_key.get(key, WITHOUT_END) for key in keys]).reshape(-1, 2).T
         return Reach(distance, weight)
-
-    def _reach(self, point: Places, before: Sequence[bytes], points_before: Places) -> tuple[float, float]:
-        """ρ and w of a point (one), given those before it."""
-        if not before:
-            return 1.0, 0.0
-        weight = LARGEST_WEIGHT * (1.0 - min(1.0, float(alike(points_before, point).max())))
-        found = [points_before.positions, *(self._cells.positions[self._found_by_key[key]] for key in before)]
-        nearest = min(float(_squared_distances(positions, point).min()) for positions in found if len(positions)) ** 0.5
-        return max(self._shortest, WIDER * nearest), weight
-
-
-def _squared_distances(positions: np.ndarray, point: Places) -> np.ndarray:
-    """Of positions (N, 3) from a point (one), (N,)."""
-    squares: np.ndarray = ((positions - point.positions) ** 2).sum(axis=1)
-    return squares
 
 
 def first_of_their_class(points_ras: np.ndarray, classes: np.ndarray, positive: np.ndarray) -> dict[int, np.ndarray]:

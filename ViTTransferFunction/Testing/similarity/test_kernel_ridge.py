@@ -161,10 +161,35 @@ def test_maps_do_not_depend_on_what_was_clicked_and_removed_before(similarity: K
     np.testing.assert_array_equal(maps_of(similarity, [a_class("a", IN_LEFT)]), before)
 
 
-def test_the_order_of_points_and_classes_does_not_matter(similarity: KernelRidge) -> None:
-    a, b = a_class("a", np.concatenate([IN_LEFT, IN_RIGHT])), a_class("b", IN_ABOVE)
-    a_reversed = a_class("a", np.concatenate([IN_RIGHT, IN_LEFT]))
+def test_the_order_of_classes_and_of_negative_points_does_not_matter(similarity: KernelRidge) -> None:
+    negative = np.concatenate([IN_RIGHT, at_cell(1, 1, 1)])
+    a, b = a_class("a", IN_LEFT, negative=negative), a_class("b", IN_ABOVE)
+    a_reversed = a_class("a", IN_LEFT, negative=negative[::-1])
     np.testing.assert_allclose(maps_of(similarity, [a, b]), maps_of(similarity, [b, a_reversed])[::-1], atol=1e-5)
+
+
+def test_a_second_click_on_what_looks_like_the_background_raises_little_of_that(
+    blocks: tuple[NormalisedFeatures, Volume],
+) -> None:
+    beside, far = at_cell(4, 6, 6), (slice(0, 2), slice(0, 12), slice(0, 12))
+    clicked = [a_class("a", np.concatenate([IN_LEFT, beside]))]
+    ((_, found),) = KernelRidge(*blocks).maps(clicked)
+    background_first = [a_class("a", np.concatenate([beside, IN_LEFT]))]
+    ((_, without_an_end),) = KernelRidge(*blocks).maps(background_first)
+    # Clicked first, the background is what is meant.
+    assert found.array[far].mean() < 0.7 * without_an_end.array[far].mean()
+    assert found.array[4, 6, 6] > 0.7 * without_an_end.array[4, 6, 6]
+    assert (found.array[LEFT] > prior_iso(2)).mean() > 0.6
+
+
+@pytest.mark.parametrize("then", [(1, 2), (0, 2), (2, 1, 0), (0,)], ids=str)
+def test_points_that_are_removed_or_placed_anew_leave_nothing_behind(
+    blocks: tuple[NormalisedFeatures, Volume], then: tuple[int, ...]
+) -> None:
+    points, rule = np.concatenate([IN_LEFT, at_cell(4, 6, 6), IN_ABOVE]), KernelRidge(*blocks)
+    maps_of(rule, [a_class("a", points)])
+    wanted = maps_of(KernelRidge(*blocks), [a_class("a", points[list(then)])])
+    np.testing.assert_allclose(maps_of(rule, [a_class("a", points[list(then)])]), wanted, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.features.whitening import unit_vectors
 from ViTTransferFunction.Logic.similarity import place_kernel as kernels
-from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, place_kernel
+from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, alike, nearness, place_kernel
 
 SHAPE = (5, 4, 6)
 SIGMA_MM = 7.0
@@ -53,6 +53,16 @@ def test_it_is_what_its_formula_says():
     a, b = (random_places(count, np.random.default_rng(count).normal(0.0, 10.0, (count, 3)), count) for count in (7, 30))
 
     np.testing.assert_allclose(place_kernel(a, b), formula(a, b), rtol=1e-5, atol=1e-7)
+
+
+def test_its_parts_are_what_their_formulas_say():
+    a, b = (random_places(count, np.random.default_rng(count).normal(0.0, 10.0, (count, 3)), count) for count in (7, 30))
+    sigma = np.linspace(0.1, 3.0, 7)
+    apart = np.linalg.norm(a.positions[:, None].astype(float) - b.positions, axis=2)
+    together = Places(b.features, np.repeat(a.positions[:1], 30, axis=0), b.cdf)
+
+    np.testing.assert_allclose(nearness(a, b, sigma), np.exp(-0.5 * (apart / sigma[:, None]) ** 2), rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(alike(a, b)[0], formula(a, together)[0], rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.parametrize("axes", AXES.values(), ids=AXES)
