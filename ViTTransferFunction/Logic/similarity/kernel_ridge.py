@@ -84,7 +84,7 @@ class KernelRidge:
         vectors = features.array.reshape(-1, features.array.shape[-1])
         cells = Places(vectors, self._centred(centres), self._intensities.cdf_of_cells)
         self._with_cells = CellKernel(cells, features.geometry, self._sigma_mm)
-        self._reach = PointReach(cells, features.geometry.voxel_volume_mm3 ** (1 / 3) / self._sigma_mm)
+        self._reach = PointReach(self._with_cells, features.geometry.voxel_volume_mm3 ** (1 / 3) / self._sigma_mm)
         background = self._intensities.drawn[:BACKGROUND_CELLS]
         self._background, self._background_cells = cells.subset(background), background
         self._background_kernel = place_kernel(self._background, self._background).astype(np.float64)

@@ -82,12 +82,13 @@ class CellKernel:
         sigma_mm: σ_x.
 
     Attributes:
+        cells: those.
         at_right_angles: whether the grid's axes are. Then |x − y|² is a sum over the axes, and what is computed of it a product
             of little tables. Only a transform that shears the volume makes them otherwise.
     """
 
     def __init__(self, cells: Places, geometry: Geometry, sigma_mm: float) -> None:
-        self._cells = cells
+        self.cells = cells
         self._shape = geometry.shape
         steps = geometry.ijk_to_ras[:3, 2::-1].T / sigma_mm
         lengths = np.linalg.norm(steps, axis=1)
@@ -105,18 +106,24 @@ class CellKernel:
         at_once = max(1, PAIRS_AT_ONCE // (len(places.cdf) * columns))
         for first in range(0, lines, at_once):
             some = slice(first, min(first + at_once, lines))
-            cells = self._cells.subset(slice(some.start * columns, some.stop * columns))
+            cells = self.cells.subset(slice(some.start * columns, some.stop * columns))
             near = self._near_lines(places, some) if self.at_right_angles else _near(places, cells)
             _write_kernel(rows[:, some.start * columns : some.stop * columns], places, cells, near)
 
-    def _near_lines(self, places: Places, lines: slice) -> Tensor:
+    def nearness(self, places: Places, sigma: float) -> np.ndarray:
+        """exp(−|x − y|² / 2σ²) of places (P) with all cells, with σ in units of σ_x, (P, cells) float32."""
+        if self.at_right_angles:
+            return array_of(self._near_lines(places, slice(None), sigma))
+        return nearness(places, self.cells, np.full(len(places.cdf), sigma))
+
+    def _near_lines(self, places: Places, lines: slice, sigma: float = 1.0) -> Tensor:
         """`_near` with the cells of some of the lines of cells along I, where the axes are at right angles.
 
         It is a product of one such factor for each of these.
         """
         along = places.positions @ self._directions.T
         of_k, of_j, of_i = (
-            np.exp(-0.5 * (coordinates - of_places[:, None]) ** 2).astype(np.float32)
+            np.exp(-0.5 * ((coordinates - of_places[:, None]) / sigma) ** 2).astype(np.float32)
             for coordinates, of_places in zip(self._coordinates, along.T, strict=True)
         )
         of_lines = (of_k[:, :, None] * of_j[:, None, :]).reshape(len(along), -1)[:, lines]

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .place_kernel import Places, alike, nearness
+from .place_kernel import CellKernel, Places, alike, nearness
 
 FIRST_POINTS = 6
 """The reach of so many different positive points of a class is looked at: those after them reach without an end."""
@@ -77,12 +77,12 @@ class PointReach:
     """The reach of points, kept from click to click.
 
     Args:
-        cells: all of them.
+        with_cells: makes the kernel with all cells.
         cell: the edge of one, in units of σ_x.
     """
 
-    def __init__(self, cells: Places, cell: float) -> None:
-        self._cells = cells
+    def __init__(self, with_cells: CellKernel, cell: float) -> None:
+        self._with_cells = with_cells
         self._shortest = SHORTEST_CELLS * cell
         self._of_key: dict[bytes, tuple[float, float]] = {}
         self._found_by_key: dict[bytes, np.ndarray] = {}
@@ -108,7 +108,11 @@ class PointReach:
         if weight:
             distance = max(self._shortest, WIDER * self._from_found(point, before, points_before))
             self._of_key[key] = distance, weight
-            row *= Reach(np.array([distance]), np.array([weight])).factors(point, self._cells)[0]
+            # In place, and in float32: there are as many cells as a click has milliseconds for.
+            factors = self._with_cells.nearness(point, distance)[0]
+            factors *= weight
+            factors += 1.0 - weight
+            row *= factors
 
     def _weight(self, key: bytes, point: Places, before: Sequence[bytes], points_before: Places) -> float:
         """How much the reach of a point (one) counts, w, given those before it, at least one."""
@@ -120,7 +124,8 @@ class PointReach:
 
     def _from_found(self, point: Places, before: Sequence[bytes], points_before: Places) -> float:
         """How far a point (one) lies from those before it, at least one, and what they find, in units of σ_x."""
-        found = [points_before.positions, *(self._cells.positions[self._found_by_key[key]] for key in before)]
+        positions = self._with_cells.cells.positions
+        found = [points_before.positions, *(positions[self._found_by_key[key]] for key in before)]
         return math.sqrt(float(((np.concatenate(found) - point.positions) ** 2).sum(axis=1).min()))
 
     def of(self, keys: Sequence[bytes]) -> Reach:

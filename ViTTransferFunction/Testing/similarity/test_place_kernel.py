@@ -74,6 +74,8 @@ def test_cells_of_a_grid_are_places_like_any(axes):
     found = kernel_with_cells(CellKernel(cells, geometry, SIGMA_MM), places, len(cells.cdf))
 
     np.testing.assert_allclose(found, formula(places, cells), rtol=1e-5, atol=1e-7)
+    near = CellKernel(cells, geometry, SIGMA_MM).nearness(places, 0.4)
+    np.testing.assert_allclose(near, nearness(places, cells, np.full(3, 0.4)), rtol=1e-4, atol=1e-7)
 
 
 def test_axes_at_right_angles_are_known_as_such_however_they_lie():

@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.similarity import point_reach
-from ViTTransferFunction.Logic.similarity.place_kernel import Places, place_kernel
+from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, place_kernel
 from ViTTransferFunction.Logic.similarity.point_reach import FIRST_POINTS, PointReach, Reach, first_of_their_class
 
 CELLS = 60
 EDGE = 0.05
+GRID = Geometry((CELLS, 1, 1), np.diag([EDGE, EDGE, EDGE, 1.0]))
 STRUCTURE, AROUND = (1.0, 0.0), (0.0, 1.0)
 
 
 def places(at: list[int], looks: list[tuple[float, float]]) -> Places:
     """Places along a line of cells, and what they look like."""
     positions = np.zeros((len(at), 3), dtype=np.float32)
-    positions[:, 2] = EDGE * np.array(at)
+    positions[:, 2] = EDGE * (np.array(at) - 0.5 * (CELLS - 1))
     return Places(np.array(looks, dtype=np.float32), positions, np.zeros(len(at), dtype=np.float32))
 
 
@@ -29,7 +31,7 @@ def line() -> Places:
 
 def reached(cells: Places, *points: Places) -> tuple[PointReach, list[np.ndarray]]:
     """The kernels with all cells of points that are placed one after the other, and what is known of them."""
-    reach, rows = PointReach(cells, EDGE), []
+    reach, rows = PointReach(CellKernel(cells, GRID, 1.0), EDGE), []
     for number, point in enumerate(points):
         row = place_kernel(point, cells)[0]
         before = [bytes([each]) for each in range(number)]
