@@ -30,15 +30,15 @@ DETAILS = ("precision", "recall", "surface_dice")
 """Of each structure, beside its Dice."""
 ALONE, STEPPED = COLUMNS
 
-_CAPTION = """Mean Dice over the structures, mean ± standard deviation between the paths of clicks where there are several: the
+CAPTION = """Mean Dice over the structures, mean ± standard deviation between the paths of clicks where there are several: the
 first click anywhere in the inner half of a structure, later ones on the largest error, about (σ 3 mm) where it is deepest.
 *With one size step*: after the same clicks, each structure may be made smaller or larger once, where that is better."""
 _COMPARISON = """All methods are on the same clicks, which correct the default's errors; in the last column on clicks that
 correct their own, on one path. The baselines know more than ours. All: what is there at a negative click. Classifiers: 100
 voxels of the true background. Grow from seeds: 4 mm around a click, as far as it belongs to the same, and 100 voxels from
 anywhere, as ours; or of the true background. Slow methods were given the first path only."""
-_CLICKS = """What one more click changes, of the Dice of a structure. In a round, every structure gets a click. Clicked alone:
-one structure after the other on one path, the others as they are; of these, the one that loses most counts."""
+CLICK_CAPTION = """What one more click changes, of the Dice of a structure. In a round, every structure gets a click. Clicked
+alone: one structure after the other on one path, the others as they are; of these, the one that loses most counts."""
 
 Run = dict[str, Any]
 
@@ -65,16 +65,16 @@ def text(report: dict[str, Any], earlier: Cases) -> str:
         f"Features of {report['model']}, preset *{report['preset']}*, {report['paths']} paths of clicks. "
         f"{in_words(report['machine'])}. "
         f"Command: `{_command(report)}`. Dice by structure, path and click is in `{_name(report)}.json`.",
-        _CAPTION,
-        *(part for group in GROUPS for part in _group(group.title, [case.name for case in group.cases], runs)),
+        CAPTION,
+        *(part for group in GROUPS for part in case_table(group.title, [case.name for case in group.cases], runs)),
         *(("## Before and now", before_and_now(earlier, summary(runs)["cases"])) if earlier else ()),
         "## Goals",
         _goals(runs),
         "## A click never hurts",
-        _CLICKS,
-        _click_changes(runs),
+        CLICK_CAPTION,
+        click_change_table(runs),
         f"![Worst structures of each volume]({_name(report)}_failures.png)",
-        *(part for case in names_of(runs, "case") for part in _by_structure(runs, case)),
+        *(part for case in names_of(runs, "case") for part in structure_table(runs, case)),
         *(_beside_other_methods(runs, compared, f"{_name(report)}_iou.png") if compared else ()),
         f"## As published ({published.DATA_SET})",
         _published(),
@@ -91,7 +91,7 @@ def _command(report: dict[str, Any]) -> str:
     return command if report["preset"] == DEFAULT_PRESET else f"{command} --preset {report['preset']}"
 
 
-def _group(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:
+def case_table(title: str, cases: Sequence[str], runs: Sequence[Run]) -> Iterator[str]:
     """The main table of some cases."""
     measured = [case for case in names_of(runs, "case") if case in cases]
     if not measured:
@@ -122,7 +122,8 @@ def _goals(runs: Sequence[Run]) -> str:
     return table(["goal", "figure", STEPPED, "reached", ""], rows)
 
 
-def _click_changes(runs: Sequence[Run]) -> str:
+def click_change_table(runs: Sequence[Run]) -> str:
+    """How much clicks gain and lose."""
     cases = names_of(runs, "case")
     of_cases = [(case, summarised(in_rounds(run for run in runs if run["case"] == case))) for case in cases]
     rows = [
@@ -175,7 +176,8 @@ def _comparison(runs: Sequence[Run], cases: Sequence[str]) -> str:
     return table(["volume", "method", "paths", *(f"@{n}" for n in clicks), f"own clicks, @{TYPICAL_CLICKS}"], rows)
 
 
-def _by_structure(runs: Sequence[Run], case: str) -> Iterator[str]:
+def structure_table(runs: Sequence[Run], case: str) -> Iterator[str]:
+    """The table of the structures of a case."""
     columns = [name for name in COLUMNS if column_of(runs, case, name).paths]
     alone, figures = column_of(runs, case, ALONE), [column_of(runs, case, name) for name in columns]
     clicks, compared = _reported(alone), len(methods_on(runs, case)) > 1
