@@ -8,7 +8,7 @@ from ..compute.proxy import SegmentationProxy
 from ..session.settings import SessionSettings
 from .parameters import SceneParameters
 from .problems import Problems
-from .translation import tr as _
+from .wording import former_model_text
 
 
 class FormerModel:
@@ -39,11 +39,6 @@ class FormerModel:
         if self._name in ("", model) or not has_structures:
             self._problems.solve("model")
         else:
-            text = _(
-                "The structures of this scene were made with the model {former}, whose weights are not on this computer. With "
-                "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
-                "under Advanced. To go on with {model}, look at each structure again."
-            )
-            self._problems.put("model", text.format(former=self._name, model=model))
+            self._problems.put("model", former_model_text(self._name, model))
         if proxy.phase == "ready" and self._parameters.get("usedModel") != model:
             self._parameters.set("usedModel", model)

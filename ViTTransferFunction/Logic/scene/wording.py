@@ -116,6 +116,15 @@ def left_behind_text(volume: str, names: Sequence[str]) -> str:
     ).format(volume=volume, names=_listing(names))
 
 
+def former_model_text(former: str, model: str) -> str:
+    """Of structures that were made with one model, where another one has to do."""
+    return _(
+        "The structures of this scene were made with the model {former}, whose weights are not on this computer. With "
+        "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
+        "under Advanced. To go on with {model}, look at each structure again."
+    ).format(former=former, model=model)
+
+
 def nothing_in_3d_text() -> str:
     """Of cameras, which files keep by where structures are."""
     return _(
