@@ -53,6 +53,15 @@ def wait_for_points(page: AppPage, *numbers: int) -> None:
     page.wait_for_state(f"classes.slice(first).map((item) => item.positive).join() === '{','.join(map(str, numbers))}'")
 
 
+def go_on(page: AppPage, network: Network, points: int) -> None:
+    """Once the page shows that its connection is lost, have the network come up, click once more, and wait for the points."""
+    wait_for_connection(page, "lost")
+    network.come_up()
+    wait_for_connection(page, "")
+    page.click_in("Red", 190, 150)
+    wait_for_points(page, points)
+
+
 def test_a_connection_that_broke_comes_back_by_itself_and_the_page_goes_on(page: AppPage, network: Network) -> None:
     page.click_in("Red", 150, 150)
     wait_for_points(page, 1)
@@ -60,10 +69,7 @@ def test_a_connection_that_broke_comes_back_by_itself_and_the_page_goes_on(page:
     wait_for_connection(page, "lost")
     page.keep_picture("lost")
     page.page.keyboard.press("z")
-    network.come_up()
-    wait_for_connection(page, "")
-    page.click_in("Red", 190, 150)
-    wait_for_points(page, 2)
+    go_on(page, network, points=2)
     page.wait_for_picture("Red", lambda picture: is_painted(picture, 190, 150, radius=3))
 
 
@@ -75,11 +81,7 @@ def test_a_click_that_was_lost_on_its_way_is_placed_once(page: AppPage, network:
     network.go_down(after_sending=False)
     page.page.mouse.down()
     page.page.mouse.up()
-    wait_for_connection(page, "lost")
-    network.come_up()
-    wait_for_connection(page, "")
-    page.click_in("Red", 190, 150)
-    wait_for_points(page, 3)
+    go_on(page, network, points=3)
 
 
 def test_clicks_that_arrived_without_an_answer_are_placed_once(page: AppPage, network: Network) -> None:
@@ -98,11 +100,7 @@ def test_clicks_that_arrived_without_an_answer_are_placed_once(page: AppPage, ne
     page.page.wait_for_timeout(1000)
     page.page.evaluate("window.hearAgain()")
     network.go_down()
-    wait_for_connection(page, "lost")
-    network.come_up()
-    wait_for_connection(page, "")
-    page.click_in("Red", 190, 150)
-    wait_for_points(page, 3)
+    go_on(page, network, points=3)
 
 
 def test_a_connection_that_is_dead_without_a_word_is_replaced(page: AppPage, network: Network) -> None:
