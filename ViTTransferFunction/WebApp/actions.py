@@ -77,6 +77,8 @@ class Actions:
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
             "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
             "window": self._set_window,
+            "restorePoints": app.unsaved_points.restore,
+            "discardPoints": app.unsaved_points.discard,
             "write": lambda corrections="ask": app.write_segments(corrections),
             "updateAndDownload": app.update_and_download,
             "showSegments": self._show_segments,

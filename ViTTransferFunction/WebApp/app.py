@@ -36,6 +36,7 @@ from .routes import Routes
 from .scene_files import import_scene, parameter_node
 from .serving import Serving
 from .slicer_views import SlicerViews, slice_tools
+from .unsaved_points import UnsavedPoints
 from .volumes import add_volume, windows_of
 from .window_drag import WindowDrag, is_on_markup
 
@@ -74,6 +75,7 @@ class WebApp:
         extraction: the button that computes features.
         films: the film that the page has made of the 3D view.
         opening: volumes, sessions and points from files.
+        unsaved_points: what is kept of the structures until they are saved.
         actions: what the page can ask for.
         requests: how it does.
     """
@@ -105,6 +107,7 @@ class WebApp:
         self.extraction = ExtractionButton(lambda: self.session)
         self.films = Films(self)
         self.opening = Opening(self)
+        self.unsaved_points = UnsavedPoints(self)
         self.actions = Actions(self)
         self.requests = PageRequests(self.server.controller.trigger_fn)
         self.server.trigger("ask")(self.requests)
@@ -154,6 +157,7 @@ class WebApp:
                 task.cancel()
             self.opening.give_up()
             self.films.give_up()
+            self.unsaved_points.end()
             self.session.close()
             await serving.end()
 
@@ -166,15 +170,16 @@ class WebApp:
         """Whether it was asked to end; threads may ask, too."""
         return self._stopped.is_set()
 
-    def report(self, message: str, about: str = "") -> None:
-        """Show why something that the user asked for was not done, until the structures are changed next, or it is tried again.
+    def report(self, message: str, about: str = "", solved: Callable[[], bool] | None = None) -> None:
+        """Show why something was not done, until its cause is gone, or it is tried again.
 
         Args:
             message: for the user.
             about: what was asked for, as `try_again` names it.
+            solved: whether the cause is gone; None: it is once the structures are changed next.
         """
         before = self.session, self.session.classes
-        self._messages.put(message, lambda: (self.session, self.session.classes) != before, about)
+        self._messages.put(message, solved or (lambda: (self.session, self.session.classes) != before), about)
         self._on_changed()
 
     def try_again(self, about: str) -> None:
@@ -218,6 +223,7 @@ class WebApp:
                 "download_due": state.download_due or self._is_written_for_download(),
                 "unsaved": self.work not in (NO_WORK, self._saved),
             })  # fmt: skip
+        self.unsaved_points.note()
         self.views.settle()
 
     def _is_written_for_download(self) -> bool:
@@ -237,6 +243,7 @@ class WebApp:
     def mark_saved(self, work: Work) -> None:
         """This was saved: as long as it is what there is, the page may be closed without a question."""
         self._saved = work
+        self.unsaved_points.mark_saved(work[0])
         self.refresh()
 
     def show_saving(self, name: str, share: float | None) -> None:
@@ -328,6 +335,7 @@ class WebApp:
         self.tool.put_down()
         self.extraction.give_up()
         self.films.give_up()
+        self.unsaved_points.leave()
         self._settings |= {name: self.session.parameters.get(name) for name in OF_ALL_VOLUMES}
         self.session.close()
         self._messages.clear()

@@ -60,6 +60,7 @@ class Opening:
                 take_up = await self._read_or_ask(paths, Path(folder), series)
                 if take_up is not None and self._paths is paths:
                     take_up()
+                    self._app.unsaved_points.follow(_scan_path(paths))
         except InputError as error:
             if self._paths is paths:
                 self._app.report(_as_users_know(str(error), paths), OPENING)
@@ -97,7 +98,10 @@ class Opening:
         try:
             if self._app.server.state.opening:
                 raise InputError(f"A scan is just being opened. Open {path.name} again when it is there.")
+            were_saved = self._app.unsaved_points.all_saved
             add_points(self._app.session, path)
+            if were_saved:
+                self._app.unsaved_points.mark_saved(self._app.session.classes)
         except InputError as error:
             self._app.report(str(error), OPENING)
         self._app.refresh()
@@ -117,6 +121,11 @@ class Opening:
         warnings: list[str] = []
         volume = volume_of_files(paths, lambda warning: warnings.append(_as_users_know(warning, paths)), series)
         return partial(self._app.replace_by_volume, volume, warnings)
+
+
+def _scan_path(paths: list[Path]) -> str:
+    """Where a scan is, as far as users know: slices that were sent have their folder's name."""
+    return paths[0].parent.name if len(paths) > 1 else _as_users_know(str(paths[0].absolute()), paths)
 
 
 def _as_users_know(text: str, paths: list[Path]) -> str:

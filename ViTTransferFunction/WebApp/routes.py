@@ -93,10 +93,13 @@ class Routes:
         return response
 
     async def _download_points(self, request: web.Request) -> web.StreamResponse:
-        session = self._app.session
+        session, classes = self._app.session, self._app.session.classes
         # As `vittf cohort` looks for it.
         name = f"{self._volume_name()}{ANNOTATIONS_ENDING}"
-        return await self._send(request, name, lambda staged: save_points(session, staged), _as_it_is)
+        response = await self._send(request, name, lambda staged: save_points(session, staged), _as_it_is)
+        if response.status == 200 and self._app.session is session:
+            self._app.unsaved_points.mark_saved(classes)
+        return response
 
     async def _download_picture(self, request: web.Request) -> web.StreamResponse:
         asked, window = request.query, self._app.views.view_3d.render_window()

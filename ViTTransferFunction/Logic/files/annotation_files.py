@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,19 +52,22 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     return [_parse_class(entry, index, to_ras, path) for index, entry in enumerate(classes)]
 
 
-def write_annotations(classes: Sequence[AnnotatedClass], path: Path) -> None:
+def write_annotations(classes: Sequence[AnnotatedClass], path: Path, about: Mapping[str, str] | None = None) -> None:
     """Write classes as an annotation file, whole or not at all. Read again, they are equal but for ids, which are their names.
 
     Args:
         classes: of different names: the file has no other way to tell them apart.
         path: JSON.
+        about: what else the file is to say, by field; who reads annotations passes it over.
 
     Raises:
         InputError: the file cannot be written.
     """
+    fields = {"coordinate_system": "RAS", **(about or {})}
+    start = ",\n ".join(f'"{field}": {json.dumps(value, ensure_ascii=False)}' for field, value in fields.items())
     entries = ",\n  ".join(json.dumps(_entry(annotated), ensure_ascii=False) for annotated in classes)
     with replacing(path) as temporary:
-        temporary.write_text(f'{{"coordinate_system": "RAS",\n "classes": [\n  {entries}]}}\n', encoding="utf-8")
+        temporary.write_text(f'{{{start},\n "classes": [\n  {entries}]}}\n', encoding="utf-8")
 
 
 def _entry(annotated: AnnotatedClass) -> dict[str, Any]:

@@ -82,6 +82,41 @@ def class_states(
     return states
 
 
+def restored_states(
+    annotated: Sequence[AnnotatedClass],
+    existing: Sequence[ClassState],
+    opened: Sequence[ClassState],
+    volume_node: Any,
+    geometry: Geometry,
+) -> list[ClassState]:
+    """All classes that a scene is to have once annotated ones are back, which were made out of those that it was opened with.
+
+    They take the place of those; what has been changed or added since stays beside them. Where a name is still the same, so are
+    the id, which segments go by, and what files do not say of a class.
+
+    Args:
+        annotated: see `class_states`.
+        existing: the classes that are in the scene.
+        opened: those that it was opened with.
+        volume_node: see `class_states`.
+        geometry: see there.
+
+    Raises:
+        InputError: see there.
+    """
+    names = {each.name for each in annotated}
+    # Files have no classes without points.
+    former = {state.name: state for state in opened if state in existing and (state.positive or state.name in names)}
+    staying = [state for state in existing if state not in former.values()]
+    states = class_states(annotated, staying, volume_node, geometry)
+    return [*staying, *(_in_place_of(former[state.name], state) if state.name in former else state for state in states)]
+
+
+def _in_place_of(former: ClassState, state: ClassState) -> ClassState:
+    look = replace(former.look, color=state.color, opacity=state.look.opacity)
+    return replace(state, id=former.id, look=look, visible=former.visible, continues=former.continues)
+
+
 def _class_state(annotated: AnnotatedClass, to_world: np.ndarray) -> ClassState:
     request = annotated.request
     box = request.close_up

@@ -87,6 +87,11 @@ class SceneAnnotations:
             for state in states:
                 create_class(self._scene, self._parameter_node, state)
 
+    def set_classes(self, states: Sequence[ClassState]) -> None:
+        """Have these classes, with all that they have, and no others; one step for undo."""
+        with self._edit():
+            write_classes(self._scene, self._parameter_node, states)
+
     def duplicate_class(self, id_: str) -> ClassState:
         """Add a class with the same settings and points below a class.
 

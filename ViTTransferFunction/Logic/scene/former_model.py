@@ -31,6 +31,12 @@ class FormerModel:
             self._name = ""
         return replace(settings, former_model=self._name or None)
 
+    def remember(self, name: str, proxy: SegmentationProxy) -> None:
+        """Structures come that were made with this model, "" if that is not known: features are to be of it, too."""
+        # Features that are of it already, or are just being computed, stay.
+        if name and (proxy.estimate is None or proxy.estimate.model != name):
+            self._name, self._preset = name, self._parameters.get("preset")
+
     def look(self, proxy: SegmentationProxy, has_structures: bool) -> None:
         """Take in which model the features are or will be of, and tell the user if their structures were made with another."""
         model = proxy.estimate.model if proxy.estimate is not None else ""

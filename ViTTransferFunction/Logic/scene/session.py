@@ -23,7 +23,7 @@ from ..core.errors import InputError
 from ..core.geometry import Geometry, transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
-from .annotated_classes import annotated_classes, class_states
+from .annotated_classes import annotated_classes, class_states, restored_states
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests, class_requests
 from .class_state import ClassState, EdgesMm, Polarity
@@ -296,6 +296,22 @@ class SceneSession:
                 "until then, it is looked at in the whole scan.",
             )
             self._notify()
+
+    def restore_annotated_classes(self, annotated: Sequence[AnnotatedClass], model: str, opened: Sequence[ClassState]) -> None:
+        """Have classes again that were not saved, in place of those that the scene was opened with; one step for undo.
+
+        Args:
+            annotated: as an annotation file has them.
+            model: that they were made with; "": not known.
+            opened: the classes that the scene was opened with (`restored_states`).
+
+        Raises:
+            InputError: there is no volume, nothing to restore that is not there already, or a point outside the volume.
+        """
+        states = restored_states(annotated, self.classes, opened, self.parameters.volume, self.file_geometry)
+        self._former_model.remember(model, self._proxy)
+        self.annotations.set_classes(states)
+        self._on_parameters()
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""

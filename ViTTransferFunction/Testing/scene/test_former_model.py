@@ -8,13 +8,16 @@ from typing import Any
 
 import pytest
 
+from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.scene.choices import choices, make_possible
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate, open_spheres
-from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 MODEL, OTHER = "dinov2_vits14", "dinov2_vits14_focus"
+RED = (1.0, 0.0, 0.0)
 Reopen = Callable[..., SceneSession]
 
 
@@ -63,6 +66,22 @@ def test_who_has_no_structures_is_told_nothing(reopen: Reopen) -> None:
 @pytest.mark.slow
 def test_who_chooses_a_model_is_told_nothing(reopen: Reopen) -> None:
     assert reopen(usedModel=OTHER, model=MODEL).take_error() is None
+
+
+@pytest.mark.slow
+def test_structures_that_are_restored_go_on_with_their_model_and_leave_features_of_it_as_they_are(
+    reopen: Reopen, spheres: Spheres
+) -> None:
+    session = reopen(with_structures=False)
+    session.restore_annotated_classes([AnnotatedClass(ClassRequest("1", centre_ras(spheres, 1)), RED)], MODEL, ())
+    assert session.phase == "ready"
+    session.wait()
+    assert session.take_error() is None
+    session.restore_annotated_classes([AnnotatedClass(ClassRequest("2", centre_ras(spheres, 2)), RED)], OTHER, ())
+    session.wait()
+    told = session.take_error()
+    assert told is not None
+    assert f"made with the model {OTHER}" in told
 
 
 def test_a_model_that_is_not_offered_here_is_told_of_once_by_whoever_can_say_what_to_do(

@@ -22,7 +22,8 @@
       "This page tries again by itself, and goes on where you were. Nothing is lost as long as the app runs: it may have been " +
       "ended, its computer may sleep, or the network is interrupted."],
     elsewhere: ["Open elsewhere", "This session was opened in another tab or browser since. Everything is still there."],
-    anew: ["The app was started anew", "It has another address now: open the one that it printed. What was not saved before is gone."],
+    anew: ["The app was started anew",
+      "It has another address now: open the one that it printed. Points that were not saved are offered there with their scan."],
   };
 
   let state = "";

@@ -1,0 +1,207 @@
+"""Points that are not saved outlive the app, however it ends: they are offered when their scan is opened again."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from ..Logic.core.errors import InputError
+from ..Logic.scene.class_state import ClassState
+from ..Logic.scene.volume import array_from_node
+from .unsaved_files import LeftPoints, UnsavedFile, remove_left
+
+if TYPE_CHECKING:
+    from .app import WebApp
+
+DELAY_S = 1.0
+"""From a change until it is written: clicks come in rows, and the answer to one is there by then."""
+LONGEST_DELAYS = 10
+"""For how many times as long an answer is waited for that does not come: what was clicked is more important then."""
+
+Classes = tuple[ClassState, ...]
+_Result = TypeVar("_Result")
+
+
+class UnsavedPoints:
+    """Keeps the structures of the open scan on the disk while they are saved nowhere else, and offers what was kept before.
+
+    A thread does all that concerns the disk, in its order. The loop only says what the structures are.
+
+    Args:
+        app: whose structures they are. Its page shows the offer, and what is wrong.
+    """
+
+    def __init__(self, app: WebApp) -> None:
+        self._app = app
+        self._disk = ThreadPoolExecutor(1, thread_name_prefix="unsaved points")
+        self._timer: asyncio.TimerHandle | None = None
+        self._problem = ""
+        self._scan_path = ""
+        self._file: UnsavedFile | None = None
+        # With which classes the scan was opened, which are saved elsewhere, and for which the disk is as it should be.
+        self._opened: Classes = ()
+        self._saved: Classes = ()
+        self._kept: Classes | None = None
+        self._offer(None)
+
+    def follow(self, scan_path: str) -> None:
+        """A scan was opened, or a session with one; `scan_path`: where it is, as users know it."""
+        session = self._app.session
+        self._opened = self._saved = self._kept = session.classes
+        self._scan_path = scan_path
+        # Where there is none, there is nothing to keep.
+        with suppress(InputError):
+            geometry = session.file_geometry
+            self._file = UnsavedFile(array_from_node(session.parameters.volume), geometry)
+            self._app.begin(self._look(self._file))
+
+    def leave(self) -> None:
+        """The scan is about to be closed: what is not saved may be offered when it is opened again."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._keep()
+        if self._file is not None:
+            self._have_done(self._file.close)
+        self._file = None
+        self._offer(None)
+
+    def end(self) -> None:
+        """As `leave`, for good; waits until the disk has everything."""
+        self.leave()
+        self._disk.shutdown()
+
+    def note(self) -> None:
+        """The structures may have changed."""
+        if self._timer is None and self._file is not None and self._app.session.classes != self._kept:
+            self._keep_soon(LONGEST_DELAYS)
+
+    @property
+    def all_saved(self) -> bool:
+        """Whether all structures are saved elsewhere as they are."""
+        return self._app.session.classes == self._saved
+
+    def mark_saved(self, classes: Classes) -> None:
+        """These structures are saved elsewhere."""
+        self._saved, self._kept = classes, None
+        self._keep()
+
+    def restore(self) -> None:
+        """Have what is offered in place of the structures that the scan was opened with.
+
+        Raises:
+            InputError: all of it is there already.
+        """
+        left = self._offered
+        if left is not None:
+            self._app.session.restore_annotated_classes(left.classes, left.model, self._opened)
+            self._keep(instead_of=left)
+            self._look_again()
+
+    def discard(self) -> None:
+        """Remove what is offered."""
+        left = self._offered
+        if left is not None:
+            self._have_done(partial(remove_left, left.path))
+            self._look_again()
+
+    def _look_again(self) -> None:
+        self._offer(None)
+        if self._file is not None:
+            self._app.begin(self._look(self._file))
+
+    def _offer(self, left: LeftPoints | None) -> None:
+        self._offered = left
+        with self._app.server.state as state:
+            state.restorable = None if left is None else {
+                "points": left.point_count,
+                "names": [each.name for each in left.classes],
+                "when_ms": 1000.0 * left.when_s,
+            }  # fmt: skip
+
+    async def _look(self, file: UnsavedFile) -> None:
+        """Offer what was left of the scan, the latest first. To find out which scan it is takes a second, where it is large."""
+        unusable: dict[Path, InputError] = {}
+        # What is wrong here is told where something is to be kept.
+        with suppress(InputError):
+            left = await self._done(partial(file.latest_left, unusable.__setitem__))
+            if self._file is file:
+                self._offer(left)
+                for path, error in unusable.items():
+                    self._app.report(_unusable_text(path, error), str(path))
+
+    def _keep_soon(self, delays: int) -> None:
+        self._timer = asyncio.get_running_loop().call_later(DELAY_S, self._keep_or_wait, delays)
+
+    def _keep_or_wait(self, delays: int) -> None:
+        self._timer = None
+        if self._app.session.awaits_maps and delays > 0:
+            self._keep_soon(delays - 1)
+        else:
+            self._keep()
+
+    def _keep(self, instead_of: LeftPoints | None = None) -> None:
+        """Have the disk keep the structures as they are now, unless they are saved elsewhere; then what was left may go."""
+        session = self._app.session
+        if self._file is None or (session.classes == self._kept and instead_of is None):
+            return
+        self._kept = session.classes
+        annotated = []
+        if not self.all_saved:
+            try:
+                annotated = session.annotated_classes()
+            except InputError as error:
+                names = [state.name for state in session.classes]
+                if len(set(names)) < len(names):
+                    self._tell(error)
+                    return
+                # No structure has a point in the scan any more, or yet.
+        file, model = self._file, session.parameters.get("usedModel")
+
+        def keep() -> None:
+            if annotated:
+                file.write(annotated, self._scan_path, model)
+            else:
+                file.remove()
+            if instead_of is not None:
+                remove_left(instead_of.path)
+
+        self._have_done(keep)
+
+    async def _done(self, work: Callable[[], _Result]) -> _Result:
+        return await asyncio.get_running_loop().run_in_executor(self._disk, work)
+
+    def _have_done(self, work: Callable[[], object]) -> None:
+        """Have the thread do something; what goes wrong is shown."""
+        loop = asyncio.get_running_loop()
+
+        def tell(done: Future[object]) -> None:
+            # The loop may have ended.
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._tell, done.exception())
+
+        self._disk.submit(work).add_done_callback(tell)
+
+    def _tell(self, error: BaseException | None) -> None:
+        """Show why structures are not kept, until they are again; None: they are."""
+        if error is not None and not isinstance(error, InputError):
+            raise error
+        problem, self._problem = self._problem, "" if error is None else str(error)
+        if error is not None and self._problem != problem:
+            self._app.report(_not_kept_text(error), solved=lambda: self._problem != str(error))
+
+
+def _not_kept_text(error: InputError) -> str:
+    return f"Points are not kept on this computer while you work, and are lost if the app ends before you save them. {error}"
+
+
+def _unusable_text(path: Path, error: InputError) -> str:
+    return (
+        f"Points of this scan were not saved, and what was kept of them cannot be used. {error} The file stays where it is: "
+        f"{path}. Delete it, and you will not be told again."
+    )
