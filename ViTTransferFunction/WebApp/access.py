@@ -30,6 +30,8 @@ from .security_headers import add_security_headers, page_policy
 
 LOOPBACK = "127.0.0.1"
 TOKEN_BYTES = 24
+_LOADER = re.compile(r"<script>\s*fetch\(\"\./loading\.tpl\"\).*?</script>", re.DOTALL)
+_LOADING = '<p style="margin: 45vh 0; text-align: center; font: 15px system-ui, sans-serif">Loading…</p>'
 _SAFE_METHODS = ("GET", "HEAD")
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -103,7 +105,7 @@ class Access:
 
     def guard(self, app: web.Application, page: Path) -> None:
         """Let requests to `app` through only as this file's first lines say; `page` is what the address shows."""
-        html_of_page = page.read_text(encoding="utf-8")
+        html_of_page = _with_arrival(page.read_text(encoding="utf-8"))
 
         async def enter(request: web.Request) -> web.StreamResponse:
             headers = {"Content-Security-Policy": page_policy(html_of_page, request.host), "Cache-Control": "no-store"}
@@ -147,6 +149,16 @@ class Access:
     def _is_named(self, host: str) -> bool:
         name = _name_of(host)
         return name is not None and (name in self._names or _is_number(name))
+
+
+def _with_arrival(page: str) -> str:
+    """Trame's page, as HTML, so that it is loaded anew where its connection breaks before all of it is there.
+
+    What trame would show until then is fetched, and may come over the page itself; what stands in the HTML does not.
+    """
+    script = (Path(__file__).parent / "static" / "arrival.js").read_text(encoding="utf-8")
+    with_script = _LOADER.sub("", page).replace("<head>", f"<head><script>{script}</script>", 1)
+    return with_script.replace('<div id="app"></div>', f'<div id="app">{_LOADING}</div>', 1)
 
 
 async def _to_folder(request: web.Request) -> web.StreamResponse:

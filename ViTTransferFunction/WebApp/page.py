@@ -36,8 +36,6 @@ def build_page(server: Any, contexts: list[str]) -> None:
     keys = {shortcut.action: shortcut.key for shortcut in SHORTCUTS} | TABLE_KEYS
     server.state.update({
         "trame__title": TITLE,
-        # Of a page that is there as a whole, `connection.js` speaks.
-        "trame__template_error": (_STATIC / "disconnected.html").read_text(encoding="utf-8"),
         "trame__favicon": "__vittf_icons/ViTTransferFunction.svg",
         "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
         "table_keys": list(TABLE_KEYS),

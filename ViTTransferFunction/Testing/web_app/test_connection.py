@@ -34,13 +34,20 @@ def page(new_page: Callable[[], Any], address: str) -> AppPage:
     """The app by way of the network, with a new structure and the tool for its points in hand."""
     page = new_page()
     page.page.goto(address)
+    begin_structure(page)
+    return page
+
+
+def begin_structure(page: AppPage) -> None:
+    """Wait until the page is there, and take the tool for the points of a new structure."""
     page.wait_for_state("volume_name === 'noise' && opening === ''")
     before = page.page.evaluate("trame.state.get('classes').length")
     page.page.keyboard.press("Escape")
     page["add-class"].click()
     page.wait_for_state(f"classes.length === {before + 1} && state.get('tool') === 'pointOn'")
     page.page.evaluate(f"window.first = {before}")
-    return page
+    # Those of the tools: requests that are under way when a network falls silent keep others from getting through.
+    page.page.wait_for_function("[...document.images].every((image) => image.complete)")
 
 
 def wait_for_connection(page: AppPage, state: str) -> None:
@@ -140,6 +147,80 @@ def test_who_stays_on_a_page_that_asks_before_it_is_closed_goes_on(page: AppPage
     wait_for_connection(page, "")
     page.click_in("Red", 190, 150)
     wait_for_points(page, 2)
+
+
+@pytest.mark.parametrize(
+    ("file", "arrives"),
+    [
+        # Without which there is no program at all; which opens the first connection; and with which the page goes on by itself.
+        ("vue.global.js", False),
+        ("assets/index-*.js", True),
+        ("__vittf/requests.js", False),
+        ("__vittf/touch.js", False),
+    ],
+)
+def test_a_page_whose_connection_breaks_while_it_is_loaded_comes_up_by_itself(
+    new_page: Callable[[], Any], address: str, network: Network, file: str, arrives: bool
+) -> None:
+    page = new_page()
+
+    def break_off(route: Any) -> None:
+        response = route.fetch()
+        network.go_down()
+        if arrives:
+            route.fulfill(response=response)
+        else:
+            route.abort()
+
+    page.page.route(f"**/{file}", break_off, times=1)
+    page.page.goto(address, wait_until="commit")
+    page.page.get_by_text("This page comes up by itself").wait_for()
+    page.keep_picture("not loaded")
+    network.come_up()
+    begin_structure(page)
+    # What was there of the page before had every reason for them.
+    page.errors.clear()
+    page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
+
+
+def test_what_is_shown_while_the_page_is_loaded_does_not_come_over_it(new_page: Callable[[], Any], address: str) -> None:
+    page = new_page()
+    held: list[Any] = []
+    page.page.route("**/loading.tpl", lambda route: held.append(route))
+    page.page.goto(address)
+    page["add-class"].wait_for()
+    for route in held:
+        with page.page.expect_response("**/loading.tpl"):
+            route.continue_()
+    begin_structure(page)
+    page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
+
+
+def test_a_page_that_does_not_come_is_loaded_anew(new_page: Callable[[], Any], address: str) -> None:
+    page = new_page()
+    page.page.clock.install()
+    page.page.route("**/__vittf/requests.js", lambda route: None, times=1)
+    page.page.goto(address, wait_until="commit")
+    page.page.wait_for_function("document.querySelector('.connection')")
+    page.page.clock.fast_forward(61_000)
+    page.page.get_by_text("This page comes up by itself").wait_for()
+    with page.page.expect_navigation(wait_until="commit"):
+        page.page.clock.fast_forward(2000)
+    begin_structure(page)
+    page.errors.clear()
+
+
+def test_a_page_of_which_a_part_never_comes_is_used_without_it(new_page: Callable[[], Any], address: str) -> None:
+    page = new_page()
+    page.page.route("**/__vittf/touch.js", lambda route: route.abort())
+    page.page.goto(address, wait_until="commit")
+    page.page.wait_for_function("sessionStorage.getItem('vittf loaded again') === '5'")
+    begin_structure(page)
+    page.errors.clear()
+    page.click_in("Red", 150, 150)
+    wait_for_points(page, 1)
 
 
 def test_an_app_that_was_started_anew_is_not_taken_for_the_one_before(page: AppPage) -> None:

@@ -112,7 +112,8 @@
     const hear = () => { heard = Date.now(); };
     hear();
     for (const topic of ["trame.state.topic", "trame.rca.topic.stream"]) session.subscribe(topic, hear);
-    client.onConnectionClose(() => client === window.trame.client && lose());
+    // Before all scripts are there, `arrival.js` has the page loaded anew.
+    client.onConnectionClose(() => client === window.trame.client && window.requests && lose());
   });
 
   // Since when nothing at all was heard, although an answer is awaited; null if all is well.
@@ -147,7 +148,7 @@
 
   // Views tell their sizes whether that can be or not.
   window.addEventListener("unhandledrejection", (event) => {
-    if (event.reason && event.reason.code === window.requests.NOT_CONNECTED) event.preventDefault();
+    if (event.reason && window.requests && event.reason.code === window.requests.NOT_CONNECTED) event.preventDefault();
   });
   window.addEventListener("online", () => wake());
   document.addEventListener("visibilitychange", () => document.hidden || wake());
