@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,9 @@ from ViTTransferFunction.Logic.core.atomic_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+COLORS = 64
+"""Every version of a picture stays in the repository: with so few colours, they take less than half."""
 
 
 def write_results(folder: Path, name: str, report: dict[str, Any], text: str) -> None:
@@ -35,9 +39,13 @@ def write_text(path: Path, text: str) -> None:
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure to a PNG file, and close it."""
+    """Write a figure to a PNG file of `COLORS` colours, and close it."""
     import matplotlib.pyplot as plt
+    from PIL import Image
 
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=120)
     plt.close(figure)
+    with replacing(path) as temporary, Image.open(drawn) as image:
+        small = image.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+        small.save(temporary, "PNG", optimize=True)
