@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from Benchmarks.shared.derived_cases import ORGAN_FILLING_CROPS, WORSE_SCANS
 from Benchmarks.shared.every_structure import EVERY_STRUCTURE
 from Benchmarks.shared.labelled_cases import CHEST, SCANS, LabelledCase, PhantomCase
-from Benchmarks.shared.unseen_cases import UNSEEN
+from Benchmarks.shared.other_cases import OTHERS
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class CaseGroup:
 GROUPS = (
     CaseGroup("Scans", SCANS, every_path=True, compared=True),
     CaseGroup("Lungs, and crops that an organ fills", (CHEST, *ORGAN_FILLING_CROPS), every_path=True),
-    CaseGroup("Scans that nothing was chosen on", UNSEEN, every_path=True, compared=True),
+    CaseGroup("Other scans", OTHERS, every_path=True, compared=True),
     CaseGroup("Worse scans, and generated shapes", (*WORSE_SCANS, PhantomCase())),
     CaseGroup("Every structure", EVERY_STRUCTURE),
 )

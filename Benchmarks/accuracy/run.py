@@ -38,7 +38,7 @@ from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.sessions import load_features, session_on
-from Benchmarks.shared.unseen_cases import without_missing
+from Benchmarks.shared.other_cases import without_missing
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession

@@ -12,7 +12,7 @@ from Benchmarks.accuracy.cases import ALL_CASES, GROUPS, group_of
 from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
-from Benchmarks.shared.unseen_cases import UNSEEN, MaskCase, without_missing
+from Benchmarks.shared.other_cases import OTHERS, MaskCase, without_missing
 
 SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
 
@@ -61,12 +61,12 @@ def test_structures_in_files_of_their_own_lie_where_they_do_in_the_scan(tmp_path
     np.testing.assert_array_equal(labelled.truth == 2, labels == 8)
 
 
-def test_only_scans_that_nothing_was_chosen_on_may_be_missing(tmp_path: Path) -> None:
-    there = tmp_path / UNSEEN[0].volume
+def test_only_the_other_scans_may_be_missing(tmp_path: Path) -> None:
+    there = tmp_path / OTHERS[0].volume
     there.parent.mkdir(parents=True)
     there.touch()
     cases, left_out = without_missing(ALL_CASES, tmp_path)
-    assert left_out == [case.name for case in UNSEEN[1:]]
+    assert left_out == [case.name for case in OTHERS[1:]]
     assert [case.name for case in cases] == [case.name for case in ALL_CASES if case.name not in left_out]
 
 

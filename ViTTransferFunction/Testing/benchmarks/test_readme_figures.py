@@ -130,7 +130,7 @@ def test_results_have_what_other_methods_were_measured_to_have_last() -> None:
         assert figures == [figure(mean, spread, digits=3) for mean, spread in means_and_spreads], (scan, method)
 
 
-def test_results_have_the_accuracy_on_scans_that_nothing_was_chosen_on() -> None:
+def test_results_have_the_accuracy_on_other_scans() -> None:
     cases, scan, count = summary("accuracy")["cases"], "", 0
     for name, *figures in rows_of("docs/RESULTS.md", "| scan and structure | @1 | @3 | @5 | with one size step @1 | @3 |"):
         whole = name.startswith("**")

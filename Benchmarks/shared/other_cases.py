@@ -1,4 +1,4 @@
-"""Labelled scans that no constant of the method was chosen on, and none is to be: what to expect of others."""
+"""Labelled scans that nothing was chosen on but, on the first three, how far later points reach (`similarity/point_reach.py`)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class MaskCase:
         return LabelledVolume(read_volume(folder / self.volume), truth, tuple(self.masks))
 
 
-UNSEEN: tuple[Case | MaskCase, ...] = (
+OTHERS: tuple[Case | MaskCase, ...] = (
     Case(
         "abdomen MR", f"{_SEGMENTATOR}/example_mr_sm.nii.gz", f"{_SEGMENTATOR}/example_seg_mr.nii.gz",
         {
@@ -67,7 +67,7 @@ with contrast. The tumours take up 16, 2 and 0.1 ml of MRs, those of the brain i
 
 
 def without_missing(cases: Sequence[LabelledCase], folder: Path) -> tuple[list[LabelledCase], list[str]]:
-    """Of cases, those whose files are there or have to be, and the names of the unseen ones whose files are not."""
-    missing = [case.name for case in UNSEEN if not (folder / case.volume).is_file()]
+    """Of cases, those whose files are there or have to be, and the names of these whose files are not."""
+    missing = [case.name for case in OTHERS if not (folder / case.volume).is_file()]
     left_out = [case.name for case in cases if case.name in missing]
     return [case for case in cases if case.name not in left_out], left_out
