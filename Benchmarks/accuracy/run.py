@@ -37,8 +37,8 @@ from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.sessions import load_features, session_on
 from Benchmarks.shared.other_cases import without_missing
+from Benchmarks.shared.sessions import load_features, session_on
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -62,12 +62,11 @@ def main() -> None:
     runs: list[Run] = []
     failures: list[Failure] = []
     cases, missing = without_missing([case for case in ALL_CASES if case.name in options.cases], options.volumes)
+    kept = KeptResults(options.keep and options.keep / options.preset)
     if missing:
         print(f"Not in {options.volumes}, and left out: {', '.join(missing)}. docs/RESULTS.md says where to get them.")
     for case in cases:
-        bench = CaseBench(
-            case.name, case.read(options.volumes), weights, options.preset, options.rounds, KeptResults(options.keep)
-        )
+        bench = CaseBench(case.name, case.read(options.volumes), weights, options.preset, options.rounds, kept)
         of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
         runs += of_case
         failures += bench.failures(of_case)
@@ -79,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = scan_parser(__doc__, [case.name for case in ALL_CASES], cases=ALL_CASES)
     parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a volume (default {PATHS})")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"clicks for each structure (default {ROUNDS})")
-    parser.add_argument("--preset", default=DEFAULT_PRESET, help="of the features (with --keep, a folder of its own for each)")
+    parser.add_argument("--preset", default=DEFAULT_PRESET, help="of the features")
     parser.add_argument("--methods", nargs="*", choices=[method.name for method in METHODS], help="only these and the default")
     parser.add_argument("--true-samples", action="store_true", help="also classifiers trained on thousands of voxels")
     parser.add_argument("--earlier", type=Path, help="accuracy.json of an earlier version, to be put beside this one's figures")

@@ -1,4 +1,4 @@
-"""Labelled scans that nothing was chosen on but, on the first three, how far later points reach (`similarity/point_reach.py`)."""
+"""Labelled scans that nothing was chosen on; but on the first three, how far later points reach (`point_reach`)."""
 
 from __future__ import annotations
 
