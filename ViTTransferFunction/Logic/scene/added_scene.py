@@ -1,7 +1,7 @@
 """A saved scene that is added to one in which somebody is working, instead of being opened in its place.
 
 A scene has one parameter node of the module: that of the added scene takes the place of what the present one says, and what was
-worked on would be out of reach.
+worked on would be out of reach. The classes that are added stay with the volume that they are of.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from collections.abc import Callable
 import slicer
 import vtk
 
-from .classes import CLASS_ROLE, adopt_class, class_nodes
+from .classes import CLASS_ROLE, class_nodes_of_all, give_to_volume
 from .observers import SceneObservers
-from .parameters import REFERENCES
+from .parameters import REFERENCES, referred
 
 _FIRST = 1000.0
 """Before others hear that a scene was added: Slicer's subject hierarchy removes a node then, and the classes are read anew."""
 
 
 class AddedScene:
-    """Puts the parameters back where there are classes, and puts the classes that were added below these.
+    """Puts the parameters back where there are classes, and counts the classes that were added among these.
 
     Args:
         scene: the scene.
@@ -76,11 +76,14 @@ class _Work:
         self._node = node
         self._texts = {name: node.GetParameter(name) for name in node.GetParameterNames()}
         self._references = {role: self._referenced(role) for role in (CLASS_ROLE, *REFERENCES)}
-        self.has_classes = bool(class_nodes(node))
+        self.has_classes = bool(class_nodes_of_all(node))
 
     def put_back(self) -> None:
-        """Have the node say so again, and the classes that it has got since then below the ones before."""
-        added = [positive for positive in class_nodes(self._node) if positive.GetID() not in self._references[CLASS_ROLE]]
+        """Have the node say so again, and refer to the classes that it has got since then, too."""
+        present, volume = self._references[CLASS_ROLE], referred(self._node, "volume")
+        added = [positive for positive in class_nodes_of_all(self._node) if positive.GetID() not in present]
+        if volume is not None:
+            give_to_volume(volume, added)
         was_modifying = self._node.StartModify()
         for name in {*self._node.GetParameterNames()} - self._texts.keys():
             self._node.UnsetParameter(name)
@@ -91,7 +94,7 @@ class _Work:
             for id_ in ids:
                 self._node.AddNodeReferenceID(role, id_)
         for positive in added:
-            adopt_class(self._node, positive)
+            self._node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
         self._node.EndModify(was_modifying)
 
     def _referenced(self, role: str) -> list[str]:

@@ -56,7 +56,7 @@ class AnnotationTool:
     ) -> None:
         self.tool: Tool | None = None
         self.session: SceneSession | None = None
-        self._used_on: str | None = None
+        self._used_on: tuple[Any, str] | None = None
         self._place_mode = PlaceMode(app_logic, self.put_down)
         self._slice_tools = slice_tools
         self._brush_mm = brush_mm
@@ -86,7 +86,7 @@ class AnnotationTool:
         selected = self._selected
         if self.tool and selected is None:
             self.put_down()
-        elif self.tool and selected and selected.id != self._used_on:
+        elif self.tool and selected and self._used_on != self._where(selected):
             self._use()
 
     def follow_brush_size(self) -> None:
@@ -102,12 +102,16 @@ class AnnotationTool:
     def _selected(self) -> ClassState | None:
         return self.session.selected_class if self.session else None
 
+    def _where(self, selected: ClassState) -> tuple[Any, str]:
+        """Volume and class, since classes of two volumes may have the same id."""
+        return (self.session.parameters.volume if self.session else None), selected.id
+
     def _use(self) -> None:
         """Hand the mouse to the tool, for the selected class."""
         selected = self._selected
         assert self.session is not None
         assert selected is not None
-        self._used_on = selected.id
+        self._used_on = self._where(selected)
         self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))

@@ -1,4 +1,6 @@
-"""The classes of a scene as the user edits them: by this object or in the views, with undo and redo for either.
+"""The classes of a volume as the user edits them: by this object or in the views, with undo and redo for either.
+
+Those of other volumes of the scene wait, with their undo, until their volume is chosen.
 
 It watches the point lists that `classes` describes, so that a point placed, dragged or deleted anywhere in the
 application counts as one placed here.
@@ -18,11 +20,14 @@ from ..core.class_request import check_name
 from ..core.colors import Color
 from ..core.errors import InputError
 from .class_size import stepped, turned
-from .class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, sharing
+from .class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, sharing, without_points
 from .classes import (
     class_id,
     class_nodes,
+    class_nodes_of_all,
     create_class,
+    give_to_volume,
+    lists_of,
     negative_node,
     order_classes,
     read_class,
@@ -32,19 +37,22 @@ from .classes import (
     write_classes,
 )
 from .history import AnnotationHistory
+from .of_volume import bring_back, put_away
+from .parameters import referred
 from .point_list_watch import PointListWatch
 from .point_lists import Point, index_of_new_point
 from .volume import matrix_to_world
+from .written_segments import finish_segments_elsewhere
 
 Classes = tuple[ClassState, ...]
 
 
 class SceneAnnotations:
-    """All classes that a parameter node refers to.
+    """The classes of the volume that is chosen; while none is, those that belong to none.
 
     Args:
         scene: the scene.
-        parameter_node: refers to the classes.
+        parameter_node: refers to the volume, and to the classes of all volumes.
         on_change: called after any class or point has changed.
         settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie: itself, or elsewhere.
         on_displayed: called with a list of points that is new, or displayed otherwise.
@@ -71,7 +79,9 @@ class SceneAnnotations:
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
-        self._history: AnnotationHistory[Classes] = AnnotationHistory(())
+        self._volume_id = ""
+        self._histories: dict[str, AnnotationHistory[Classes]] = {"": AnnotationHistory(())}
+        self._brought: Classes = ()
         self.restart()
 
     def add_class(self, name: str | None = None, color: Color | None = None) -> ClassState:
@@ -91,6 +101,20 @@ class SceneAnnotations:
         """Have these classes, with all that they have, and no others; one step for undo."""
         with self._edit():
             write_classes(self._scene, self._parameter_node, states)
+
+    def bring_along(self, states: Sequence[ClassState]) -> None:
+        """Add classes for the same structures, which were made on another volume, without their points; one step for undo."""
+        self.add_classes([without_points(state) for state in states])
+        self._brought = self.classes
+
+    def leave_behind_brought(self) -> None:
+        """The volume is being left: where nothing was done about what `bring_along` brought, nothing of that stays."""
+        if self._brought and self.classes == self._brought:
+            with self._unheard():
+                for node in class_nodes(self._parameter_node):
+                    remove_class(self._scene, node)
+            self._histories[self._volume_id] = AnnotationHistory(())
+            self.refresh()
 
     def duplicate_class(self, id_: str) -> ClassState:
         """Add a class with the same settings and points below a class.
@@ -221,6 +245,11 @@ class SceneAnnotations:
         """Whether a change that was taken back can be made again."""
         return self._history.can_redo
 
+    @property
+    def untouched(self) -> bool:
+        """Whether there is no class, and nothing was done since the scene was opened that left none."""
+        return not (self.classes or self.can_undo or self.can_redo)
+
     def undo(self) -> None:
         """Take the last change of classes or points back."""
         self._restore(self._history.undo())
@@ -232,22 +261,24 @@ class SceneAnnotations:
     def restart(self) -> None:
         """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
         self._negative.clear()
+        self._transforms.clear()
         self.refresh()
-        self._history = AnnotationHistory(self.classes)
+        self._histories = {self._volume_id: AnnotationHistory(self.classes)}
 
     def refresh(self) -> None:
-        """Read the classes anew, and watch the lists that are there now.
+        """Read the classes anew, and watch the lists that are there now; where another volume is chosen, it is others.
 
         Where a transform has moved them, what was done before cannot be undone.
         """
+        self._give_to_volume()
         positive = class_nodes(self._parameter_node)
         before, known = self.classes, {state.id: state for state in self.classes}
         self.classes = tuple(sharing(read_class(node), known.get(class_id(node))) for node in positive)
-        self._remember_growth(before)
-        negative = [node for node in map(negative_node, positive) if node is not None]
-        self._negative.update(negative)
-        lists = [*positive, *negative]
+        if not self._follow_volume(before):
+            self._remember_growth(before)
+        lists = [node for each in positive for node in lists_of(each)]
         self._watch.watch(lists)
+        self._show_only(lists)
         self._begin_anew_where_moved(lists)
 
     def refresh_and_record(self) -> None:
@@ -256,7 +287,10 @@ class SceneAnnotations:
             with self._unheard():
                 remove_widowed_lists(self._scene, self._negative)
                 self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
+                self._transforms = {node: at for node, at in self._transforms.items() if self._scene.IsNodePresent(node)}
             self._changed(None)
+            # Another volume may get the identifier of one that is gone.
+            self._histories = {id_: of for id_, of in self._histories.items() if not id_ or self._scene.GetNodeByID(id_)}
 
     @property
     def observer_count(self) -> int:
@@ -266,6 +300,10 @@ class SceneAnnotations:
     def close(self) -> None:
         """Stop watching."""
         self._watch.close()
+
+    @property
+    def _history(self) -> AnnotationHistory[Classes]:
+        return self._histories[self._volume_id]
 
     @property
     def _listens(self) -> bool:
@@ -337,11 +375,46 @@ class SceneAnnotations:
         self._history.correct(self.classes)
         self._on_change()
 
+    def _give_to_volume(self) -> None:
+        """Have the chosen volume get the classes that belong to none yet."""
+        volume = referred(self._parameter_node, "volume")
+        if volume is not None:
+            with self._unheard():
+                given = give_to_volume(volume, class_nodes_of_all(self._parameter_node))
+            if given:
+                finish_segments_elsewhere(volume, [class_id(node) for node in given])
+
+    def _follow_volume(self, before: Classes) -> bool:
+        """Take up the undo of the volume that is chosen; returns whether that is another one."""
+        volume, left = referred(self._parameter_node, "volume"), self._volume_id
+        self._volume_id = volume.GetID() if volume is not None else ""
+        if self._volume_id == left:
+            return False
+        if not left:
+            # Classes without a volume go to the one that is chosen, and so does their undo.
+            history = self._histories.pop(left)
+            if [state.id for state in before] == [state.id for state in self.classes]:
+                self._histories.setdefault(self._volume_id, history)
+        self._histories.setdefault(self._volume_id, AnnotationHistory(self.classes))
+        self._history.seal()
+        self._history.record(self.classes)  # Somebody may have changed them in another module meanwhile.
+        return True
+
+    def _show_only(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
+        """Have no other lists seen: points of one scan are nowhere in particular in another one."""
+        shown = set(lists)
+        with self._unheard():
+            for positive in class_nodes_of_all(self._parameter_node):
+                self._negative.update(lists_of(positive)[1:])
+                for node in lists_of(positive):
+                    (bring_back if node in shown else put_away)(node)
+
     def _begin_anew_where_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
         """Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it."""
-        before, self._transforms = self._transforms, {node: _transform_of(node) for node in lists}
-        if any(before.get(node, matrix) != matrix for node, matrix in self._transforms.items()):
-            self._history = AnnotationHistory(self.classes)
+        before, now = self._transforms, {node: _transform_of(node) for node in lists}
+        self._transforms = before | now
+        if any(before.get(node, matrix) != matrix for node, matrix in now.items()):
+            self._histories[self._volume_id] = AnnotationHistory(self.classes)
 
     def _remember_growth(self, before: Classes) -> None:
         """Keep in mind to which of a class's lists a point was added last."""

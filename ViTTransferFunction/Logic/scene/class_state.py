@@ -106,6 +106,12 @@ def duplicate_class_state(existing: Sequence[ClassState], original: ClassState) 
     return changed(original, id=fresh.id, name=fresh.name, color=fresh.color, positive_properties={}, negative_properties={})
 
 
+def without_points(original: ClassState) -> ClassState:
+    """A class for the same structure in another scan: what users decide once for a structure, and nothing of where it lies."""
+    look = replace(original.look, low=None, high=None)  # Intensities are a scan's own.
+    return ClassState(new_class_id(), original.name, look, proximity=original.proximity, refine=original.refine)
+
+
 def new_class_id() -> str:
     """An id that no other class has, in any scene."""
     return uuid.uuid4().hex[:12]

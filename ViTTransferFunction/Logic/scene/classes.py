@@ -1,5 +1,8 @@
 """Classes in the scene: two point lists each, for what belongs to a structure and for what does not.
 
+Each class belongs to the volume that it was made on. With another volume, there are others: those functions that do not say
+otherwise are about the classes of the volume that is chosen.
+
 The list of positive points stands for the class: its name and colour are the class's, its attributes hold the class's settings,
 and it refers to the list of negative points. The parameter node refers to the lists of positive points, in order. So a saved
 scene holds everything, and a user who deletes or renames a list in the Data module deletes or renames the class.
@@ -8,6 +11,7 @@ scene holds everything, and a user who deletes or renames a list in the Data mod
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import Any
 
 import slicer
 
@@ -17,23 +21,36 @@ from .class_attributes import attribute, read_look, read_settings, set_attribute
 from .class_state import ClassState, Polarity, name_beside, new_class_id
 from .data_tree import put_into_folder
 from .nodes import displays_of, name_for_scene, name_of, node_of_class, nodes_of_class
+from .of_volume import set_volume_of, volume_of
+from .parameters import referred
 from .point_lists import defined_points, points_and_properties, set_points
 
 CLASS_ROLE = "class"
 NEGATIVE_ROLE = "negativePoints"
 LIST_CLASS = "vtkMRMLMarkupsFiducialNode"
 """Of lists of points."""
+_VOLUME_NAME = "volumeName"
+"""Attribute of a class's list that belongs to a volume, or did so before that was gone: the volume's name."""
 
 
 def class_nodes(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
-    """The lists of positive points of all classes, in order; of several of one class the first."""
+    """The lists of positive points of the chosen volume's classes, in order; while none is chosen, those without a volume."""
+    volume = referred(parameter_node, "volume")
+    return [node for node in class_nodes_of_all(parameter_node) if volume_of(node) is volume]
+
+
+def class_nodes_of_all(parameter_node: slicer.vtkMRMLScriptedModuleNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
+    """The lists of positive points of the classes of all volumes, in order; of several of one class the first.
+
+    Where a scene was added to an earlier or later state of itself, classes of two volumes may have the same id.
+    """
     count = parameter_node.GetNumberOfNodeReferences(CLASS_ROLE)
     nodes = (_point_list(parameter_node.GetNthNodeReference(CLASS_ROLE, n), "positive") for n in range(count))
-    by_id: dict[str, slicer.vtkMRMLMarkupsFiducialNode] = {}
+    first: dict[tuple[str, Any], slicer.vtkMRMLMarkupsFiducialNode] = {}
     for node in nodes:
         if node is not None and class_id(node):
-            by_id.setdefault(class_id(node), node)
-    return list(by_id.values())
+            first.setdefault((class_id(node), volume_of(node)), node)
+    return list(first.values())
 
 
 def negative_node(positive: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMarkupsFiducialNode | None:
@@ -44,6 +61,11 @@ def negative_node(positive: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRML
 def class_id(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
     """The id of the class that a list of positive points stands for."""
     return attribute(positive, "class") or ""
+
+
+def lists_of(positive: slicer.vtkMRMLMarkupsFiducialNode) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
+    """A class's lists of points."""
+    return [node for node in (positive, negative_node(positive)) if node is not None]
 
 
 def is_list_of_a_class(node: slicer.vtkMRMLNode) -> bool:
@@ -77,17 +99,42 @@ def create_class(
     set_attribute(positive, "class", state.id)
     _create_negative(scene, positive)
     write_class(scene, positive, state)
+    volume = referred(parameter_node, "volume")
+    if volume is not None:
+        _give_to(volume, positive)
     parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
     return positive
 
 
-def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
-    """Count a class of another scene, whose lists are in this one, after the others; as another class than any of these."""
-    present = class_nodes(parameter_node)
-    _set_name(positive, name_beside(name_of(positive), {name_of(node) for node in present}))
-    if class_id(positive) in map(class_id, present):
-        set_attribute(positive, "class", new_class_id())
-    parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+def give_to_volume(
+    volume: slicer.vtkMRMLScalarVolumeNode, positive: Sequence[slicer.vtkMRMLMarkupsFiducialNode]
+) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
+    """Have classes belong to a volume that never belonged to any; as other classes than those that it has.
+
+    They were made before a volume was chosen, or by a version that had one set of classes for all volumes.
+
+    Args:
+        volume: which.
+        positive: the lists of positive points of classes, those that belong to a volume among them.
+
+    Returns:
+        The lists of those that did not.
+    """
+    new = [node for node in positive if attribute(node, _VOLUME_NAME) is None]
+    present = [node for node in positive if volume_of(node) is volume]
+    for node in new:
+        _set_name(node, name_beside(name_of(node), {name_of(other) for other in present}))
+        if class_id(node) in map(class_id, present):
+            set_attribute(node, "class", new_class_id())
+        _give_to(volume, node)
+        present.append(node)
+    return new
+
+
+def volume_name(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
+    """What the volume is called that a class belongs to; of one that is gone, what it was called when it got the class."""
+    volume = volume_of(positive)
+    return (volume.GetName() if volume is not None else attribute(positive, _VOLUME_NAME)) or ""
 
 
 def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode, state: ClassState) -> None:
@@ -124,7 +171,7 @@ def write_classes(
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     """Take a class's two lists out of the scene, and what displays them."""
-    _remove_lists(scene, [node for node in (negative_node(positive), positive) if node is not None])
+    _remove_lists(scene, lists_of(positive)[::-1])
 
 
 def remove_widowed_lists(scene: slicer.vtkMRMLScene, negative: Collection[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
@@ -141,15 +188,21 @@ def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[st
     """Bring the classes into the order of `ids`, which names each once."""
     by_id = {class_id(node): node for node in class_nodes(parameter_node)}
     if list(by_id) != ids:
+        others = [node for node in class_nodes_of_all(parameter_node) if node not in by_id.values()]
         parameter_node.RemoveNodeReferenceIDs(CLASS_ROLE)
-        for id_ in ids:
-            parameter_node.AddNodeReferenceID(CLASS_ROLE, by_id[id_].GetID())
+        for node in (*others, *(by_id[id_] for id_ in ids)):
+            parameter_node.AddNodeReferenceID(CLASS_ROLE, node.GetID())
 
 
 def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode | None:
     """A node that is a class's list of points of this polarity; None in place of any other."""
     points = node_of_class(node, LIST_CLASS)
     return points if points is not None and attribute(points, "polarity") == polarity else None
+
+
+def _give_to(volume: slicer.vtkMRMLScalarVolumeNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    set_volume_of(positive, volume)
+    set_attribute(positive, _VOLUME_NAME, volume.GetName() or "")
 
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:

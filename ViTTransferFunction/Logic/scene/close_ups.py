@@ -55,7 +55,7 @@ class SceneCloseUps:
         self._proxy = proxy
         self._problems = problems
         self._shown: dict[str, CloseUpBox | None] = {}
-        self._places: dict[str, _Place] = {}
+        self._places: dict[tuple[str, str], _Place] = {}  # By the IDs of volume and class: what is chosen may change.
 
     def look_closer(self, id_: str, requests: ClassRequests) -> None:
         """Have a class looked at in a box around it as it is shown now.
@@ -98,17 +98,18 @@ class SceneCloseUps:
         return request.close_up.enlarged(content.geometry, request.positive).size_mm
 
     def go_along(self) -> None:
-        """Move boxes whose points a transform has moved since the last call, with the volume say.
+        """Move boxes whose points a transform has moved since the last call about this volume, with the volume say.
 
         Not at once: a transform that is hardened moves points twice, there and back, and no box.
         """
-        before, self._places = self._places, {}
         moved: dict[str, CloseUpBox] = {}
+        volume_id = self._parameters.volume.GetID() if self._parameters.volume else ""
         for state in self._annotations.classes:
+            before = self._places.pop((volume_id, state.id), None)
             if state.close_up is None or (now := self._place(state)) is None:
                 continue
-            self._places[state.id] = now
-            change = _change(before.get(state.id), now)
+            self._places[volume_id, state.id] = now
+            change = _change(before, now)
             if change is not None:
                 moved[state.id] = _moved(state.close_up, change)
                 shown = self._shown.get(state.id)

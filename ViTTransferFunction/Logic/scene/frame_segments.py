@@ -1,4 +1,7 @@
-"""Segments of the frames of a sequence: those of the frame that is shown are chosen, and seen."""
+"""Segments of the frames of a sequence: those of the frame that is shown are chosen, and seen.
+
+Structures and points are those of the sequence: from frame to frame, they are nearly the same.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +13,7 @@ from .class_state import ClassState
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .volume_content import Frame
-from .written_segments import choose_segmentation_of
-
-HIDDEN_ATTRIBUTE = "ViTTransferFunction.hiddenWithFrame"
-"""Of segmentations that were seen until another frame was shown."""
+from .written_segments import choose_segmentation_of, finish_segments
 
 
 class FrameSegments:
@@ -34,7 +34,7 @@ class FrameSegments:
     def follow(self) -> bool:
         """The volume was handed over anew. Where it is another frame, its segments do not go over those of the one before.
 
-        These are not seen either, until their frame is shown again: they are of another picture.
+        What was written there of classes that are gone by now stays as it is: they were removed for another frame.
 
         Returns:
             Whether it is a frame that has segments already.
@@ -45,25 +45,7 @@ class FrameSegments:
         self._last = volume, content.frame
         if last is None or last[0] is not volume or last[1].number == content.frame.number:
             return False
-        before = self._parameters.segmentation
-        returned = choose_segmentation_of(volume, self._parameters, [state.id for state in self._classes()])
-        now = self._parameters.segmentation
-        if before is not None and before is not now:
-            _hide(before)
-        if now is not None and now is not before:
-            _show_again(now)
+        returned = choose_segmentation_of(volume, self._parameters)
+        if returned:
+            finish_segments(self._parameters.segmentation, [state.id for state in self._classes()])
         return returned
-
-
-def _hide(segmentation_node: slicer.vtkMRMLSegmentationNode) -> None:
-    display = segmentation_node.GetDisplayNode()
-    if display is not None and display.GetVisibility():
-        display.SetVisibility(False)
-        segmentation_node.SetAttribute(HIDDEN_ATTRIBUTE, "1")
-
-
-def _show_again(segmentation_node: slicer.vtkMRMLSegmentationNode) -> None:
-    if segmentation_node.GetAttribute(HIDDEN_ATTRIBUTE) is not None:
-        segmentation_node.SetAttribute(HIDDEN_ATTRIBUTE, None)
-        segmentation_node.CreateDefaultDisplayNodes()
-        segmentation_node.GetDisplayNode().SetVisibility(True)

@@ -1,4 +1,7 @@
-"""Points that stayed where they are in the scene while their volume was moved: they lie elsewhere in it now."""
+"""Points that stayed where they are in the scene while their volume was moved: they lie elsewhere in it now.
+
+A volume may be moved while another one is chosen, as registering the one to the other does.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +29,21 @@ _Points = dict[str, tuple[tuple[Point, ...], tuple[Point, ...]]]
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What there was at a moment: a volume and its voxels, where these are in the scene, and the points."""
+    """What there was of a volume at a moment: its voxels, where these are in the scene, and the points.
 
-    volume: slicer.vtkMRMLScalarVolumeNode
+    Attributes:
+        voxels: see `VolumeContent`.
+        ijk_to_world: where they are.
+        points: all of them.
+        home: where the voxels were when those that are left were placed.
+        left: points that did not go along.
+    """
+
     voxels: tuple[Any, int]
     ijk_to_world: np.ndarray
     points: _Points
+    home: np.ndarray
+    left: _Points
 
 
 class LeftBehind:
@@ -47,47 +59,48 @@ class LeftBehind:
         self._parameters = parameters
         self._annotations = annotations
         self._problems = problems
-        self._last: _Look | None = None
-        self._home: np.ndarray | None = None
-        self._left: _Points = {}
+        self._last: dict[slicer.vtkMRMLScalarVolumeNode, _Look] = {}
 
     def look(self) -> bool:
-        """Compare with the last look; between two, what is moved together may be moved one after the other.
+        """Compare with the last look at the volume; between two, what is moved together may be moved one after the other.
 
         Returns:
             Whether there is something new to tell, or what was told is over.
         """
-        before = self._problems.standing
-        last, self._last = self._last, self._look()
-        now = self._last
-        if last is None or now is None or last.volume is not now.volume or last.voxels != now.voxels:
-            self._left, self._home = {}, None
-        elif not _is_same(last.ijk_to_world, now.ijk_to_world):
-            self._home = last.ijk_to_world if self._home is None else self._home
-            stayed = {id_: points for id_, points in now.points.items() if last.points.get(id_) == points}
-            self._left = {} if _is_same(self._home, now.ijk_to_world) else self._left | stayed
+        before, volume = self._problems.standing, self._parameters.volume
+        self._last = {node: last for node, last in self._last.items() if node.GetScene() is not None}
+        now = self._look(volume) if volume is not None else None
         if now is not None:
-            self._left = {id_: points for id_, points in self._left.items() if now.points.get(id_) == points}
-        self._tell()
+            self._last[volume] = now
+        self._tell(volume, now.left if now is not None else {})
         return self._problems.standing != before
 
-    def _look(self) -> _Look | None:
-        volume = self._parameters.volume
-        if volume is None:
-            return None
+    def forget(self) -> None:
+        """The scene is another one, in which nothing was moved."""
+        self._last.clear()
+
+    def _look(self, volume: slicer.vtkMRMLScalarVolumeNode) -> _Look | None:
         try:
             content = content_of(volume)
         except InputError:
             return None
+        last, points = self._last.get(volume), _points(self._annotations.classes)
         ijk_to_world = matrix_to_world(volume) @ content.geometry.ijk_to_ras
-        return _Look(volume, content.voxels, ijk_to_world, _points(self._annotations.classes))
+        home, left = ijk_to_world, _Points()
+        if last is not None and last.voxels == content.voxels:
+            home, left = last.home, last.left
+            if not _is_same(last.ijk_to_world, ijk_to_world):
+                left = left | {id_: stayed for id_, stayed in points.items() if last.points.get(id_) == stayed}
+            if _is_same(home, ijk_to_world):
+                left = {}
+            left = {id_: stayed for id_, stayed in left.items() if points.get(id_) == stayed}
+        return _Look(content.voxels, ijk_to_world, points, home if left else ijk_to_world, left)
 
-    def _tell(self) -> None:
-        if self._left and self._last is not None:
-            names = [state.name for state in self._annotations.classes if state.id in self._left]
-            self._problems.put("left behind", left_behind_text(self._last.volume.GetName(), names))
+    def _tell(self, volume: slicer.vtkMRMLScalarVolumeNode | None, left: _Points) -> None:
+        if volume is not None and left:
+            names = [state.name for state in self._annotations.classes if state.id in left]
+            self._problems.put("left behind", left_behind_text(volume.GetName(), names))
         else:
-            self._home = None
             self._problems.solve("left behind")
 
 

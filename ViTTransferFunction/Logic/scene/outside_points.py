@@ -10,6 +10,7 @@ import numpy as np
 from ..core.geometry import Geometry, transform_points
 from .class_state import ClassState
 from .labelmaps import labelmaps_of
+from .of_volume import volume_of
 from .segment_points import SegmentPoints
 from .segment_tags import CORRECTED_TAG, read_tag, segments_of_classes
 from .volume import matrix_to_world
@@ -34,7 +35,7 @@ def outside_points(segmentation_node: Any, states: Sequence[ClassState], points:
         InputError: the segmentation is under a non-linear transform.
     """
     segmentation = segmentation_node.GetSegmentation()
-    classes = {state.id for state in states} | written_classes(segmentation_node)
+    classes = {state.id for state in states} | written_classes(segmentation_node, volume_of(segmentation_node))
     ours = set(segments_of_classes(segmentation, classes).values())
     others = [id_ for id_ in segmentation.GetSegmentIDs() if id_ not in ours and _is_visible(segmentation_node, id_)]
     clicked = _clicked(segmentation_node, others, states)

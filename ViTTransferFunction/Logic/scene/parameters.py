@@ -144,8 +144,7 @@ class SceneParameters:
         return self._reference("renderingPlane")
 
     def _reference(self, name: str) -> Any:
-        """The node that is referred to; None where it is gone, or of another class."""
-        return node_of_class(self.node.GetNodeReference(name), REFERENCES[name])
+        return referred(self.node, name)
 
     def set_reference(self, name: str, node: slicer.vtkMRMLNode | None) -> None:
         """Refer to a node as one of `REFERENCES`."""
@@ -181,3 +180,8 @@ class SceneParameters:
         """What the 3D views show; None: nothing."""
         mode = self.get("rendering")
         return mode if mode in get_args(RenderingMode) else None
+
+
+def referred(parameter_node: slicer.vtkMRMLScriptedModuleNode, role: str) -> Any:
+    """The node that a parameter node refers to as one of `REFERENCES`; None where it is gone, or of another class."""
+    return node_of_class(parameter_node.GetNodeReference(role), REFERENCES[role])

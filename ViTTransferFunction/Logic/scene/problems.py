@@ -6,7 +6,7 @@ from typing import Literal
 
 Cause = Literal["volume", "computing", "segments", "older segments", "views", "close-up", "left behind", "model"]
 """The volume or a setting; the compute process, or what it was asked for; segments that could not be written; those of a
-volume that users come back to; what cannot be shown; a structure that cannot be looked at more closely; points that the volume
+frame that users come back to; what cannot be shown; a structure that cannot be looked at more closely; points that the volume
 was moved away from; the model that structures were made with, which is not to be had."""
 
 

@@ -109,7 +109,7 @@ class SegmentOutput:
         there = {state.id for state in self._classes()}
         present = tuple(id_ if id_ in there else None for id_ in class_ids)
         volume, node = self._parameters.volume, self._parameters.segmentation
-        gone = (written_classes(node) if node else set()) - self._annotated() - set(present)
+        gone = (written_classes(node, volume) if node else set()) - self._annotated() - set(present)
         if volume is None or not (any(present) or gone):
             return
         wanted = ClassLabels(labels.array, labels.first, present)

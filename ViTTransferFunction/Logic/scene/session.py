@@ -33,6 +33,7 @@ from .corrections import Corrections
 from .former_model import FormerModel
 from .frame_segments import FrameSegments
 from .left_behind import LeftBehind
+from .of_volume import bring_back
 from .opened_volume import OpenedVolume
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
@@ -108,6 +109,7 @@ class SceneSession:
         self.written = self._writing.written
         self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes)
         self._segments_changed = False
+        self._selected: dict[str, str] = {}  # By the ID of a volume: the class that was annotated there last.
         self._other_segments = OtherSegments(scene, self.parameters)
         self.annotations = SceneAnnotations(
             scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
@@ -215,19 +217,36 @@ class SceneSession:
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
         """Choose the volume to segment. Where its features are cached, they load at once.
 
-        Segments that were written of another one stay as they are: see `choose_segmentation_of`.
+        Each volume has classes, and a segmentation, of its own, which are there again when it is chosen again. On one that has
+        none yet, there are the classes of the one before, without their points: in a follow-up, in another phase, or in the
+        next patient of a series, the same structures are looked for. One step of undo takes them away.
         """
-        returned = False
-        if node is not None and node is not self.parameters.volume:
-            returned = choose_segmentation_of(node, self.parameters, [state.id for state in self.classes])
+        left = self.parameters.volume
+        if node is left:
+            return
+        before, selected = self.classes, self.selected_class
+        if left is not None and selected is not None:
+            self._selected[left.GetID()] = selected.id
+        self.annotations.leave_behind_brought()
+        if node is not None:
+            choose_segmentation_of(node, self.parameters)
         self.parameters.set_reference("volume", node)
-        self._tell_of_older_segments(returned)
+        if node is None:
+            return
+        if before and self.annotations.untouched:
+            self.annotations.bring_along(before)
+            row = next((row for row, state in enumerate(before) if state is selected), 0)
+            self.select_class(self.classes[row].id)
+        elif node.GetID() in self._selected:
+            self.select_class(self._selected[node.GetID()])
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
         self._problems.solve("segments")
         self._problems.solve("older segments")
         self.parameters.set_reference("segmentation", node)
+        if node is not None:
+            bring_back(node)
 
     @property
     def classes(self) -> tuple[ClassState, ...]:
@@ -507,7 +526,7 @@ class SceneSession:
             self._tell_of_older_segments(returned)
 
     def _tell_of_older_segments(self, returned: bool) -> None:
-        """Where the user has `returned` to a volume, or frame, whose segments were written before structures were changed."""
+        """Where the user has `returned` to a frame whose segments are older than what was changed for another one."""
         self._problems.solve("older segments")
         if returned and self._volume.content is not None and self.written.outdated:
             self._problems.put("older segments", older_segments_text(self.parameters.segmentation.GetName()))
@@ -516,6 +535,7 @@ class SceneSession:
     def _on_other_scene(self) -> None:
         self.annotations.restart()
         self._close_ups.forget()
+        self._left_behind.forget()
         self._hints.forget()
         self._other_segments.forget()
 

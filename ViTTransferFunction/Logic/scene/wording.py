@@ -101,9 +101,9 @@ def outdated_text() -> str:
 
 
 def older_segments_text(segmentation_name: str) -> str:
-    """Of segments of a scan that users come back to, after they changed structures for another one."""
+    """Of segments of a frame that users come back to, after they changed structures for another one."""
     return _(
-        "'{name}' is older than the structures, which were changed for another image: Update segments would replace it. To "
+        "'{name}' is older than the structures, which were changed for another frame: Update segments would replace it. To "
         "keep it, choose New segmentation first."
     ).format(name=segmentation_name)
 

@@ -16,6 +16,7 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from .class_state import ClassState
 from .nodes import nodes_of_class
+from .of_volume import bring_back, put_away, set_volume_of, volume_of
 from .parameters import REFERENCES, SceneParameters
 from .segment_tags import segments_of_classes
 from .volume_content import changes_with, frame_of
@@ -26,8 +27,6 @@ SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
 """What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
 FRAME_ATTRIBUTE = "ViTTransferFunction.writtenFrame"
 """Where the volume is a sequence: the number of the frame that they are of, from 1."""
-VOLUME_ROLE = "ViTTransferFunctionVolume"
-"""Reference to the volume that they are of; where that is gone, it refers to none."""
 DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
 """Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
 DECIMALS = 3
@@ -60,7 +59,7 @@ class WrittenSegments:
     def exist(self) -> bool:
         """Whether there are any, also of classes that are gone."""
         node = self._parameters.segmentation
-        return node is not None and bool(self._of({state.id for state in self._classes()} | written_classes(node)))
+        return node is not None and bool(self._of({state.id for state in self._classes()} | self._written))
 
     @property
     def outdated(self) -> bool:
@@ -73,9 +72,8 @@ class WrittenSegments:
     @property
     def left(self) -> dict[str, str]:
         """By class that is gone or has no point: IDs of segments that the next writing removes unless they were corrected."""
-        node = self._parameters.segmentation
-        present = {state.id for state in self._classes() if state.positive}
-        return self._of(written_classes(node) - present) if node else {}
+        gone = self._written - {state.id for state in self._classes() if state.positive}
+        return self._of(gone) if gone else {}
 
     @property
     def source(self) -> str:
@@ -87,15 +85,20 @@ class WrittenSegments:
         """What segments would be made from now: `source_digest`, and the digest of the volume's voxels where that is known."""
         return f"{source_digest(self._classes(), self._requests(), self._parameters)} {self._voxels()}".rstrip()
 
+    @property
+    def _written(self) -> set[str]:
+        node = self._parameters.segmentation
+        return written_classes(node, self._parameters.volume) if node else set()
+
     def _of(self, class_ids: Collection[str]) -> dict[str, str]:
         return segments_of_classes(self._parameters.segmentation.GetSegmentation(), class_ids)
 
 
 def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
     """Note that classes were written, made from `source`, of a volume, and of the frame of it that it shows."""
-    _note_classes(segmentation_node, written_classes(segmentation_node) | set(class_ids))
+    _note_classes(segmentation_node, written_classes(segmentation_node, volume_node) | set(class_ids))
     segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
-    segmentation_node.SetNodeReferenceID(VOLUME_ROLE, volume_node.GetID())
+    set_volume_of(segmentation_node, volume_node)
     frame = frame_of(volume_node)
     segmentation_node.SetAttribute(FRAME_ATTRIBUTE, str(frame.number) if frame else None)
 
@@ -105,30 +108,46 @@ def _note_classes(segmentation_node: Any, class_ids: Collection[str]) -> None:
     segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, text or None)
 
 
-def written_classes(segmentation_node: Any) -> set[str]:
-    """Ids of the classes that were written there; not of those whose segments are finished (`choose_segmentation_of`)."""
+def written_classes(segmentation_node: Any, volume_node: Any) -> set[str]:
+    """Ids of the classes that were written there, of a volume; not of those whose segments are finished (`finish_segments`).
+
+    What was written of another volume is finished, as far as this one is concerned: its classes are others.
+    """
+    if volume_node is not None and volume_of(segmentation_node) is not volume_node:
+        return set()
     return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
 
 
-def choose_segmentation_of(volume_node: Any, parameters: SceneParameters, class_ids: Collection[str]) -> bool:
+def finish_segments(segmentation_node: Any, present: Collection[str]) -> None:
+    """Have the segments of classes that are not `present` any more stay as they are, whatever is written there later."""
+    _note_classes(segmentation_node, written_classes(segmentation_node, volume_of(segmentation_node)) & set(present))
+
+
+def finish_segments_elsewhere(volume_node: Any, class_ids: Collection[str]) -> None:
+    """Have what was written of classes for other volumes stay as it is: they belong to this one from now on."""
+    for node in nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"]):
+        if volume_of(node) is not volume_node:
+            finish_segments(node, written_classes(node, volume_of(node)) - set(class_ids))
+
+
+def choose_segmentation_of(volume_node: Any, parameters: SceneParameters) -> bool:
     """Choose the segmentation that gets segments of a volume, or frame of it, which is chosen now (`segmentation_for`).
 
-    What was written there of classes that are gone by now is finished, and stays as it is: they were removed for another scan.
-
-    Args:
-        volume_node: the volume.
-        parameters: of the session.
-        class_ids: of the classes that there are.
+    It is seen then, and the one that was chosen before is not: that is of another picture.
 
     Returns:
         Whether it is another one, which was written before.
     """
-    node = segmentation_for(volume_node, parameters.segmentation)
-    returned = node is not None and node is not parameters.segmentation
-    if returned:
-        _note_classes(node, written_classes(node) & set(class_ids))
+    before = parameters.segmentation
+    node = segmentation_for(volume_node, before)
+    if node is before:
+        return False
     parameters.set_reference("segmentation", node)
-    return returned
+    if before is not None:
+        put_away(before)
+    if node is not None:
+        bring_back(node)
+    return node is not None
 
 
 def segmentation_for(volume_node: Any, chosen: Any) -> Any:
@@ -150,7 +169,7 @@ def _was_written(segmentation_node: Any) -> bool:
 
 
 def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
-    if segmentation_node.GetNodeReference(VOLUME_ROLE) is not volume_node:
+    if volume_of(segmentation_node) is not volume_node:
         return False
     frame = frame_of(volume_node)
     noted = segmentation_node.GetAttribute(FRAME_ATTRIBUTE)

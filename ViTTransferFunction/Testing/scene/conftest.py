@@ -10,7 +10,7 @@ import pytest
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_segment, open_spheres
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_segment, open_spheres
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
@@ -21,6 +21,12 @@ def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
     session = open_spheres(slicer_app, spheres)
     yield session
     session.close()
+
+
+@pytest.fixture
+def follow_up(slicer_app: Any, spheres: Spheres) -> FollowUp:
+    """A later scan, in which the spheres are elsewhere."""
+    return FollowUp(slicer_app.scene, spheres)
 
 
 @pytest.fixture

@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.classes import class_nodes_of_all
+from ViTTransferFunction.Logic.scene.of_volume import VOLUME_ROLE, volume_of
 from ViTTransferFunction.Logic.scene.parameters import SceneParameters
 from ViTTransferFunction.Testing.support.known_features import GRID
-from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres
+from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres, write_all
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
 
@@ -32,7 +34,7 @@ def saved(slicer_app: Any, spheres: Spheres, tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_what_is_worked_on_stays_and_the_classes_that_were_added_are_below_in_one_step(
+def test_what_is_worked_on_stays_and_what_was_added_is_there_with_its_own_scan(
     slicer_app: Any, spheres: Spheres, saved: Path
 ) -> None:
     session = open_spheres(slicer_app, spheres)
@@ -47,33 +49,69 @@ def test_what_is_worked_on_stays_and_the_classes_that_were_added_are_below_in_on
     assert session.phase == "ready"
     assert (session.parameters.volume, session.parameters.segmentation) == (volume, segmentation)
     assert {name: session.parameters.get(name) for name in SceneParameters.DEFAULTS} == settings
-    assert session.classes[:3] == mine
-    assert [(state.name, len(state.positive)) for state in session.classes[3:]] == [("theirs", 1)]
-    assert all(session.chosen_iso(state.id) is not None for state in session.classes)
-    both = session.classes
-    session.annotations.undo()
     assert session.classes == mine
+    (added,) = (node for node in class_nodes_of_all(session.parameters.node) if node.GetName() == "theirs")
+    assert not added.GetDisplayNode().GetVisibility()
+    session.annotations.undo()
     session.annotations.redo()
-    assert session.classes == both
+    assert session.classes == mine
+    session.set_volume(volume_of(added))
+    assert [(state.name, len(state.positive)) for state in session.classes] == [("theirs", 1)]
+    assert added.GetDisplayNode().GetVisibility()
+    assert session.segment_of(session.classes[0].id) is not None
+    assert not session.annotations.can_undo
+    session.set_volume(volume)
+    assert session.classes == mine
     session.close()
 
 
 @pytest.mark.slow
-def test_an_earlier_state_of_the_same_work_is_added_as_classes_of_their_own(
+def test_an_earlier_state_of_the_same_work_is_added_with_a_scan_of_its_own(
     slicer_app: Any, spheres: Spheres, tmp_path: Path
 ) -> None:
     session = open_spheres(slicer_app, spheres)
     annotate(session, spheres)
+    write_all(session)
+    earlier, volume, segments = session.classes, session.parameters.volume, session.parameters.segmentation
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "earlier.mrb"))
     session.annotations.add_points(session.classes[0].id, centre_ras(spheres, 2), positive=False)
     mine = session.classes
     for times in (1, 2):
         assert slicer_app.scene.ReadFromMRB(str(tmp_path / "earlier.mrb"))
         session.wait()
-        assert session.classes[:3] == mine
-        names = [f"{state.name}{number}" for number in ("", " (2)", " (3)")[: 1 + times] for state in mine]
-        assert [state.name for state in session.classes] == names
-        assert len({state.id for state in session.classes}) == 3 * (1 + times)
+        assert session.classes == mine
+        scans = list(dict.fromkeys(map(volume_of, class_nodes_of_all(session.parameters.node))))
+        assert len(scans) == 1 + times
+        session.set_volume(scans[-1])
+        session.wait()
+        assert session.classes == earlier
+        assert session.parameters.segmentation is not segments
+        assert all(session.segment_of(state.id) is not None for state in earlier)
+        session.annotations.remove_class(session.classes[1].id)
+        session.set_volume(volume)
+        session.wait()
+        assert session.classes == mine
+    session.close()
+
+
+@pytest.mark.slow
+def test_structures_of_an_earlier_version_that_are_added_belong_to_the_scan_that_was_chosen_there(
+    slicer_app: Any, spheres: Spheres, tmp_path: Path
+) -> None:
+    session = open_spheres(slicer_app, spheres)
+    annotate(session, spheres)
+    for positive in class_nodes_of_all(session.parameters.node):
+        positive.RemoveNodeReferenceIDs(VOLUME_ROLE)
+        positive.SetAttribute("ViTTransferFunction.volumeName", None)
+    assert slicer_app.scene.WriteToMRB(str(tmp_path / "old.mrb"))
+    session.close()
+    slicer_app.scene.Clear(False)
+    session = open_spheres(slicer_app, spheres)
+    mine = session.annotations.add_class("mine")
+    assert slicer_app.scene.ReadFromMRB(str(tmp_path / "old.mrb"))
+    assert session.classes == (mine,)
+    session.set_volume(volume_of(class_nodes_of_all(session.parameters.node)[-1]))
+    assert [state.name for state in session.classes] == ["sphere 1", "sphere 2", "sphere 3"]
     session.close()
 
 

@@ -159,10 +159,10 @@ def test_the_box_in_use_is_as_large_as_points_beyond_make_it(session: SceneSessi
     assert session.close_up_mm(session.classes[0]) == pytest.approx(set_one[3:])
 
 
-def test_without_a_volume_a_box_is_as_large_as_it_was_set(session: SceneSession, spheres: Spheres) -> None:
+def test_without_a_volume_a_box_is_as_large_as_it_was_set(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_close_up(id_, (1.0, 2.0, 3.0, 40.5, 50.0, 60.0))
-    session.set_volume(None)
+    slicer_app.scene.RemoveNode(session.parameters.volume)
     assert session.close_up_mm(session.classes[0]) == (40.5, 50.0, 60.0)
 
 
@@ -223,7 +223,6 @@ def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
     correct_grossly(session, spheres)
     node, volume = session.parameters.node, session.parameters.volume
     session.set_volume(None)
-    assert not session.suggests_closer_look(session.classes[0])
     session.set_volume(volume)
     session.wait()
     assert (session.phase, session.suggests_closer_look(session.classes[0])) == ("ready", False)

@@ -37,6 +37,27 @@ def add_volume(scene: Any, volume: Volume) -> Any:
     return node
 
 
+class FollowUp:
+    """A later scan in the same scene, in which the spheres are elsewhere.
+
+    Attributes:
+        volume: its node.
+        spheres: voxels and labels.
+    """
+
+    def __init__(self, scene: Any, baseline: Spheres) -> None:
+        volume = Volume(baseline[0].array[::-1].copy(), baseline[0].geometry, "follow-up")
+        self.spheres: Spheres = volume, baseline[1][::-1].copy()
+        cache_known_features(*self.spheres)
+        self.volume = add_volume(scene, volume)
+
+    def click(self, session: SceneSession) -> None:
+        """Click on each of the three spheres, for the three structures that there are."""
+        for label, state in enumerate(session.classes, start=1):
+            session.annotations.add_points(state.id, centre_ras(self.spheres, label), positive=True)
+        session.wait()
+
+
 def add_parameter_node(scene: Any) -> Any:
     """The module's parameter node, as Slicer makes it."""
     node = scene.CreateNodeByClass("vtkMRMLScriptedModuleNode")
