@@ -1,25 +1,30 @@
-"""Points of all structures in a file, from which `vittf segment` and `vittf cohort` compute the same."""
+"""Points of all structures, in files from which `vittf segment` and `vittf cohort` compute the same, and from other scans."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import qt
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.file_names import kept_name, with_ending
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
 from ViTTransferFunction.Widget.pictures_section import ask_path_to_read, ask_path_to_write
 from ViTTransferFunction.Widget.section import Report, Section
+from ViTTransferFunction.Widget.wording import in_menu
 
 
 class PointsSection(Section):
-    """The buttons that save points and load them."""
+    """The buttons that save points, load them, and take over those of another scan of the scene."""
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
+        self._scans_menu = qt.QMenu(ui.takeOverButton)
+        ui.takeOverButton.setMenu(self._scans_menu)
         ui.savePointsButton.clicked.connect(lambda: self.attempt(self._save))
         ui.loadPointsButton.clicked.connect(lambda: self.attempt(self._load))
+        self._scans_menu.aboutToShow.connect(self._list_scans)
 
     def refresh(self) -> None:
         """Enable what can be done now."""
@@ -28,6 +33,23 @@ class PointsSection(Section):
         with_volume = session is not None and session.parameters.volume is not None
         self.ui.loadPointsButton.enabled = with_volume
         self.ui.savePointsButton.enabled = with_volume and any(state.positive for state in classes)
+        self.ui.takeOverButton.visible = with_volume and bool(self._scans)
+
+    @property
+    def _scans(self) -> dict[str, str]:
+        return self.session.other_scans.names if self.session else {}
+
+    def _list_scans(self) -> None:
+        self._scans_menu.clear()
+        for scan, name in self._scans.items():
+            self._offer(scan, name)
+
+    def _offer(self, scan: str, name: str) -> None:
+        self._scans_menu.addAction(in_menu(name)).triggered.connect(lambda: self.attempt(lambda: self._take_over(scan)))
+
+    def _take_over(self, scan: str) -> None:
+        assert self.session is not None
+        self.session.take_over(scan)
 
     def _save(self) -> None:
         assert self.session is not None

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import slicer
 import vtk
 
-from .classes import CLASS_ROLE, class_nodes_of_all, give_to_volume
+from .classes import CLASS_ROLE, adopt_class, class_nodes_of_all, give_to_volume
 from .observers import SceneObservers
 from .parameters import REFERENCES, referred
 
@@ -94,7 +94,7 @@ class _Work:
             for id_ in ids:
                 self._node.AddNodeReferenceID(role, id_)
         for positive in added:
-            self._node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+            adopt_class(self._node, positive)
         self._node.EndModify(was_modifying)
 
     def _referenced(self, role: str) -> list[str]:

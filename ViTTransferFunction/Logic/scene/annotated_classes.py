@@ -54,8 +54,7 @@ def class_states(
 ) -> list[ClassState]:
     """Classes that ask what annotated ones do, as they are to be added to a scene; of boxes only those that are there.
 
-    Those that are in the scene already, with the same points and settings, are left out: the file was loaded twice. Where
-    another class has the name, a number follows; where one has the colour, it is another one.
+    Those that are in the scene already are left out: the file was loaded twice (`new_among`).
 
     Args:
         annotated: in the volume's local frame.
@@ -69,17 +68,24 @@ def class_states(
     """
     check_requests([each.request for each in annotated], geometry)
     to_world = matrix_to_world(volume_node)
-    states: list[ClassState] = []
-    for each in annotated:
-        state = _class_state(each, to_world)
-        if not any(_are_alike(state, present) for present in existing):
-            before = [*existing, *states]
-            fresh = new_class_state(before, state.name)
-            is_taken = any(np.allclose(state.color, other.color, atol=SAME_COLOR) for other in existing)
-            states.append(changed(state, name=fresh.name, color=fresh.color if is_taken else state.color))
+    states = new_among([_class_state(each, to_world) for each in annotated], existing)
     if not states:
         raise InputError("The structures of this file are all there already, with the same points and settings.")
     return states
+
+
+def new_among(states: Sequence[ClassState], existing: Sequence[ClassState]) -> list[ClassState]:
+    """Those of some classes that are not there already, with the same points and settings, as they are to be added.
+
+    Where another class has the name, a number follows; where one has the colour, it is another one.
+    """
+    new: list[ClassState] = []
+    for state in states:
+        if not any(_are_alike(state, present) for present in existing):
+            fresh = new_class_state([*existing, *new], state.name)
+            is_taken = any(np.allclose(state.color, other.color, atol=SAME_COLOR) for other in existing)
+            new.append(changed(state, name=fresh.name, color=fresh.color if is_taken else state.color))
+    return new
 
 
 def restored_states(

@@ -92,10 +92,9 @@ class SceneAnnotations:
         return state
 
     def add_classes(self, states: Sequence[ClassState]) -> None:
-        """Add classes with all that they have, after the others; one step for undo."""
+        """Add classes with all that they have, after the others, or bring those that are there to it; one step for undo."""
         with self._edit():
-            for state in states:
-                create_class(self._scene, self._parameter_node, state)
+            write_classes(self._scene, self._parameter_node, _put_among(states, self.classes))
 
     def set_classes(self, states: Sequence[ClassState]) -> None:
         """Have these classes, with all that they have, and no others; one step for undo."""
@@ -107,14 +106,22 @@ class SceneAnnotations:
         self.add_classes([without_points(state) for state in states])
         self._brought = self.classes
 
-    def leave_behind_brought(self) -> None:
-        """The volume is being left: where nothing was done about what `bring_along` brought, nothing of that stays."""
-        if self._brought and self.classes == self._brought:
-            with self._unheard():
-                for node in class_nodes(self._parameter_node):
-                    remove_class(self._scene, node)
-            self._histories[self._volume_id] = AnnotationHistory(())
-            self.refresh()
+    def leave(self) -> Callable[[], None]:
+        """The volume is about to be left; returns what is to be called when another one is chosen.
+
+        That removes what `bring_along` brought, where the user did nothing about it: as if nobody had been there.
+        """
+        brought = class_nodes(self._parameter_node) if self._brought and self.classes == self._brought else []
+        volume_id = self._volume_id
+
+        def remove_brought() -> None:
+            if brought and self._volume_id != volume_id:
+                with self._unheard():
+                    for node in brought:
+                        remove_class(self._scene, node)
+                self._histories.pop(volume_id, None)
+
+        return remove_brought
 
     def duplicate_class(self, id_: str) -> ClassState:
         """Add a class with the same settings and points below a class.
@@ -431,6 +438,11 @@ class SceneAnnotations:
 
     def _positive(self, id_: str) -> slicer.vtkMRMLMarkupsFiducialNode:
         return next(node for node in class_nodes(self._parameter_node) if class_id(node) == id_)
+
+
+def _put_among(states: Sequence[ClassState], present: Classes) -> Classes:
+    by_id = {state.id: state for state in (*present, *states)}
+    return tuple(by_id.values())
 
 
 def _usable_name(name: str, taken: Collection[str]) -> str:

@@ -106,6 +106,13 @@ def create_class(
     return positive
 
 
+def adopt_class(parameter_node: slicer.vtkMRMLScriptedModuleNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """Count a class of another scene, whose lists are in this one, after the others; as another class than its volume has."""
+    present = class_nodes_of_all(parameter_node)
+    _tell_apart(positive, [node for node in present if volume_of(node) is volume_of(positive)])
+    parameter_node.AddNodeReferenceID(CLASS_ROLE, positive.GetID())
+
+
 def give_to_volume(
     volume: slicer.vtkMRMLScalarVolumeNode, positive: Sequence[slicer.vtkMRMLMarkupsFiducialNode]
 ) -> list[slicer.vtkMRMLMarkupsFiducialNode]:
@@ -123,9 +130,7 @@ def give_to_volume(
     new = [node for node in positive if attribute(node, _VOLUME_NAME) is None]
     present = [node for node in positive if volume_of(node) is volume]
     for node in new:
-        _set_name(node, name_beside(name_of(node), {name_of(other) for other in present}))
-        if class_id(node) in map(class_id, present):
-            set_attribute(node, "class", new_class_id())
+        _tell_apart(node, present)
         _give_to(volume, node)
         present.append(node)
     return new
@@ -203,6 +208,13 @@ def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.v
 def _give_to(volume: slicer.vtkMRMLScalarVolumeNode, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
     set_volume_of(positive, volume)
     set_attribute(positive, _VOLUME_NAME, volume.GetName() or "")
+
+
+def _tell_apart(positive: slicer.vtkMRMLMarkupsFiducialNode, present: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
+    """Give a class a name and an id that none of those that are present has."""
+    _set_name(positive, name_beside(name_of(positive), {name_of(node) for node in present}))
+    if class_id(positive) in map(class_id, present):
+        set_attribute(positive, "class", new_class_id())
 
 
 def _create_list(scene: slicer.vtkMRMLScene, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode:

@@ -8,7 +8,8 @@ time and made again from the scene. Nothing here waits: a front end calls `poll`
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +36,7 @@ from .frame_segments import FrameSegments
 from .left_behind import LeftBehind
 from .of_volume import bring_back
 from .opened_volume import OpenedVolume
+from .other_scans import OtherScans
 from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_lists import Point
@@ -71,6 +73,7 @@ class SceneSession:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
         regions: adds the points of regions that the user encloses.
+        other_scans: which others have structures that could be taken over.
         views: what is shown in the views, and how.
         written: which segments there are of the classes, and whether they are of the classes as these are now.
     """
@@ -87,6 +90,7 @@ class SceneSession:
         self._scene = scene
         self._app_logic = app_logic
         self._listeners: list[Callable[[], None]] = []
+        self._silent = False
         self._problems = Problems()
         self._requests = ClassRequests()
         self._asked: tuple[Any, ...] | None = None
@@ -115,6 +119,7 @@ class SceneSession:
             scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
         )
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
+        self.other_scans = OtherScans(self.parameters, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
         self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
@@ -227,18 +232,19 @@ class SceneSession:
         before, selected = self.classes, self.selected_class
         if left is not None and selected is not None:
             self._selected[left.GetID()] = selected.id
-        self.annotations.leave_behind_brought()
-        if node is not None:
-            choose_segmentation_of(node, self.parameters)
-        self.parameters.set_reference("volume", node)
-        if node is None:
-            return
-        if before and self.annotations.untouched:
-            self.annotations.bring_along(before)
-            row = next((row for row, state in enumerate(before) if state is selected), 0)
-            self.select_class(self.classes[row].id)
-        elif node.GetID() in self._selected:
-            self.select_class(self._selected[node.GetID()])
+        when_left = self.annotations.leave()
+        with self._one_notice():
+            if node is not None:
+                choose_segmentation_of(node, self.parameters)
+            self.parameters.set_reference("volume", node)
+            if node is not None and before and self.annotations.untouched:
+                self.annotations.bring_along(before)
+                row = next((row for row, state in enumerate(before) if state is selected), 0)
+                self.select_class(self.classes[row].id)
+            elif node is not None and node.GetID() in self._selected:
+                self.select_class(self._selected[node.GetID()])
+        # By now the tool in hand works on another list.
+        when_left()
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
@@ -331,6 +337,14 @@ class SceneSession:
         self._former_model.remember(model, self._proxy)
         self.annotations.set_classes(states)
         self._on_parameters()
+
+    def take_over(self, scan: str) -> None:
+        """Add the structures of another scan, points and all, and select the first; one of `other_scans.names`.
+
+        Raises:
+            InputError: see `OtherScans.take_over`.
+        """
+        self.select_class(self.other_scans.take_over(scan).id)
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""
@@ -577,5 +591,17 @@ class SceneSession:
         self._notify()
 
     def _notify(self) -> None:
+        if self._silent:
+            return
         for listener in list(self._listeners):
             listener()
+
+    @contextmanager
+    def _one_notice(self) -> Iterator[None]:
+        """Have front ends hear of changes when all are made: in between, there may be no class to work on."""
+        self._silent = True
+        try:
+            yield
+        finally:
+            self._silent = False
+        self._notify()
