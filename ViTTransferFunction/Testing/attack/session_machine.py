@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.scene.annotations import Classes
 from ViTTransferFunction.Logic.scene.classes import class_nodes, read_class
-from ViTTransferFunction.Testing.support.scenes import add_segment, open_spheres, segment_masks
+from ViTTransferFunction.Logic.scene.nodes import displays_of, nodes_of_class
+from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, segment_masks
 from ViTTransferFunction.Testing.support.segments import everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
@@ -34,7 +36,7 @@ class Desk:
     def __init__(self, app: Any, spheres: Spheres) -> None:
         self.scene, self.spheres = app.scene, spheres
         self.session = open_spheres(app, spheres)
-        self.volume = self.session.parameters.volume
+        self.volume, self.follow_up = self.session.parameters.volume, FollowUp(app.scene, spheres).volume
         self.theirs = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "theirs")
         self.theirs.CreateDefaultDisplayNodes()
         for label, name in enumerate(THEIRS, start=2):
@@ -62,13 +64,19 @@ class Desk:
 
     def clear(self) -> None:
         """Take back all that was done but for undo, and come to rest."""
-        for state in self.session.classes:
-            self.session.annotations.remove_class(state.id)
+        for volume in (self.follow_up, self.volume):
+            self.session.set_volume(volume)
+            for state in self.session.classes:
+                self.session.annotations.remove_class(state.id)
         # What was shown of the volume goes with it, be it much or nothing.
         self.session.set_volume(None)
         self.session.wait(PATIENCE_S)
         self.session.set_volume(self.volume)
         self.session.set_segmentation(self.theirs)
+        for node in nodes_of_class(self.scene, "vtkMRMLSegmentationNode"):
+            if node is not self.theirs:
+                for each in (*displays_of(node), node):
+                    self.scene.RemoveNode(each)
         for name in ("respectOtherSegments", "otherSegmentsAreOutside", "overlayVisible", "proposalsVisible", "rendering"):
             self.session.parameters.set(name, self.session.parameters.DEFAULTS[name])
         self.session.wait(PATIENCE_S)
@@ -87,6 +95,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
         def open(self) -> None:
             self.session, self.annotations = desk.session, desk.session.annotations
             self.at_rest = desk.counts()
+            self.left: dict[Any, Classes] = {}
             self.add_class()
             self.add_points(0, True, (0.0, 0.0, 0.0), 1)
 
@@ -210,9 +219,13 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
         def change_setting(self, change: tuple[str, Any]) -> None:
             self.session.parameters.set(*change)
 
-        @rule(there=st.booleans())
-        def choose_volume(self, there: bool) -> None:
-            self.session.set_volume(desk.volume if there else None)
+        @rule(volume=st.sampled_from((desk.volume, desk.follow_up, None)))
+        def choose_volume(self, volume: Any) -> None:
+            self.left[self.session.parameters.volume] = self.session.classes
+            self.session.set_volume(volume)
+            there = [state for state in self.left.get(volume, ()) if state.positive or state.negative]
+            # What was made while no volume was chosen goes to the next one.
+            assert volume is None or [state for state in self.session.classes if state in there] == there
 
         @rule(count=st.integers(0, 20))
         def poll(self, count: int) -> None:
@@ -248,7 +261,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
                 return
             millilitres = desk.spheres[0].geometry.voxel_volume_mm3 / 1000.0
             node = self.session.parameters.segmentation
-            masks = segment_masks(node, desk.volume)
+            masks = segment_masks(node, self.session.parameters.volume)
             for state in written:
                 segment_id = self.session.segment_of(state.id)
                 if segment_id is not None:
