@@ -47,6 +47,10 @@ class OtherSegments:
         if chosen[0] is not None and chosen not in self._continued:
             self._continued.append(chosen)
 
+    def drop_continued(self) -> None:
+        """Begin none of those that were chosen: another volume is, and they lie in the one before."""
+        self._continued.clear()
+
     def begin_continued(self, annotations: SceneAnnotations) -> ClassState | None:
         """Add a class with the name and colour of the segment that was chosen first, and points in it.
 

@@ -233,6 +233,7 @@ class SceneSession:
         if left is not None and selected is not None:
             self._selected[left.GetID()] = selected.id
         when_left = self.annotations.leave()
+        self._other_segments.drop_continued()
         with self._one_notice():
             if node is not None:
                 choose_segmentation_of(node, self.parameters)

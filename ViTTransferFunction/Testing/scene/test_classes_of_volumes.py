@@ -18,6 +18,7 @@ from ViTTransferFunction.Testing.support.scenes import (
     MOVED,
     FollowUp,
     add_parameter_node,
+    add_segment,
     add_volume,
     annotate,
     put_under,
@@ -336,6 +337,19 @@ def test_the_undo_of_a_scan_that_is_gone_is_not_that_of_the_next_with_its_identi
     session.annotations.undo()
     assert not session.classes
     assert not session.annotations.can_undo
+
+
+def test_a_structure_that_is_to_begin_from_a_segment_does_not_begin_in_another_scan(
+    session: SceneSession, follow_up: FollowUp, spheres: Spheres
+) -> None:
+    theirs = follow_up.volume.GetScene().AddNewNodeByClass("vtkMRMLSegmentationNode", "theirs")
+    add_segment(theirs, "bone", spheres[1] == 2, spheres[0].geometry.ijk_to_ras)
+    session.set_segmentation(theirs)
+    session.continue_segment("bone")
+    assert not session.classes
+    session.set_volume(follow_up.volume)
+    session.wait()
+    assert not session.classes
 
 
 def test_a_copy_of_a_scan_is_another_scan(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
