@@ -90,7 +90,7 @@ class SceneSession:
         self._scene = scene
         self._app_logic = app_logic
         self._listeners: list[Callable[[], None]] = []
-        self._silent = False
+        self._held_notices: int | None = None
         self._problems = Problems()
         self._requests = ClassRequests()
         self._asked: tuple[Any, ...] | None = None
@@ -235,6 +235,9 @@ class SceneSession:
         when_left = self.annotations.leave()
         self._other_segments.drop_continued()
         with self._one_notice():
+            # What was told of structures of the one before.
+            self._problems.solve("segments")
+            self._problems.solve("close-up")
             if node is not None:
                 choose_segmentation_of(node, self.parameters)
             self.parameters.set_reference("volume", node)
@@ -244,8 +247,8 @@ class SceneSession:
                 self.select_class(self.classes[row].id)
             elif node is not None and node.GetID() in self._selected:
                 self.select_class(self._selected[node.GetID()])
-        # By now the tool in hand works on another list.
-        when_left()
+        with self._one_notice():  # By now the tool in hand works on another list.
+            when_left()
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
@@ -592,7 +595,8 @@ class SceneSession:
         self._notify()
 
     def _notify(self) -> None:
-        if self._silent:
+        if self._held_notices is not None:
+            self._held_notices += 1
             return
         for listener in list(self._listeners):
             listener()
@@ -600,9 +604,10 @@ class SceneSession:
     @contextmanager
     def _one_notice(self) -> Iterator[None]:
         """Have front ends hear of changes when all are made: in between, there may be no class to work on."""
-        self._silent = True
+        self._held_notices = 0
         try:
             yield
         finally:
-            self._silent = False
-        self._notify()
+            held, self._held_notices = self._held_notices, None
+        if held:
+            self._notify()

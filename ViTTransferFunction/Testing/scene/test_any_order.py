@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import sys
+from contextlib import suppress
 from signal import SIGKILL
 from typing import Any
 
@@ -14,11 +15,10 @@ import slicer
 import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.known_features import cache_known_features
-from ViTTransferFunction.Testing.support.scenes import add_segment, add_volume, open_spheres, put_under
+from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, put_under
 from ViTTransferFunction.Testing.support.segments import everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
@@ -47,9 +47,7 @@ class User:
         self.session = open_spheres(app, spheres)
         self._parameter_node = app.scene.GetFirstNodeByClass("vtkMRMLScriptedModuleNode")
         self.volume = self.session.parameters.volume
-        turned = Volume(spheres[0].array[::-1].copy(), spheres[0].geometry, "another volume")
-        cache_known_features(turned, spheres[1][::-1])
-        self._another_volume = add_volume(app.scene, turned)
+        self._another_volume = FollowUp(app.scene, spheres).volume
         self.theirs = app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "theirs")
         self.theirs.CreateDefaultDisplayNodes()
         for label, name in enumerate(THEIRS, start=2):
@@ -136,6 +134,16 @@ class User:
 
     def choose_a_volume(self) -> None:
         self.session.set_volume(self._random.choice((self.volume, self.volume, self._another_volume, None)))
+
+    def delete_the_other_volume_and_load_it_again(self) -> None:
+        self._scene.RemoveNode(self._another_volume)
+        self._another_volume = FollowUp(self._scene, self._spheres).volume
+
+    def take_over_points_of_another_scan(self) -> None:
+        scans = list(self.session.other_scans.names)
+        if scans and len(self._ids) < MOST_CLASSES:
+            with suppress(InputError):  # They may be there already.
+                self.session.take_over(self._random.choice(scans))
 
     def choose_a_segmentation(self) -> None:
         self.session.set_segmentation(self._random.choice((self.theirs, None)))

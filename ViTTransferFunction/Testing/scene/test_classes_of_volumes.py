@@ -372,3 +372,19 @@ def test_the_order_of_one_scans_structures_leaves_those_of_others(
     assert [state.name for state in session.classes] == ["sphere 2", "sphere 3", "sphere 1"]
     assert [n for n in class_nodes_of_all(node) if n not in class_nodes(node)] == class_nodes_of_all(node)[:3]
     assert len(ids) == 3
+
+
+def test_front_ends_hear_of_another_scan_when_all_of_it_is_there_and_of_what_was_told_of_the_one_before_no_more(
+    session: SceneSession, follow_up: FollowUp, spheres: Spheres
+) -> None:
+    ids, baseline = annotate(session, spheres), session.parameters.volume
+    session.look_closer(session.annotations.add_class("nothing yet").id)
+    assert len(session.errors) == 1
+    seen: list[int] = []
+    session.add_observer(lambda: seen.append(len(session.classes)))
+    session.set_volume(follow_up.volume)
+    assert seen == [4]
+    assert not session.errors
+    session.set_volume(baseline)
+    assert seen == [4, 4, 4]
+    assert [state.id for state in session.classes[:3]] == ids
