@@ -93,8 +93,7 @@ class SceneAnnotations:
 
     def add_classes(self, states: Sequence[ClassState]) -> None:
         """Add classes with all that they have, after the others, or bring those that are there to it; one step for undo."""
-        with self._edit():
-            write_classes(self._scene, self._parameter_node, _put_among(states, self.classes))
+        self.set_classes(_put_among(states, self.classes))
 
     def set_classes(self, states: Sequence[ClassState]) -> None:
         """Have these classes, with all that they have, and no others; one step for undo."""
