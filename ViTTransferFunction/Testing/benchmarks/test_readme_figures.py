@@ -40,6 +40,21 @@ CASES = {
     "chest": "chest",
 }
 """The scans' names in tables, and those in the results."""
+OWN_SCANS = {
+    "brain tumour in MR (FLAIR), all of its 110 ml": "brain tumour MR FLAIR",
+    "the same, with contrast: its core, 59 ml": "brain tumour MR T1 contrast",
+    "brain MR, 8 deep structures": "deep brain MR",
+    "heart MR: ventricles, left myocardium": "heart MR 1",
+    "another heart MR, the same": "heart MR 2",
+    "abdominal CT with contrast: liver": "liver CT",
+    "chest CT: lungs, a tumour of 156 ml, spinal cord": "lung cancer CT",
+    "chest CT: a nodule of 2 ml": "lung nodule CT",
+    "spine MR, 5 discs": "spine MR discs",
+    "spine MR, 7 vertebral bodies": "spine MR vertebrae",
+    "sarcoma of a thigh in MR (T1): tumour, oedema": "thigh sarcoma MR T1",
+    "the same (T2)": "thigh sarcoma MR T2",
+}
+"""The names of scans that were not looked at before, in the README's table and in the results."""
 WAYS = {
     "this": ("accuracy", "clicks alone"),
     "this, with one size step": ("accuracy", "with one size step"),
@@ -140,3 +155,13 @@ def test_results_have_the_accuracy_on_other_scans() -> None:
         assert figures == [figure(*(each["dice"] if whole else each["structures"][name])) for each in measured], name
         count += 1
     assert count > 15
+
+
+def test_readme_has_the_accuracy_on_scans_not_looked_at_before() -> None:
+    cases = summary("own_scans")["cases"]
+    rows = list(rows_of("README.md", "| scans not looked at before | 1 | 3 | 5 | 5, with one size step |"))
+    assert [OWN_SCANS[name] for name, *_ in rows] == list(cases)
+    for name, *figures in rows:
+        of_case = cases[OWN_SCANS[name]]
+        measured = [of_case["clicks alone"][n] for n in CLICKS] + [of_case["with one size step"]["5"]]
+        assert figures == [figure(*each["dice"]) for each in measured], name
