@@ -11,9 +11,9 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
+from Benchmarks.accuracy.case_bench import PATHS, ROUNDS, CaseBench
 from Benchmarks.accuracy.cases import CaseGroup
 from Benchmarks.accuracy.report import CAPTION, CLICK_CAPTION, case_table, click_change_table, structure_table
-from Benchmarks.accuracy.run import PATHS, ROUNDS, CaseBench
 from Benchmarks.accuracy.summary import single_runs, summary
 from Benchmarks.own_scans.own_scan import own_scans
 from Benchmarks.shared.arguments import network_parser, weights_of
