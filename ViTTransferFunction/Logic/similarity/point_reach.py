@@ -31,7 +31,7 @@ FIRST_POINTS = 6
 LARGEST_WEIGHT = 0.8
 """W: of a point that is unlike all before it, and finds very many cells."""
 AS_COMMON = 0.5
-"""A: a point that finds fewer times more cells than those before it, 1 / A, is as common, and reaches without an end."""
+"""A: a point that finds no more than 1 / A times as many cells as one before it is as common, and reaches without an end."""
 FOUND = 0.2
 """Cells whose kernel with a point is no less are found by it."""
 WIDER = 2.0
