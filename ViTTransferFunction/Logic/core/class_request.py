@@ -22,6 +22,15 @@ def no_points() -> np.ndarray:
     return np.empty((0, 3))
 
 
+def different_places(points_ras: np.ndarray) -> np.ndarray:
+    """Indices of points (P, 3), in order, of which each place is counted once: the first point there, to the last digit."""
+    first_at: dict[bytes, int] = {}
+    # By their bytes: NumPy takes ten times as long to find out which rows are the same.
+    for index, point in enumerate(points_ras):
+        first_at.setdefault(point.tobytes(), index)
+    return np.array(list(first_at.values()), dtype=int)
+
+
 @dataclass(frozen=True, eq=False)
 class ClassRequest:
     """One structure of interest, and everything that decides which voxels belong to it.

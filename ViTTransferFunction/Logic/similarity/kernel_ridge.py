@@ -25,7 +25,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..core.class_request import ClassRequest
+from ..core.class_request import ClassRequest, different_places
 from ..core.iso_proposals import IsoProposals
 from ..core.progress import Between, nothing_between, one_at_a_time
 from ..core.resampling import FixedPlaces, sample_at
@@ -283,7 +283,7 @@ def _in_turns(classes: int, first: int | None) -> list[list[int]]:
 
 
 def _different_positives(request: ClassRequest) -> int:
-    return len({point.tobytes() for point in request.positive})
+    return len(different_places(request.positive))
 
 
 @dataclass(frozen=True, eq=False)

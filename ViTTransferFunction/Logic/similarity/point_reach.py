@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..core.class_request import different_places
 from .place_kernel import CellKernel, Places, alike, nearness
 
 FIRST_POINTS = 6
@@ -147,9 +148,7 @@ def first_of_their_class(points_ras: np.ndarray, classes: np.ndarray, positive: 
     """
     before: dict[int, np.ndarray] = {}
     for index in np.unique(classes[positive]):
-        first_at: dict[bytes, np.intp] = {}
-        for point in np.flatnonzero((classes == index) & positive):
-            first_at.setdefault(points_ras[point].tobytes(), point)
-        first = np.array(list(first_at.values())[:FIRST_POINTS])
+        own = np.flatnonzero((classes == index) & positive)
+        first = own[different_places(points_ras[own])[:FIRST_POINTS]]
         before |= {int(point): first[:count] for count, point in enumerate(first)}
     return before

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests, points_against
+from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests, different_places, points_against
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 
@@ -94,3 +94,9 @@ def test_points_against_a_class_are_its_negative_ones_and_those_of_others_that_i
     np.testing.assert_array_equal(points_against([a, b], 0), np.concatenate([POINTS_RAS[:1] + 1.0, POINTS_RAS + 2.0]))
     np.testing.assert_array_equal(points_against([a, b], 1), np.concatenate([POINTS_RAS + 3.0, POINTS_RAS[:1]]))
     assert points_against([ClassRequest("c", POINTS_RAS)], 0).shape == (0, 3)
+
+
+def test_each_place_counts_once_where_it_comes_first() -> None:
+    points = np.array([[2.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 0.0, 1e-12], [1.0, 0.0, 0.0]])
+    assert different_places(points).tolist() == [0, 1, 3]
+    assert different_places(points[:0]).tolist() == []
