@@ -16,7 +16,7 @@ from Benchmarks.shared.aim import Aim
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import segmentation_metrics
-from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
+from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, Gesture, click_in_rounds
 
 Metrics = dict[str, float]
 Rounds = dict[str, dict[str, Metrics]]
@@ -26,12 +26,17 @@ DIGITS = 4
 
 
 def run_with_own_clicks(
-    labelled: LabelledVolume, segment: Segment, rounds: int, with_negatives: bool, aims: Sequence[Aim]
+    labelled: LabelledVolume,
+    segment: Segment,
+    rounds: int,
+    with_negatives: bool,
+    aims: Sequence[Aim],
+    begun_by: Sequence[Sequence[Gesture]] | None = None,
 ) -> tuple[Rounds, ClickSequence]:
-    """Let the clicker react to the method's own errors, in all structures together; its clicks are aimed by class."""
+    """Let the clicker react to the method's own errors, in all structures together; see `click_in_rounds`."""
     measured: Rounds = {}
     timed, states = _Timed(segment, labelled), []
-    for state in click_in_rounds(labelled.truth, labelled.spacing_mm, timed, rounds, with_negatives, aims):
+    for state in click_in_rounds(labelled.truth, labelled.spacing_mm, timed, rounds, with_negatives, aims, begun_by):
         measured[str(state.number)] = metrics_of(labelled, state.labels, timed.seconds)
         states.append(ClickedRound(state.number, state.clicks, np.empty(0)))
     return measured, ClickSequence.of_rounds(states)

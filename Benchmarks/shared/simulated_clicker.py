@@ -13,6 +13,8 @@ from Benchmarks.shared.regions import Voxel, largest_component
 MOST_CLICKS = 10
 
 Clicks = list[list["Click"]]
+Gesture = Sequence["Click"]
+"""What is placed at once: a click, or all that a line stands for; at least one point, the first one positive."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Click:
 
 @dataclass(frozen=True, eq=False)
 class ClickedRound:
-    """The state after every class received one more click, or none where nothing was left to correct.
+    """The state after one more gesture on every class, or none where nothing was left to correct.
 
     Attributes:
         number: of the round, from 1.
@@ -50,8 +52,9 @@ def click_in_rounds(
     rounds: int = MOST_CLICKS,
     with_negatives: bool = True,
     aims: Sequence[Aim] | None = None,
+    begun_by: Sequence[Sequence[Gesture]] | None = None,
 ) -> Iterator[ClickedRound]:
-    """Annotate all classes of a label map together, one click a class and round.
+    """Annotate all classes of a label map together, one gesture a class and round: a click, unless it is said otherwise.
 
     Classes annotated one by one are calls with label maps of one class each.
 
@@ -59,22 +62,28 @@ def click_in_rounds(
         truth: (K, J, I) integers, 0 for background and 1 … n for the classes.
         spacing_mm: of the voxels, along (K, J, I).
         segment: the method: from the clicks of each class, in the order of the labels, to labels like the truth's.
-        rounds: how many clicks a class receives at most.
+        rounds: how many gestures a class receives at most.
         with_negatives: see `next_click`.
         aims: how the clicks of each class are aimed; None: at the deepest place.
+        begun_by: the first gestures of each class, at least one; then its errors are clicked on. None: one click.
 
     Raises:
         ValueError: a label between 1 and the largest does not occur.
     """
     classes = range(1, int(truth.max(initial=0)) + 1)
     aims = aims or [DEEPEST] * len(classes)
-    clicks: Clicks = [[first_click(truth == label, spacing_mm, aim)] for label, aim in zip(classes, aims, strict=True)]
+    if begun_by is None:
+        begun_by = [[[first_click(truth == label, spacing_mm, aim)]] for label, aim in zip(classes, aims, strict=True)]
+    clicks: Clicks = [list(gestures[0]) for gestures in begun_by]
     for number in range(1, rounds + 1):
         labels = segment([list(of_class) for of_class in clicks])
         yield ClickedRound(number, tuple(map(tuple, clicks)), labels)
         if number == rounds:
             return
-        for label, of_class, aim in zip(classes, clicks, aims, strict=True):
+        for label, of_class, aim, gestures in zip(classes, clicks, aims, begun_by, strict=True):
+            if number < len(gestures):
+                of_class.extend(gestures[number])
+                continue
             correction = next_click(labels == label, truth == label, spacing_mm, with_negatives, aim)
             if correction:
                 of_class.append(correction)

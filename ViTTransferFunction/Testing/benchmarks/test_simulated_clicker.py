@@ -85,3 +85,14 @@ def test_the_method_sees_the_clicks_of_all_classes_so_far():
 def test_a_label_that_does_not_occur_is_refused():
     with pytest.raises(ValueError, match="no voxel"):
         next(click_in_rounds(2 * LARGE, CUBE_MM, segment=lambda _: 2 * LARGE))
+
+
+def test_a_class_may_be_begun_by_other_gestures_before_its_errors_are_clicked_on():
+    line, across = [Click((4, 4, 4), True), Click((4, 4, 9), False)], [Click((4, 2, 4), True)]
+    rounds = list(
+        click_in_rounds(LARGE.astype(np.uint8), CUBE_MM, lambda clicks: np.zeros(SHAPE, int), 3, begun_by=[[line, across]])
+    )
+    assert [len(state.clicks[0]) for state in rounds] == [2, 3, 4]
+    assert rounds[1].clicks[0] == (*line, *across)
+    # Nothing was found, and so the middle lacks.
+    assert rounds[2].clicks[0][-1] == Click((4, 4, 4), positive=True)

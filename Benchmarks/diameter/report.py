@@ -1,0 +1,92 @@
+"""What a diameter is worth: the figures of all ways side by side, as JSON and as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from Benchmarks.accuracy.figures import Spread, names_of, spread
+from Benchmarks.accuracy.summary import single_runs
+from Benchmarks.shared.machine import in_words
+from Benchmarks.shared.report_files import write_results
+from Benchmarks.shared.report_tables import number, paragraphs, table
+
+CLICKS, DIAMETER, TWO_DIAMETERS = "clicks", "diameter", "two diameters"
+WAYS = (CLICKS, DIAMETER, TWO_DIAMETERS)
+SHOWN = {CLICKS: ("1", "2", "3", "5"), DIAMETER: ("1", "2", "3", "5"), TWO_DIAMETERS: ("2", "3", "5")}
+"""After how many gestures: of two diameters, the first is as of one."""
+DIGITS = 4
+
+HOW_TO_READ = """\
+Mean Dice over the structures ± standard deviation between the paths, after so many gestures on every structure. *Clicks*: each
+gesture is a click. *Diameter*: the first one is the longest line that does not leave the structure, in a slice that shows
+nearly as much of it as any, drawn with a hand that errs by 1.5 mm; the others are clicks on what is wrong then. *Two
+diameters*: the second one is a line, too, the longest across the first. Every structure gets them, also tubes and what is
+branched, where a person would rather click."""
+
+Run = dict[str, Any]
+
+
+def write_report(report: dict[str, Any], runs: Sequence[Run], folder: Path) -> None:
+    """Write diameter.json and diameter.md."""
+    write_results(folder, "diameter", {**report, "summary": summary(runs), "runs": single_runs(runs)}, text(report, runs))
+
+
+def summary(runs: Sequence[Run]) -> dict[str, Any]:
+    """The figures that are tracked: the mean of all cases, by way and number of gestures."""
+    return {
+        way: {count: round(float(np.mean([_of_case(runs, case, way, count).mean for case in names_of(runs, "case")])), DIGITS)
+        for count in counts}
+        for way, counts in SHOWN.items()
+    }  # fmt: skip
+
+
+def text(report: dict[str, Any], runs: Sequence[Run]) -> str:
+    """For people."""
+    cases = names_of(runs, "case")
+    return paragraphs(
+        "# Diameters",
+        f"Features of {report['model']}, default preset, {report['paths']} paths. {in_words(report['machine'])}. "
+        "Command: `python dev.py bench diameter --volumes DIR`. Each path by itself is in `diameter.json`.",
+        HOW_TO_READ,
+        _means(runs, cases),
+        "## Each structure",
+        _structures(runs, cases),
+    )
+
+
+def _header() -> list[str]:
+    return [f"{way} @{count}" for way, counts in SHOWN.items() for count in counts]
+
+
+def _means(runs: Sequence[Run], cases: Sequence[str]) -> str:
+    rows = [[case, *(str(_of_case(runs, case, way, count)) for way in WAYS for count in SHOWN[way])] for case in cases]
+    means = [number(mean) for of_way in summary(runs).values() for mean in of_way.values()]
+    return table(["volume", *_header()], [*rows, [f"mean of the {len(cases)}", *means]])
+
+
+def _structures(runs: Sequence[Run], cases: Sequence[str]) -> str:
+    rows = []
+    for case in cases:
+        rows.append([f"**{case}**", *[""] * len(_header())])
+        rows += [
+            [name, *(number(_of_structure(runs, case, name, way, count)) for way in WAYS for count in SHOWN[way])]
+            for name in _runs_of(runs, case, CLICKS)[0]["rounds"]["1"]
+        ]
+    return table(["structure", *_header()], rows)
+
+
+def _of_case(runs: Sequence[Run], case: str, way: str, count: str) -> Spread:
+    of_paths = [run["rounds"][count].values() for run in _runs_of(runs, case, way)]
+    return spread([float(np.mean([metrics["dice"] for metrics in structures])) for structures in of_paths])
+
+
+def _of_structure(runs: Sequence[Run], case: str, name: str, way: str, count: str) -> float:
+    return float(np.mean([run["rounds"][count][name]["dice"] for run in _runs_of(runs, case, way)]))
+
+
+def _runs_of(runs: Sequence[Run], case: str, way: str) -> list[Run]:
+    return [run for run in runs if (run["case"], run["way"]) == (case, way)]

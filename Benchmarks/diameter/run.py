@@ -1,0 +1,104 @@
+"""What a diameter is worth: `python dev.py bench diameter --volumes DIR [--weights PATH] [--paths N] [--cases NAME …]`.
+
+A simulated user annotates all structures of a scan together, on several paths, as in `bench accuracy`: once by clicks alone;
+once with the longest diameter of each structure first, a line drawn across it, and clicks on what is wrong then; and once with
+two diameters first, the longest and the longest across it. Each way has clicks of its own, which correct its own errors. What
+lies in DIR as `NAME.seg.nrrd` with its scan is measured as well, as in `bench own_scans`.
+
+A person draws diameters where they see that a structure is compact; here, every structure gets them. With `--keep`, what was
+measured is kept in a folder and not measured again. Writes `diameter.json` and `diameter.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from functools import cached_property, partial
+from typing import Any
+
+from Benchmarks.accuracy.cases import ALL_CASES, GROUPS
+from Benchmarks.accuracy.methods import DEFAULT
+from Benchmarks.accuracy.runs import run_with_own_clicks
+from Benchmarks.diameter.report import CLICKS, DIAMETER, TWO_DIAMETERS, WAYS, write_report
+from Benchmarks.own_scans.own_scan import SEGMENTATION_ENDING, own_scans
+from Benchmarks.shared.aim import persons_aims
+from Benchmarks.shared.arguments import scan_parser, weights_of
+from Benchmarks.shared.drawn_diameter import drawn_diameters
+from Benchmarks.shared.kept_results import KeptResults
+from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
+from Benchmarks.shared.machine import machine
+from Benchmarks.shared.sessions import load_features
+from Benchmarks.shared.simulated_clicker import Gesture
+from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
+from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
+from ViTTransferFunction.Logic.weights.sources import WeightsFile
+
+PATHS = 3
+FIRST_PATH = 1
+ROUNDS = 5
+CASES = tuple(case.name for group in GROUPS if group.every_path for case in group.cases)
+
+Run = dict[str, Any]
+
+
+def main() -> None:
+    """Measure on every case, and write what was measured."""
+    options = _parser().parse_args()
+    weights = weights_of(options)
+    cases: list[LabelledCase] = [case for case in ALL_CASES if case.name in options.cases]
+    if any(options.volumes.glob(f"*{SEGMENTATION_ENDING}")):
+        cases += own_scans(options.volumes)
+    runs: list[Run] = []
+    for case in cases:
+        bench = CaseBench(case.name, case.read(options.volumes), weights, KeptResults(options.keep))
+        runs += bench.measure(options.paths)
+    report = {"model": weights.model.name, "machine": machine(), "paths": options.paths}
+    write_report(report, runs, options.results)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = scan_parser(__doc__, CASES, cases=ALL_CASES)
+    parser.add_argument("--paths", type=int, default=PATHS, help=f"paths of clicks on a volume (default {PATHS})")
+    return parser
+
+
+class CaseBench:
+    """All ways on one labelled volume.
+
+    Args:
+        name: of the case.
+        labelled: the volume and its truth.
+        weights: what its features are computed with.
+        kept: what was measured already.
+    """
+
+    def __init__(self, name: str, labelled: LabelledVolume, weights: WeightsFile, kept: KeptResults) -> None:
+        self._name, self._labelled, self._weights, self._kept = name, labelled, weights, kept
+
+    def measure(self, paths: int) -> Iterator[Run]:
+        """A run of each way on each path."""
+        for path in range(FIRST_PATH, FIRST_PATH + paths):
+            for way in WAYS:
+                name = f"diameter, {self._name}, {way}, path {path}, {ROUNDS} rounds"
+                yield {"case": self._name, "way": way, "path": path, **self._kept.get(name, partial(self._run, way, path))}
+
+    def _run(self, way: str, path: int) -> dict[str, Any]:
+        labelled = self._labelled
+        segment, aims = DEFAULT.segmenter(labelled.volume, self._features), persons_aims(path, len(labelled.names))
+        rounds, _ = run_with_own_clicks(labelled, segment, ROUNDS, True, aims, self._begun_by(way, path))
+        return {"rounds": rounds}
+
+    def _begun_by(self, way: str, path: int) -> Sequence[Sequence[Gesture]] | None:
+        if way == CLICKS:
+            return None
+        labelled, count = self._labelled, {DIAMETER: 1, TWO_DIAMETERS: 2}[way]
+        labels = range(1, len(labelled.names) + 1)
+        return [drawn_diameters(labelled.truth == label, labelled.spacing_mm, path, label)[:count] for label in labels]
+
+    @cached_property
+    def _features(self) -> FeatureVolume:
+        return load_features(self._labelled.volume, self._weights, DEFAULT_PRESET)
+
+
+if __name__ == "__main__":
+    main()
