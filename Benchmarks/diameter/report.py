@@ -14,18 +14,19 @@ from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
 
-CLICKS, DIAMETER, TWO_DIAMETERS = "clicks", "diameter", "two diameters"
-WAYS = (CLICKS, DIAMETER, TWO_DIAMETERS)
-SHOWN = {CLICKS: ("1", "2", "3", "5"), DIAMETER: ("1", "2", "3", "5"), TWO_DIAMETERS: ("2", "3", "5")}
-"""After how many gestures: of two diameters, the first is as of one."""
+CLICKS, DIAMETER = "clicks", "diameter"
+WAYS = (CLICKS, DIAMETER)
+GESTURES = ("1", "2", "3", "5")
+"""After how many of them."""
+COLUMNS = [(way, count) for count in GESTURES for way in WAYS]
+HEADER = [f"{way} @{count}" for way, count in COLUMNS]
 DIGITS = 4
 
 HOW_TO_READ = """\
 Mean Dice over the structures ± standard deviation between the paths, after so many gestures on every structure. *Clicks*: each
 gesture is a click. *Diameter*: the first one is the longest line that does not leave the structure, in a slice that shows
-nearly as much of it as any, drawn with a hand that errs by 1.5 mm; the others are clicks on what is wrong then. *Two
-diameters*: the second one is a line, too, the longest across the first. Every structure gets them, also tubes and what is
-branched, where a person would rather click."""
+nearly as much of it as any, drawn with a hand that errs by 1.5 mm; the others are clicks on what is wrong then. Every
+structure gets one, also tubes and what is branched, where a person would rather click."""
 
 Run = dict[str, Any]
 
@@ -37,11 +38,8 @@ def write_report(report: dict[str, Any], runs: Sequence[Run], folder: Path) -> N
 
 def summary(runs: Sequence[Run]) -> dict[str, Any]:
     """The figures that are tracked: the mean of all cases, by way and number of gestures."""
-    return {
-        way: {count: round(float(np.mean([_of_case(runs, case, way, count).mean for case in names_of(runs, "case")])), DIGITS)
-        for count in counts}
-        for way, counts in SHOWN.items()
-    }  # fmt: skip
+    cases = names_of(runs, "case")
+    return {way: {count: round(_of_all(runs, cases, way, count), DIGITS) for count in GESTURES} for way in WAYS}
 
 
 def text(report: dict[str, Any], runs: Sequence[Run]) -> str:
@@ -58,25 +56,25 @@ def text(report: dict[str, Any], runs: Sequence[Run]) -> str:
     )
 
 
-def _header() -> list[str]:
-    return [f"{way} @{count}" for way, counts in SHOWN.items() for count in counts]
-
-
 def _means(runs: Sequence[Run], cases: Sequence[str]) -> str:
-    rows = [[case, *(str(_of_case(runs, case, way, count)) for way in WAYS for count in SHOWN[way])] for case in cases]
-    means = [number(mean) for of_way in summary(runs).values() for mean in of_way.values()]
-    return table(["volume", *_header()], [*rows, [f"mean of the {len(cases)}", *means]])
+    rows = [[case, *(str(_of_case(runs, case, *column)) for column in COLUMNS)] for case in cases]
+    of_all = [f"mean of the {len(cases)}", *(number(_of_all(runs, cases, *column)) for column in COLUMNS)]
+    return table(["volume", *HEADER], [*rows, of_all])
 
 
 def _structures(runs: Sequence[Run], cases: Sequence[str]) -> str:
     rows = []
     for case in cases:
-        rows.append([f"**{case}**", *[""] * len(_header())])
+        rows.append([f"**{case}**", *[""] * len(HEADER)])
         rows += [
-            [name, *(number(_of_structure(runs, case, name, way, count)) for way in WAYS for count in SHOWN[way])]
+            [name, *(number(_of_structure(runs, case, name, *column)) for column in COLUMNS)]
             for name in _runs_of(runs, case, CLICKS)[0]["rounds"]["1"]
         ]
-    return table(["structure", *_header()], rows)
+    return table(["structure", *HEADER], rows)
+
+
+def _of_all(runs: Sequence[Run], cases: Sequence[str], way: str, count: str) -> float:
+    return float(np.mean([_of_case(runs, case, way, count).mean for case in cases]))
 
 
 def _of_case(runs: Sequence[Run], case: str, way: str, count: str) -> Spread:

@@ -1,9 +1,9 @@
 """What a diameter is worth: `python dev.py bench diameter --volumes DIR [--weights PATH] [--paths N] [--cases NAME …]`.
 
-A simulated user annotates all structures of a scan together, on several paths, as in `bench accuracy`: once by clicks alone;
-once with the longest diameter of each structure first, a line drawn across it, and clicks on what is wrong then; and once with
-two diameters first, the longest and the longest across it. Each way has clicks of its own, which correct its own errors. What
-lies in DIR as `NAME.seg.nrrd` with its scan is measured as well, as in `bench own_scans`.
+A simulated user annotates all structures of a scan together, on several paths, as in `bench accuracy`: once by clicks alone,
+and once with the longest diameter of each structure first, a line drawn across it, and clicks on what is wrong then. Each way
+has clicks of its own, which correct its own errors. What lies in DIR as `NAME.seg.nrrd` with its scan is measured as well, as
+in `bench own_scans`.
 
 A person draws diameters where they see that a structure is compact; here, every structure gets them. With `--keep`, what was
 measured is kept in a folder and not measured again. Writes `diameter.json` and `diameter.md`.
@@ -19,11 +19,11 @@ from typing import Any
 from Benchmarks.accuracy.cases import ALL_CASES, GROUPS
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import run_with_own_clicks
-from Benchmarks.diameter.report import CLICKS, DIAMETER, TWO_DIAMETERS, WAYS, write_report
+from Benchmarks.diameter.report import CLICKS, WAYS, write_report
 from Benchmarks.own_scans.own_scan import SEGMENTATION_ENDING, own_scans
 from Benchmarks.shared.aim import persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
-from Benchmarks.shared.drawn_diameter import drawn_diameters
+from Benchmarks.shared.drawn_diameter import drawn_diameter
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
 from Benchmarks.shared.machine import machine
@@ -91,9 +91,9 @@ class CaseBench:
     def _begun_by(self, way: str, path: int) -> Sequence[Sequence[Gesture]] | None:
         if way == CLICKS:
             return None
-        labelled, count = self._labelled, {DIAMETER: 1, TWO_DIAMETERS: 2}[way]
-        labels = range(1, len(labelled.names) + 1)
-        return [drawn_diameters(labelled.truth == label, labelled.spacing_mm, path, label)[:count] for label in labels]
+        truth, spacing_mm = self._labelled.truth, self._labelled.spacing_mm
+        labels = range(1, len(self._labelled.names) + 1)
+        return [[drawn_diameter(truth == label, spacing_mm, path, label)] for label in labels]
 
     @cached_property
     def _features(self) -> FeatureVolume:

@@ -17,8 +17,6 @@ NEARLY_LARGEST = 0.9
 """A person stops at a slice that shows about as much as any; of the largest area."""
 MOST_ENDS = 200
 """Places on an outline that are looked at, evenly along it."""
-SIDEWAYS = 0.2
-"""Largest cosine between two diameters of a structure, which a person draws across each other."""
 _PLACES = (np.arange(32) + 0.5) / 32
 """Where along a line it is looked at whether it lies in the structure."""
 
@@ -26,8 +24,8 @@ Ends = np.ndarray
 """(2, 2) millimetres in a slice, along (J, I) from the middle of its first voxel."""
 
 
-def drawn_diameters(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -> list[list[Click]]:
-    """What the longest diameter of a structure and the longest one across it stand for, as a person draws them.
+def drawn_diameter(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -> list[Click]:
+    """What the longest diameter of a structure stands for, as a person draws it.
 
     Args:
         structure: (K, J, I) bool, of at least one voxel; slices are drawn in as they are stored, along K.
@@ -35,40 +33,30 @@ def drawn_diameters(structure: np.ndarray, spacing_mm: Sequence[float], *seed: i
         seed: non-negative integers, such as the numbers of the path and of the class; the same are the same person.
 
     Returns:
-        Of each of the two diameters, its points; what is beyond the volume is left out.
+        Its points; what is beyond the volume is left out.
     """
     random = np.random.default_rng(seed)
     part = largest_component(structure)
     areas = part.sum(axis=(1, 2))
     k = int(random.choice(np.flatnonzero(areas >= NEARLY_LARGEST * areas.max())))
     shown = largest_component(part[k : k + 1])[0]
-    pixel_mm = np.asarray(spacing_mm)[1:]
-    longest = _longest_within(shown, pixel_mm)
-    return [
-        _clicks(_by_hand(ends, random), k, structure.shape, np.asarray(spacing_mm))
-        for ends in (longest, _longest_within(shown, pixel_mm, longest))
-    ]
+    ends = _by_hand(_longest_within(shown, np.asarray(spacing_mm)[1:]), random)
+    return _clicks(ends, k, structure.shape, np.asarray(spacing_mm))
 
 
-def _longest_within(shown: np.ndarray, pixel_mm: np.ndarray, across: Ends | None = None) -> Ends:
-    """The longest line from edge to edge that does not leave a region (J, I) bool; only lines across another one, if given."""
+def _longest_within(shown: np.ndarray, pixel_mm: np.ndarray) -> Ends:
+    """The longest line from edge to edge that does not leave a region (J, I) bool."""
     outline = np.argwhere(shown & ~ndimage.binary_erosion(shown))
     ends_mm = outline[np.unique(np.linspace(0, len(outline) - 1, MOST_ENDS).astype(int))] * pixel_mm
-    start, end = np.triu_indices(len(ends_mm), 1)
-    steps = ends_mm[end] - ends_mm[start]
-    lengths = np.linalg.norm(steps, axis=1)
-    order = np.argsort(-lengths, kind="stable")
-    if across is not None:
-        direction = (across[1] - across[0]) / max(float(np.linalg.norm(across[1] - across[0])), 1e-9)
-        order = order[np.abs(steps[order] @ direction) <= SIDEWAYS * lengths[order]]
-    for index in order:
-        ends = ends_mm[[start[index], end[index]]]
+    first, second = np.triu_indices(len(ends_mm), 1)
+    lengths = np.linalg.norm(ends_mm[second] - ends_mm[first], axis=1)
+    for index in np.argsort(-lengths, kind="stable"):
+        ends = ends_mm[[first[index], second[index]]]
         along = np.round((ends[0] + _PLACES[:, None] * (ends[1] - ends[0])) / pixel_mm).astype(int)
         if shown[tuple(along.T)].all():
             return ends
-    # Of a pixel or a row of them, its edges are all there is.
-    middle = ends_mm[len(ends_mm) // 2]
-    return np.stack([middle - pixel_mm / 2, middle + pixel_mm / 2])
+    # Of a pixel, its edges are all there is.
+    return np.stack([ends_mm[0] - pixel_mm / 2, ends_mm[0] + pixel_mm / 2])
 
 
 def _by_hand(ends: Ends, random: np.random.Generator) -> Ends:

@@ -6,7 +6,7 @@ import numpy as np
 
 from .errors import InputError
 
-INSIDE = (0.5, 0.2, 0.8)
+INSIDE = (0.5, 0.25, 0.75)
 """Places along the line, as shares of it: the middle first, which is the most typical of the structure."""
 BEYOND = 0.2
 """How far beyond its ends the structure is surely over, as a share of the line: hands are not exact, nor are edges sharp."""

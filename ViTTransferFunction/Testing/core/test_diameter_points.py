@@ -26,7 +26,7 @@ def along_mm(points_ras: np.ndarray) -> np.ndarray:
 
 def test_points_lie_along_the_line_the_middle_first_and_beyond_both_ends() -> None:
     inside, outside = points_of_diameter(diameter(50.0))
-    np.testing.assert_allclose(along_mm(inside), [25.0, 10.0, 40.0])
+    np.testing.assert_allclose(along_mm(inside), [25.0, 12.5, 37.5])
     np.testing.assert_allclose(along_mm(outside), [-10.0, 60.0])
 
 
