@@ -13,8 +13,9 @@ believed little (Λ), since any of them may lie in a structure of interest, and 
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
 √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
-them (`point_reach`). A negative point at the rim of its structure is looked at where its cell is what it mostly is
-(`Connectedness.seen_at`). What is walled in with a positive point is raised (`closed_structures`).
+them, and negative ones where they look like the class (`point_reach`). A negative point at the rim of its structure is looked
+at where its cell is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point is raised
+(`closed_structures`).
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ from .iso_value import (
 )
 from .kernel_rows import KernelRows
 from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
-from .point_reach import PointReach, Reach, first_of_their_class
+from .point_reach import PointReach, Reach, points_before
 from .similarity_map import SimilarityMap
 
 POINT_RIDGE = 0.05
@@ -103,8 +104,8 @@ class KernelRidge:
             finish_components = begin(partial(self._intensities.components.update, requests, between))
             points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
             keys = self._connected.keys(annotated.points_ras)
-            before = first_of_their_class(annotated.points_ras, annotated.classes, annotated.positive)
-            row_keys = _row_keys(keys, before)
+            before = points_before(annotated.points_ras, annotated.classes, annotated.positive)
+            row_keys = _row_keys(keys, before, annotated.positive)
             self._reach.keep(row_keys)
 
             def write_row(index: int, row: np.ndarray) -> np.ndarray:
@@ -112,8 +113,9 @@ class KernelRidge:
                 point = points.subset(np.array([index]))
                 self._with_cells.write(point, row[None])
                 if index in before:
-                    earlier = before[index]
-                    self._reach.apply(row_keys[index], point, [row_keys[each] for each in earlier], points.subset(earlier), row)
+                    apply = self._reach.apply_to_positive if annotated.positive[index] else self._reach.apply_to_negative
+                    others = before[index]
+                    apply(row_keys[index], point, [row_keys[each] for each in others], points.subset(others), row)
                 finish_joining()
                 (factors,) = self._connected.at([keys[index]])
                 return np.asarray(factors)
@@ -269,10 +271,12 @@ class KernelRidge:
         return weights, _solve(kernel, ridge, wanted, seen)
 
 
-def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray]) -> list[bytes]:
-    """A key for each point's kernel: another one where something else is known of the point, or of those before it."""
+def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive: np.ndarray) -> list[bytes]:
+    """A key for each point's kernel: another one where something else is known of the point, or of those it is judged by."""
     return [
-        b"".join(keys[each] for each in before[index]) + b"then" + key if index in before else key
+        b"".join(keys[each] for each in before[index]) + (b"then" if positive[index] else b"not") + key
+        if index in before
+        else key
         for index, key in enumerate(keys)
     ]
 

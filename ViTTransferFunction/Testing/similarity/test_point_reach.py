@@ -1,4 +1,5 @@
-"""How far points reach: as far as they look like the points before them, are as rare, and lie from what these find."""
+"""How far points reach: positive ones as far as they look like those before them, are as rare, and lie from what these find;
+negative ones as far as they look unlike the first positive one, and lie deep in what that one finds."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import pytest
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.similarity import point_reach
 from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, place_kernel
-from ViTTransferFunction.Logic.similarity.point_reach import FIRST_POINTS, PointReach, Reach, first_of_their_class
+from ViTTransferFunction.Logic.similarity.point_reach import FIRST_POINTS, PointReach, Reach, points_before
 
 CELLS = 60
 EDGE = 0.05
@@ -41,7 +42,7 @@ def reached(cells: Places, *points: Places) -> tuple[PointReach, list[np.ndarray
                 for what in ("features", "positions", "cdf")
             )
         )
-        reach.apply(bytes([number]), point, before, of_before, row)
+        reach.apply_to_positive(bytes([number]), point, before, of_before, row)
         rows.append(row)
     return reach, rows
 
@@ -119,16 +120,56 @@ def test_two_points_of_equal_reach_are_to_each_other_what_either_is_to_a_cell() 
     assert of_both == pytest.approx(to_cell.item(), rel=1e-6)
 
 
-def test_the_first_few_different_positive_points_of_a_class_are_looked_at() -> None:
+def negative(cells: Places, first: Places, point: Places) -> tuple[Reach, np.ndarray]:
+    """The reach of a negative point, and what its kernel with all cells is multiplied by."""
+    reach, _ = reached(cells, first)
+    row = place_kernel(point, cells)[0]
+    reach.apply_to_negative(b"negative", point, [b"\x00"], first, row)
+    return reach.of([b"negative"]), row / place_kernel(point, cells)[0]
+
+
+def test_a_negative_point_at_the_rim_of_what_it_looks_like_takes_away_little_of_the_rest(line: Places) -> None:
+    of_rim, factors = negative(line, places([3], [STRUCTURE]), places([9], [STRUCTURE]))
+    rho = point_reach.NEGATIVES_WIDER * EDGE
+    assert of_rim.distance == pytest.approx(rho, rel=1e-3)
+    assert of_rim.weight == pytest.approx(point_reach.LARGEST_WEIGHT)
+    apart = EDGE * (np.arange(CELLS) - 9)
+    weight = point_reach.LARGEST_WEIGHT
+    np.testing.assert_allclose(factors, 1.0 - weight + weight * np.exp(-0.5 * (apart / rho) ** 2), rtol=1e-3)
+
+
+def test_a_negative_point_deep_in_what_was_found_takes_more_of_it_away(line: Places) -> None:
+    first = places([3], [STRUCTURE])
+    distances = [negative(line, first, places([at], [STRUCTURE]))[0].distance.item() for at in (12, 9, 7, 4)]
+    # Beyond what was found, no deeper than at its rim.
+    assert distances[0] == pytest.approx(point_reach.NEGATIVES_SHORTEST_CELLS * EDGE)
+    np.testing.assert_allclose(distances[1:], point_reach.NEGATIVES_WIDER * EDGE * np.array([1, 3, 6]), rtol=1e-3)
+
+
+def test_a_negative_point_that_looks_like_something_else_reaches_all_of_that(line: Places) -> None:
+    unlike, factors = negative(line, places([3], [STRUCTURE]), places([30], [AROUND]))
+    assert unlike.weight == pytest.approx(point_reach.LARGEST_WEIGHT * np.exp(-2.5))
+    assert factors.min() > 0.9
+
+
+def test_where_the_first_point_finds_everything_a_negative_one_reaches_without_an_end() -> None:
+    everything = places(list(range(CELLS)), [STRUCTURE] * CELLS)
+    of_point, factors = negative(everything, places([3], [STRUCTURE]), places([30], [STRUCTURE]))
+    assert of_point.weight == 0.0
+    np.testing.assert_array_equal(factors, 1.0)
+
+
+def test_the_first_few_different_positive_points_of_a_class_are_looked_at_and_all_negative_ones() -> None:
     of_a = [[float(number), 0.0, 0.0] for number in (0, 1, 0, 2, 3, 4, 5, 6, 7)]
     points = np.array([*of_a, [0.0, 0.0, 9.0], [1.0, 0.0, 0.0], [8.0, 0.0, 0.0]])
     classes = np.array([0] * 10 + [1, 1])
     positive = np.array([True] * 9 + [False, True, True])
-    before = first_of_their_class(points, classes, positive)
+    before = points_before(points, classes, positive)
     first = [0, 1, 3, 4, 5, 6]
     assert len(first) == FIRST_POINTS
     assert {point: list(earlier) for point, earlier in before.items()} == {
         **{point: first[:number] for number, point in enumerate(first)},
+        9: first[:1],
         10: [],
         11: [10],
     }
