@@ -11,16 +11,14 @@ from Benchmarks.shared.every_structure import LEAST_VOXELS
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.resampling import resample_labels
+from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING, VOLUME_ENDINGS, volume_ending
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-
-SEGMENTATION_ENDING = ".seg.nrrd"
-SCAN_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 
 
 @dataclass(frozen=True)
 class OwnScan:
-    """The scan of a name in a folder: `NAME.nii.gz`, or with another of `SCAN_ENDINGS`, and `NAME.seg.nrrd`."""
+    """The scan of a name in a folder: `NAME.nii.gz`, or with another of `VOLUME_ENDINGS`, and `NAME.seg.nrrd`."""
 
     name: str
 
@@ -28,15 +26,9 @@ class OwnScan:
         """The scan, and its segments that are large enough to be clicked on.
 
         Raises:
-            InputError: there is no such scan, a file cannot be read, or no segment lies in the scan.
+            InputError: there is no such scan or more than one, a file cannot be read, or no segment lies in the scan.
         """
-        paths = [folder / f"{self.name}{ending}" for ending in SCAN_ENDINGS]
-        path = next((each for each in paths if each.is_file()), None)
-        if path is None:
-            raise InputError(
-                f"There is no scan to {self.name}{SEGMENTATION_ENDING}; expected one of {', '.join(map(str, paths))}."
-            )
-        volume = read_volume(path)
+        volume = read_volume(self._path(folder))
         labels, geometry, segments = read_segmentation(folder / f"{self.name}{SEGMENTATION_ENDING}")
         truth = resample_labels(labels, geometry, volume.geometry)
         counts = np.bincount(truth.ravel(), minlength=len(segments) + 1)
@@ -46,7 +38,23 @@ class OwnScan:
                 f"No segment of {self.name}{SEGMENTATION_ENDING} has {LEAST_VOXELS} voxels of the scan; nothing can be clicked."
             )
         names = tuple(segment.name for segment in segments)
-        return LabelledVolume(volume, truth.astype(np.uint8), names).only(large)
+        return LabelledVolume(volume, truth, names).only(large)
+
+    def _path(self, folder: Path) -> Path:
+        paths = [path for path in sorted(folder.iterdir()) if path.is_file() and _named_scan(path) == self.name]
+        if len(paths) != 1:
+            found = f"found {', '.join(path.name for path in paths)}" if paths else "found none"
+            raise InputError(
+                f"{folder / self.name}{SEGMENTATION_ENDING} needs one scan of its name beside it, ending in "
+                f"{', '.join(VOLUME_ENDINGS)}; {found}."
+            )
+        return paths[0]
+
+
+def _named_scan(path: Path) -> str:
+    """The name of a file without its ending, if that is a scan's, else ""."""
+    ending = volume_ending(path)
+    return path.name[: -len(ending)] if ending else ""
 
 
 def own_scans(folder: Path) -> list[OwnScan]:

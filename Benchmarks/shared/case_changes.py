@@ -83,7 +83,7 @@ def _averaged(labelled: LabelledVolume, shape: tuple[int, int, int]) -> Labelled
     array = _means(volume.array, shape)
     if np.issubdtype(volume.array.dtype, np.integer):
         array = np.rint(array).astype(volume.array.dtype)
-    largest_share, truth = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.uint8)
+    largest_share, truth = np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=labelled.truth.dtype)
     for label in range(len(labelled.names) + 1):
         share = _means(labelled.truth == label, shape)
         truth[share > largest_share] = label

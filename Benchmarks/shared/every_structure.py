@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from Benchmarks.shared.labelled_cases import SCANS, Case, LabelledVolume, read_labels
+from ViTTransferFunction.Logic.core.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 LEAST_ML = 1.0
@@ -34,12 +35,15 @@ class EveryStructureCase:
         names = json.loads((folder / self.names).read_text(encoding="utf-8"))
         volume, labels = read_volume(folder / self.of.volume), read_labels(folder / self.of.labels)
         voxel_ml = volume.geometry.voxel_volume_mm3 / 1000.0
-        truth, kept = np.zeros(labels.shape, dtype=np.uint8), []
-        for label, voxels in zip(*np.unique(labels, return_counts=True), strict=True):
-            if label and voxels >= LEAST_VOXELS and voxels * voxel_ml >= LEAST_ML:
-                kept.append(names[str(label)].replace("_", " ").lower())
-                truth[labels == label] = len(kept)
-        return LabelledVolume(volume, truth, tuple(kept))
+        large = [
+            label
+            for label, voxels in zip(*np.unique(labels, return_counts=True), strict=True)
+            if label and voxels >= LEAST_VOXELS and voxels * voxel_ml >= LEAST_ML
+        ]
+        truth = np.zeros(labels.shape, dtype=label_dtype(len(large)))
+        for index, label in enumerate(large, start=1):
+            truth[labels == label] = index
+        return LabelledVolume(volume, truth, tuple(names[str(label)].replace("_", " ").lower() for label in large))
 
 
 EVERY_STRUCTURE: tuple[EveryStructureCase | Case, ...] = (

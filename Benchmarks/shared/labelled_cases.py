@@ -15,6 +15,7 @@ from Benchmarks.shared.shape_phantoms import phantom_volume, sphere, torus
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.label_dtype import label_dtype
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
@@ -75,7 +76,7 @@ class LabelledVolume:
 
     Attributes:
         volume: the intensities.
-        truth: (K, J, I) uint8, 0 for background, 1 + index of the structure elsewhere.
+        truth: (K, J, I) of `label_dtype`, 0 for background, 1 + index of the structure elsewhere.
         names: of the structures.
     """
 
@@ -94,7 +95,7 @@ class LabelledVolume:
 
     def only(self, labels: Sequence[int]) -> LabelledVolume:
         """The same volume where some of the structures, in this order, are all and the others background."""
-        new = np.zeros(len(self.names) + 1, dtype=np.uint8)
+        new = np.zeros(len(self.names) + 1, dtype=label_dtype(len(labels)))
         new[list(labels)] = np.arange(1, len(labels) + 1)
         return LabelledVolume(self.volume, new[self.truth], tuple(self.names[label - 1] for label in labels))
 
@@ -132,9 +133,9 @@ CHEST = Case(
 
 
 def merged_labels(path: Path, case: Case) -> np.ndarray:
-    """Truth (K, J, I) uint8, 1 + index for each structure."""
+    """Truth (K, J, I), 1 + index for each structure."""
     labels = read_labels(path)
-    truth = np.zeros(labels.shape, dtype=np.uint8)
+    truth = np.zeros(labels.shape, dtype=label_dtype(len(case.structures)))
     for index, values in enumerate(case.structures.values(), start=1):
         truth[np.isin(labels, values)] = index
     return truth

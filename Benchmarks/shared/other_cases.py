@@ -10,6 +10,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.shared.labelled_cases import Case, LabelledCase, LabelledVolume
+from ViTTransferFunction.Logic.core.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 _SEGMENTATOR = "totalsegmentator-2.18.0/tests/reference_files"
@@ -34,7 +35,7 @@ class MaskCase:
     def read(self, folder: Path) -> LabelledVolume:
         """The scan and its labels, from the folder that holds the files."""
         scan = sitk.ReadImage(str(folder / self.volume))
-        truth = np.zeros(scan.GetSize()[::-1], dtype=np.uint8)
+        truth = np.zeros(scan.GetSize()[::-1], dtype=label_dtype(len(self.masks)))
         for label, file in enumerate(self.masks.values(), start=1):
             mask = sitk.Resample(sitk.ReadImage(str(folder / file)), scan, sitk.Transform(), sitk.sitkNearestNeighbor)
             truth[sitk.GetArrayViewFromImage(mask) > 0] = label

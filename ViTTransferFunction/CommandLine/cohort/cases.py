@@ -14,6 +14,7 @@ from ViTTransferFunction.Logic.core.errors import InputError, shown
 from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS
+from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, volume_ending
 
 logger = logging.getLogger(__name__)
 
@@ -21,8 +22,6 @@ COLUMNS = ("case", "volume", "annotations")
 """Of the table; it may have others as well."""
 SERIES_COLUMN = "series"
 """Of the table, where volumes are folders with several DICOM series."""
-VOLUME_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".nhdr", ".mha", ".mhd")
-"""What is taken for a volume in a folder; a table may name any file that SimpleITK reads."""
 FOLDER_ANNOTATIONS = "annotations.json"
 """In a folder of DICOM files, where one `NAME.annotations.json` will do, too: panel and app call it after the series."""
 
@@ -144,7 +143,7 @@ def _cases_in_folder(folder: Path) -> Iterator[Case]:
                 volumes.setdefault(path.name, []).append(path)
             elif inside:
                 yield Case(path.name, path, inside[0])
-        elif path.is_file() and (ending := _volume_ending(path)):
+        elif path.is_file() and (ending := volume_ending(path)):
             volumes.setdefault(path.name[: -len(ending)], []).append(path)
     for points in (path for path in visible if path.name.endswith(ANNOTATIONS_ENDING)):
         name = points.name[: -len(ANNOTATIONS_ENDING)]
@@ -174,18 +173,10 @@ def _points_in(folder: Path) -> list[Path]:
     One with a volume beside it is that volume's: it is a folder of other cases.
     """
     files = sorted(path for path in folder.iterdir() if path.is_file() and not _is_hidden(path))
-    volumes = {path.name[: -len(ending)] for path in files if (ending := _volume_ending(path))}
+    volumes = {path.name[: -len(ending)] for path in files if (ending := volume_ending(path))}
     named = [path for path in files if path.name.endswith(ANNOTATIONS_ENDING)]
     others = [path for path in named if path.name[: -len(ANNOTATIONS_ENDING)] not in volumes]
     return [*(path for path in files if path.name == FOLDER_ANNOTATIONS), *others]
-
-
-def _volume_ending(path: Path) -> str:
-    """The file's ending if it is a volume's, else "". Segmentations are not volumes."""
-    name = path.name.lower()
-    if name.endswith(".seg.nrrd"):
-        return ""
-    return next((ending for ending in VOLUME_ENDINGS if name.endswith(ending)), "")
 
 
 def _check_names(cases: list[Case], source: Path) -> None:

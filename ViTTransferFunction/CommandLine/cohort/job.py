@@ -19,13 +19,14 @@ from ViTTransferFunction.CommandLine.segmenting import package_version
 from ViTTransferFunction.Logic.core.atomic_file import replacing
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.features.settings import FORMAT_VERSION
+from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.presets import preset
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 
-SEGMENTATION_ENDING, RECORD_ENDING = ".seg.nrrd", ".cohort.json"
+RECORD_ENDING = ".cohort.json"
 KEPT_FOLDER = "kept"
 
 

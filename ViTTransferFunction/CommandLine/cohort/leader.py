@@ -15,7 +15,7 @@ from ViTTransferFunction.CommandLine.cohort.cases import Case, name_problem, rea
 from ViTTransferFunction.CommandLine.cohort.cluster_size import largest_first, local_size, shared_out
 from ViTTransferFunction.CommandLine.cohort.dispatch import check_workers, run_jobs
 from ViTTransferFunction.CommandLine.cohort.folder_lock import only_cohort_in
-from ViTTransferFunction.CommandLine.cohort.job import RECORD_ENDING, SEGMENTATION_ENDING, CaseJob, CohortSettings
+from ViTTransferFunction.CommandLine.cohort.job import RECORD_ENDING, CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.options import session_settings
@@ -23,6 +23,7 @@ from ViTTransferFunction.CommandLine.output_paths import check_apart
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, remove_leftovers
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of
 from ViTTransferFunction.Logic.session.opening import chosen_model
 from ViTTransferFunction.Logic.weights.sources import find_weights

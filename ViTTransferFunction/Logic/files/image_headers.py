@@ -31,6 +31,9 @@ _GZIP = b"\x1f\x8b"
 DICOM_START_BYTES = 132
 DICOM_READER = "GDCMImageIO"
 
+SEGMENTATION_ENDING = ".seg.nrrd"
+"""Of Slicer's segmentations."""
+
 
 @dataclass(frozen=True)
 class ImageFormat:
@@ -64,6 +67,15 @@ def image_format(path: Path) -> ImageFormat:
 def image_ending(path: Path) -> str | None:
     """The ending, in lower case, that says the file's format; None where it says none."""
     return next((ending for ending in _FORMATS if path.name.lower().endswith(ending)), None)
+
+
+def volume_ending(path: Path) -> str | None:
+    """The ending, in lower case, of a file that is one volume, for those who look for volumes in a folder; None: it is none.
+
+    Neither are segmentations, nor the half of a pair of files that holds the voxels.
+    """
+    ending = image_ending(path)
+    return ending if ending in VOLUME_ENDINGS and not path.name.lower().endswith(SEGMENTATION_ENDING) else None
 
 
 def locate_voxels(path: Path) -> StoredVoxels | None:
@@ -280,3 +292,6 @@ _FORMATS = {
     ".mhd": ImageFormat("MetaImageIO", _in_meta_image),
 }
 """By the ending. Of other formats that ITK knows (VTK, GIPL, MRC, TIFF, …) it makes a volume even where they were cut off."""
+
+VOLUME_ENDINGS = tuple(ending for ending in _FORMATS if ending != ".img")
+"""Of files that are one volume; the other half of a pair is its `.hdr`."""

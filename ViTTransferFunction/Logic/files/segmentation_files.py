@@ -14,7 +14,8 @@ from ..core.atomic_file import replacing
 from ..core.colors import Color, default_color
 from ..core.errors import InputError
 from ..core.geometry import LPS_TO_RAS, Geometry
-from .image_headers import locate_voxels
+from ..core.label_dtype import label_dtype
+from .image_headers import SEGMENTATION_ENDING, locate_voxels
 from .itk_errors import last_line
 from .volume_files import read_geometry, read_image
 
@@ -39,14 +40,14 @@ class Segment:
 
 def check_segmentation_path(path: Path) -> None:
     """Raise InputError unless the file's ending says a format that `write_segmentation` writes."""
-    if not path.name.lower().endswith((".seg.nrrd", *LABEL_MAP_ENDINGS)):
+    if not path.name.lower().endswith((SEGMENTATION_ENDING, *LABEL_MAP_ENDINGS)):
         known = ", ".join(LABEL_MAP_ENDINGS)
         raise InputError(f"{path} has no known ending; expected .seg.nrrd (a Slicer segmentation) or a label map: {known}.")
 
 
 def is_slicer_segmentation(path: Path) -> bool:
     """Whether a file of this name keeps names and colours, and not numbers only."""
-    return path.name.lower().endswith(".seg.nrrd")
+    return path.name.lower().endswith(SEGMENTATION_ENDING)
 
 
 def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segments: Sequence[Segment]) -> None:
@@ -62,7 +63,7 @@ def write_segmentation(path: Path, labels: np.ndarray, geometry: Geometry, segme
         InputError: unknown ending, or the file cannot be written.
     """
     check_segmentation_path(path)
-    labels = labels.astype(np.uint8 if len(segments) < 256 else np.uint16, copy=False)
+    labels = labels.astype(label_dtype(len(segments)), copy=False)
     write_image(path, labels, geometry, _segment_tags(labels.shape, segments) if is_slicer_segmentation(path) else {})
 
 
@@ -80,7 +81,7 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
     labels, geometry, tags = read_image(path)
     _check_whole_numbers(labels, path)
     by_label = _segments_from_tags(tags, path) if is_slicer_segmentation(path) else _numbered_segments(labels, path)
-    relabelled = np.zeros(labels.shape, dtype=np.uint16)
+    relabelled = np.zeros(labels.shape, dtype=label_dtype(len(by_label)))
     for index, label in enumerate(by_label):
         relabelled[labels == label] = index + 1
     return relabelled, geometry, list(by_label.values())

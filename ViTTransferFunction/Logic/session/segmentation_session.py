@@ -17,6 +17,7 @@ from ..core.class_request import ClassRequest, check_requests, points_against
 from ..core.geometry import Geometry
 from ..core.intensity_window import IntensityWindow, display_window
 from ..core.iso_proposals import IsoProposals
+from ..core.label_dtype import label_dtype
 from ..core.point_thinning import thinned
 from ..core.progress import SEGMENTING, Between, Progress, no_progress, nothing_between
 from ..core.stopwatch import Stopwatch
@@ -238,7 +239,7 @@ class SegmentationSession:
         thresholds = []
         telling = thinned(requests, self.volume.geometry)
         low_maps = self.low_resolution_maps(telling, partial(progress, 0, len(requests), SEGMENTING))
-        dtype = np.uint8 if len(requests) < 256 else np.uint16
+        dtype = label_dtype(len(requests))
         self._check_memory(requests, low_maps, method, np.dtype(dtype).itemsize)
         competition = Competition(self.volume.shape, dtype)
         for index, request in enumerate(requests):

@@ -9,6 +9,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.accuracy.cases import ALL_CASES, GROUPS, group_of
+from Benchmarks.shared.case_changes import thick_slices
 from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
@@ -39,6 +40,22 @@ def test_every_structure_that_is_large_enough_to_be_clicked_is_one(tmp_path: Pat
     np.testing.assert_array_equal(labelled.truth == 1, labels == 7)
     np.testing.assert_array_equal(labelled.truth == 2, labels == 8)
     assert np.count_nonzero(labels == 9) < LEAST_VOXELS
+
+
+def test_scans_keep_apart_more_structures_than_a_byte_can_number(tmp_path: Path) -> None:
+    labels = np.repeat(np.arange(1, 301, dtype=np.uint16), LEAST_VOXELS).reshape(20, 25, 30)
+    for name, array in (("scan", np.random.default_rng(0).normal(size=labels.shape)), ("labels", labels)):
+        image = sitk.GetImageFromArray(array)
+        image.SetSpacing((4.0, 4.0, 4.0))
+        sitk.WriteImage(image, str(tmp_path / f"{name}.nrrd"))
+    names = {str(label): f"s{label}" for label in range(1, 301)}
+    (tmp_path / "names.json").write_text(json.dumps(names), encoding="utf-8")
+    every = EveryStructureCase("scan all", SCAN, "names.json").read(tmp_path)
+    assert every.names == tuple(names.values())
+    for labelled in (every, every.only(range(1, 301)), thick_slices(every, 4.0)):
+        np.testing.assert_array_equal(labelled.truth, labels)
+    case = Case("scan", "scan.nrrd", "labels.nrrd", {name: (int(label),) for label, name in names.items()})
+    np.testing.assert_array_equal(case.read(tmp_path).truth, labels)
 
 
 def test_a_derived_case_is_its_scan_changed(tmp_path: Path) -> None:

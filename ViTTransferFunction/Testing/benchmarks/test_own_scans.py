@@ -49,12 +49,39 @@ def test_all_scans_of_a_folder_are_found_by_their_segmentations(tmp_path: Path, 
     assert [scan.name for scan in own_scans(tmp_path)] == ["a.1", "b"]
 
 
+@pytest.mark.parametrize("ending", [".nhdr", ".mhd", ".hdr", ".NRRD"])
+def test_a_scan_may_be_of_any_format_that_a_cohort_takes(tmp_path: Path, labels: np.ndarray, ending: str) -> None:
+    write_scan(tmp_path, "a", labels)
+    read = sitk.ReadImage(str(tmp_path / "a.nii.gz"))
+    (tmp_path / "a.nii.gz").unlink()
+    sitk.WriteImage(read, str(tmp_path / f"a{ending.lower()}"))
+    (tmp_path / f"a{ending.lower()}").rename(tmp_path / f"a{ending}")
+    assert OwnScan("a").read(tmp_path).volume.shape == labels.shape
+
+
+def test_two_scans_of_one_name_are_told_apart_by_the_user(tmp_path: Path, labels: np.ndarray) -> None:
+    write_scan(tmp_path, "a", labels)
+    sitk.WriteImage(sitk.ReadImage(str(tmp_path / "a.nii.gz")), str(tmp_path / "a.mha"))
+    with pytest.raises(InputError, match=r"needs one scan of its name .*; found a\.mha, a\.nii\.gz"):
+        OwnScan("a").read(tmp_path)
+
+
+def test_more_segments_than_a_byte_tells_apart_stay_apart(tmp_path: Path, labels: np.ndarray) -> None:
+    write_scan(tmp_path, "a", labels)
+    many = np.zeros(GEOMETRY.shape, dtype=np.uint16)
+    many.reshape(-1)[: 260 * 50] = np.repeat(np.arange(1, 261), 50)
+    write_segmentation(tmp_path / "a.seg.nrrd", many, GEOMETRY, [Segment(f"s{n}", (1.0, 0.0, 0.0)) for n in range(1, 261)])
+    labelled = OwnScan("a").read(tmp_path)
+    assert labelled.names[-1] == "s260"
+    np.testing.assert_array_equal(labelled.truth, many)
+
+
 def test_what_is_missing_is_said(tmp_path: Path, labels: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"has no NAME\.seg\.nrrd; put scans there"):
         own_scans(tmp_path)
     write_scan(tmp_path, "a", labels)
     (tmp_path / "a.nii.gz").unlink()
-    with pytest.raises(InputError, match=r"no scan to a\.seg\.nrrd; expected one of .*a\.nii\.gz"):
+    with pytest.raises(InputError, match=r"a\.seg\.nrrd needs one scan of its name .*\.nii\.gz, .*; found none"):
         OwnScan("a").read(tmp_path)
     write_scan(tmp_path, "a", np.where(labels == 2, labels, 0))
     with pytest.raises(InputError, match=r"No segment of a\.seg\.nrrd has 50 voxels"):

@@ -184,3 +184,9 @@ def test_points_without_a_volume_or_with_two_are_refused(tmp_path: Path, volumes
     touch(tmp_path, "a.annotations.json", *volumes)
     with pytest.raises(InputError, match="needs one volume beside it"):
         read_cases(tmp_path)
+
+
+def test_a_pair_of_files_is_one_volume(tmp_path: Path) -> None:
+    touch(tmp_path, "a.hdr", "a.img", "a.annotations.json")
+    (case,) = read_cases(tmp_path)
+    assert (case.name, case.volume) == ("a", tmp_path / "a.hdr")
