@@ -27,7 +27,7 @@ def save_points(session: SceneSession, path: Path) -> None:
     Raises:
         InputError: there is none to write, two have one name, or the file cannot be written.
     """
-    write_annotations(session.annotated_classes(), path)
+    write_annotations(session.file_classes.annotated(), path)
 
 
 def add_points(session: SceneSession, path: Path) -> None:
@@ -36,10 +36,10 @@ def add_points(session: SceneSession, path: Path) -> None:
     Raises:
         InputError: no scan is open, it is no annotation file, or it is one of another scan.
     """
-    geometry = session.file_geometry
+    geometry = session.file_classes.geometry
     try:
         annotated = read_annotations(path, geometry)
     except InputError as error:
         # The user has it in another folder, of which we do not know.
         raise InputError(str(error).replace(str(path), path.name)) from error
-    session.add_annotated_classes(annotated)
+    session.file_classes.add(annotated)

@@ -56,7 +56,7 @@ class UnsavedPoints:
         self._scan_path = scan_path
         # Where there is none, there is nothing to keep.
         with suppress(InputError):
-            geometry = session.file_geometry
+            geometry = session.file_classes.geometry
             self._file = UnsavedFile(array_from_node(session.parameters.volume), geometry)
             self._app.begin(self._look(self._file))
 
@@ -99,7 +99,7 @@ class UnsavedPoints:
         """
         left = self._offered
         if left is not None:
-            self._app.session.restore_annotated_classes(left.classes, left.model, self._opened)
+            self._app.session.file_classes.restore(left.classes, left.model, self._opened)
             self._keep(instead_of=left)
             self._look_again()
 
@@ -154,7 +154,7 @@ class UnsavedPoints:
         annotated = []
         if not self.all_saved:
             try:
-                annotated = session.annotated_classes()
+                annotated = session.file_classes.annotated()
             except InputError as error:
                 names = [state.name for state in session.classes]
                 if len(set(names)) < len(names):

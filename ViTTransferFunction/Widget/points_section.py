@@ -53,7 +53,7 @@ class PointsSection(Section):
 
     def _save(self) -> None:
         assert self.session is not None
-        classes, volume = self.session.annotated_classes(), self.session.parameters.volume
+        classes, volume = self.session.file_classes.annotated(), self.session.parameters.volume
         # As `vittf cohort` looks for it beside the scan.
         name = kept_name(volume.GetName() or "") + ANNOTATIONS_ENDING
         chosen = ask_path_to_write(_("Save points"), name, _kinds(), self.ui.savePointsButton)
@@ -62,10 +62,10 @@ class PointsSection(Section):
 
     def _load(self) -> None:
         assert self.session is not None
-        geometry = self.session.file_geometry
+        geometry = self.session.file_classes.geometry
         chosen = ask_path_to_read(_("Load points"), _kinds(), self.ui.loadPointsButton)
         if chosen:
-            self.session.add_annotated_classes(read_annotations(Path(chosen), geometry))
+            self.session.file_classes.add(read_annotations(Path(chosen), geometry))
 
 
 def _kinds() -> str:

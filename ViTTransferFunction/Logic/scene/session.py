@@ -8,8 +8,7 @@ time and made again from the scene. Nothing here waits: a front end calls `poll`
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,22 +17,22 @@ import slicer
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.annotated_class import AnnotatedClass
 from ..core.class_map import is_near
 from ..core.errors import InputError
-from ..core.geometry import Geometry, transform_points
+from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
-from .annotated_classes import annotated_classes, class_states, restored_states
 from .annotations import SceneAnnotations
-from .class_requests import ClassRequests, class_requests
+from .asked_maps import AskedMaps
 from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
+from .file_classes import FileClasses
 from .former_model import FormerModel
 from .frame_segments import FrameSegments
 from .left_behind import LeftBehind
+from .notices import Notices
 from .of_volume import bring_back
 from .opened_volume import OpenedVolume
 from .other_scans import OtherScans
@@ -44,15 +43,16 @@ from .point_tour import PointTour
 from .points_in_3d import hold_in_3d
 from .problems import Problems
 from .regions import SceneRegions
+from .scan_change import ScanChange
 from .scene_watch import SceneWatch
 from .segment_tags import segments_of_classes
 from .segment_writing import SegmentWriting
+from .selected_class import SelectedClass
 from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
 from .wording import older_segments_text
-from .written_segments import choose_segmentation_of
 
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
@@ -72,6 +72,7 @@ class SceneSession:
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
         annotations: classes and points, and their undo and redo.
+        file_classes: gives classes to annotation files, and takes them from there.
         regions: adds the points of regions that the user encloses.
         other_scans: which others have structures that could be taken over.
         views: what is shown in the views, and how.
@@ -89,11 +90,8 @@ class SceneSession:
     ) -> None:
         self._scene = scene
         self._app_logic = app_logic
-        self._listeners: list[Callable[[], None]] = []
-        self._held_notices: int | None = None
+        self._notices = Notices()
         self._problems = Problems()
-        self._requests = ClassRequests()
-        self._asked: tuple[Any, ...] | None = None
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
         self._former_model = FormerModel(self.parameters, self._problems)
@@ -108,15 +106,31 @@ class SceneSession:
             self._problems,
             self._volume,
             lambda: self.classes,
-            lambda: self._requests.requests,
+            lambda: self._maps.requests.requests,
         )
         self.written = self._writing.written
         self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes)
         self._segments_changed = False
-        self._selected: dict[str, str] = {}  # By the ID of a volume: the class that was annotated there last.
         self._other_segments = OtherSegments(scene, self.parameters)
         self.annotations = SceneAnnotations(
             scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
+        )
+        self._selected = SelectedClass(self.parameters, self.annotations)
+        self._scan_change = ScanChange(
+            self.parameters, self.annotations, self._other_segments, self._problems, self._selected, self._notices
+        )
+        self._maps = AskedMaps(
+            self.parameters, self.annotations, self._selected, self._volume, self._other_segments, self._proxy
+        )
+        self.file_classes = FileClasses(
+            self.parameters,
+            self.annotations,
+            self._selected,
+            self._volume,
+            self._maps,
+            self._problems,
+            self._notices,
+            on_model=self._on_model,
         )
         self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self.other_scans = OtherScans(self.parameters, self.annotations, self._volume.contains)
@@ -136,7 +150,7 @@ class SceneSession:
 
     def add_observer(self, callback: Callable[[], None]) -> None:
         """Call `callback` after anything that a front end shows has changed."""
-        self._listeners.append(callback)
+        self._notices.add_observer(callback)
 
     @property
     def phase(self) -> Phase:
@@ -217,38 +231,11 @@ class SceneSession:
     @property
     def points_beyond(self) -> dict[str, int]:
         """How many points lie beyond the volume and do not count, by the id of their class; only classes that have some."""
-        return self._requests.points_beyond
+        return self._maps.requests.points_beyond
 
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
-        """Choose the volume to segment. Where its features are cached, they load at once.
-
-        Each volume has classes, and a segmentation, of its own, which are there again when it is chosen again. On one that has
-        none yet, there are the classes of the one before, without their points: in a follow-up, in another phase, or in the
-        next patient of a series, the same structures are looked for. One step of undo takes them away.
-        """
-        left = self.parameters.volume
-        if node is left:
-            return
-        before, selected = self.classes, self.selected_class
-        if left is not None and selected is not None:
-            self._selected[left.GetID()] = selected.id
-        when_left = self.annotations.leave()
-        self._other_segments.drop_continued()
-        with self._one_notice():
-            # What was told of structures of the one before.
-            self._problems.solve("segments")
-            self._problems.solve("close-up")
-            if node is not None:
-                choose_segmentation_of(node, self.parameters)
-            self.parameters.set_reference("volume", node)
-            if node is not None and before and self.annotations.untouched:
-                self.annotations.bring_along(before)
-                row = next((row for row, state in enumerate(before) if state is selected), 0)
-                self.select_class(self.classes[row].id)
-            elif node is not None and node.GetID() in self._selected:
-                self.select_class(self._selected[node.GetID()])
-        with self._one_notice():  # By now the tool in hand works on another list.
-            when_left()
+        """Choose the volume to segment. Where its features are cached, they load at once. See `ScanChange`."""
+        self._scan_change.go_to(node)
 
     def set_segmentation(self, node: slicer.vtkMRMLSegmentationNode | None) -> None:
         """Choose the segmentation that gets the segments."""
@@ -266,12 +253,11 @@ class SceneSession:
     @property
     def selected_class(self) -> ClassState | None:
         """The class that is annotated, and whose similarity is overlaid; the first one until one is selected."""
-        selected = self.parameters.get("selectedClass")
-        return next((state for state in self.classes if state.id == selected), self.classes[0] if self.classes else None)
+        return self._selected.state
 
     def select_class(self, id_: str) -> None:
         """Choose the class that is annotated."""
-        self.parameters.set("selectedClass", id_)
+        self._selected.select(id_)
 
     def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
@@ -282,65 +268,7 @@ class SceneSession:
         """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
         self._other_segments.choose_continued(segment_id)
         self._use_segment_points()
-        self._notify()
-
-    @property
-    def file_geometry(self) -> Geometry:
-        """The volume's grid as its file has it, without transforms of the scene: what annotation files speak of.
-
-        Raises:
-            InputError: there is no volume that could be annotated.
-        """
-        if self.parameters.volume is None or self._volume.content is None:
-            raise InputError("There is no scan that the points could belong to; open it first.")
-        return self._volume.content.geometry
-
-    def annotated_classes(self) -> list[AnnotatedClass]:
-        """What is asked about the classes as they are now, for an annotation file: `vittf segment` asks the same by it.
-
-        Points of other segments that count as outside are among it.
-
-        Raises:
-            InputError: there is no volume, no class has a point in it, or two classes have one name.
-        """
-        return annotated_classes(self.classes, self._requests, self.file_geometry)
-
-    def add_annotated_classes(self, annotated: Sequence[AnnotatedClass]) -> None:
-        """Add classes as an annotation file has them, unless they are there already, and select the first; one step for undo.
-
-        Whose box is still to be chosen begins in the whole volume, and the user is told.
-
-        Raises:
-            InputError: there is no volume, no class, none that is not there already, two of one name, or a point outside the
-                volume.
-        """
-        states = class_states(annotated, self.classes, self.parameters.volume, self.file_geometry)
-        self.annotations.add_classes(states)
-        self.select_class(states[0].id)
-        unchosen = [each.name for each in annotated if each.close_up_from_map]
-        if unchosen:
-            self._problems.put(
-                "close-up",
-                f"The file asks to look closer at {', '.join(unchosen)}. Select each, and press Look closer once it is shown; "
-                "until then, it is looked at in the whole scan.",
-            )
-            self._notify()
-
-    def restore_annotated_classes(self, annotated: Sequence[AnnotatedClass], model: str, opened: Sequence[ClassState]) -> None:
-        """Have classes again that were not saved, in place of those that the scene was opened with; one step for undo.
-
-        Args:
-            annotated: as an annotation file has them.
-            model: that they were made with; "": not known.
-            opened: the classes that the scene was opened with (`restored_states`).
-
-        Raises:
-            InputError: there is no volume, nothing to restore that is not there already, or a point outside the volume.
-        """
-        states = restored_states(annotated, self.classes, opened, self.parameters.volume, self.file_geometry)
-        self._former_model.remember(model, self._proxy)
-        self.annotations.set_classes(states)
-        self._on_parameters()
+        self._notices.tell()
 
     def take_over(self, scan: str) -> None:
         """Add the structures of another scan, points and all, and select the first; one of `other_scans.names`.
@@ -361,8 +289,8 @@ class SceneSession:
 
     def look_closer(self, id_: str) -> None:
         """Have a class looked at by itself, in a box around it as it is shown now: one step for undo. See `SceneCloseUps`."""
-        self._close_ups.look_closer(id_, self._requests)
-        self._notify()
+        self._close_ups.look_closer(id_, self._maps.requests)
+        self._notices.tell()
 
     def look_at_whole(self, id_: str) -> None:
         """Have a class looked at in the whole volume again: one step for undo."""
@@ -370,11 +298,11 @@ class SceneSession:
 
     def close_up_mm(self, state: ClassState) -> EdgesMm | None:
         """Edges of the box that a class is looked at in; None: in the whole volume. See `SceneCloseUps.size_mm`."""
-        return self._close_ups.size_mm(state, self._requests)
+        return self._close_ups.size_mm(state, self._maps.requests)
 
     def suggests_closer_look(self, state: ClassState) -> bool:
         """Whether a class needed such corrections that a closer look may find it better. See `CloseUpHints`."""
-        return self._hints.of(state, self._requests)
+        return self._hints.of(state, self._maps.requests)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
@@ -399,7 +327,7 @@ class SceneSession:
         self._problems.solve("computing")
         self._proxy.extract()
         self._take_problem()
-        self._notify()
+        self._notices.tell()
 
     def cancel(self) -> None:
         """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
@@ -408,7 +336,7 @@ class SceneSession:
         else:
             self._proxy.cancel()
         self._writing.cancel()
-        self._notify()
+        self._notices.tell()
 
     def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
         """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
@@ -421,7 +349,7 @@ class SceneSession:
                 otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
         """
         self._writing.write(corrections)
-        self._notify()
+        self._notices.tell()
 
     def export_rendering(self) -> None:
         """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
@@ -430,7 +358,7 @@ class SceneSession:
             self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
         else:
             self.parameters.set("rendering", "off")
-        self._notify()
+        self._notices.tell()
 
     @property
     def can_write_segments(self) -> bool:
@@ -483,7 +411,7 @@ class SceneSession:
         came_to_rest = was_busy and not self.busy
         # What there is to tell of the first map is told with all.
         if events - {"first map"} or writing or segments_changed or looked or came_to_rest:
-            self._notify()
+            self._notices.tell()
 
     def wait(self, timeout_s: float = 600.0) -> None:
         """Poll until nothing is under way: for scripts and tests. Raises TimeoutError."""
@@ -497,7 +425,7 @@ class SceneSession:
 
     def close(self) -> None:
         """End the compute process and take away what is shown; classes, parameters and segments stay in the scene."""
-        self._listeners.clear()
+        self._notices.close()
         self._watch.close()
         self.annotations.close()
         self._proxy.close()
@@ -513,9 +441,9 @@ class SceneSession:
 
     def _follow(self) -> None:
         self._look_due = True
-        self._ask_for_maps()
+        self._maps.ask()
         self._show()
-        self._notify()
+        self._notices.tell()
 
     def _settled(self, point_ras: np.ndarray) -> np.ndarray:
         """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
@@ -528,11 +456,16 @@ class SceneSession:
     def _on_parameters(self) -> None:
         self._on_opened(self._volume.open())
 
+    def _on_model(self, name: str) -> None:
+        """Structures come that were made with this model; "": not known."""
+        self._former_model.remember(name, self._proxy)
+        self._on_parameters()
+
     def _on_opened(self, anew: bool) -> None:
         """The volume was looked at; `anew`: and handed over."""
         returned = False
         if anew:
-            self._asked = None
+            self._maps.forget()
             self._writing.cancel()
             returned = self._frames.follow()
         self._take_problem()
@@ -548,7 +481,7 @@ class SceneSession:
         self._problems.solve("older segments")
         if returned and self._volume.content is not None and self.written.outdated:
             self._problems.put("older segments", older_segments_text(self.parameters.segmentation.GetName()))
-            self._notify()
+            self._notices.tell()
 
     def _on_other_scene(self) -> None:
         self.annotations.restart()
@@ -561,20 +494,7 @@ class SceneSession:
         self._segments_changed = True  # For the next poll, since such calls come in storms.
 
     def _show(self) -> None:
-        self.views.show(self.classes, self.selected_class, self._requests, stale=self.volume_changed)
-
-    def _ask_for_maps(self) -> None:
-        """Ask for maps, unless what they depend on is as it was when they were asked for last."""
-        node, content = self.parameters.volume, self._volume.content
-        self._requests = ClassRequests()
-        if node is not None and content is not None:
-            more_negative = self._other_segments.outside(self.classes)
-            self._requests = class_requests(self.classes, more_negative, node, content.geometry)
-        asked = (self._requests.requests, self.parameters.refinement())
-        if asked != self._asked:
-            self._asked = asked
-            selected = self.selected_class
-            self._proxy.update(*asked, first=selected.id if selected else "")
+        self.views.show(self.classes, self.selected_class, self._maps.requests, stale=self.volume_changed)
 
     def _use_segment_points(self) -> None:
         """Use what is known of points in segments; what is not known yet is being searched for."""
@@ -584,7 +504,7 @@ class SceneSession:
         except InputError as error:
             self._report(str(error))
             self._segments_changed = True  # There may be others, which the next poll takes up.
-        self._ask_for_maps()
+        self._maps.ask()
 
     def _take_problem(self) -> None:
         if error := self._proxy.take_error():
@@ -592,22 +512,4 @@ class SceneSession:
 
     def _report(self, message: str) -> None:
         self._problems.put("segments", message)
-        self._notify()
-
-    def _notify(self) -> None:
-        if self._held_notices is not None:
-            self._held_notices += 1
-            return
-        for listener in list(self._listeners):
-            listener()
-
-    @contextmanager
-    def _one_notice(self) -> Iterator[None]:
-        """Have front ends hear of changes when all are made: in between, there may be no class to work on."""
-        self._held_notices = 0
-        try:
-            yield
-        finally:
-            held, self._held_notices = self._held_notices, None
-        if held:
-            self._notify()
+        self._notices.tell()

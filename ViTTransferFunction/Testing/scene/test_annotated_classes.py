@@ -36,7 +36,7 @@ def a_session_with_all_that_is_decided(session: SceneSession, spheres: Spheres) 
     session.annotations.set_class(third, iso=0.625, refine=False, color=RED)
     session.wait()
     session.look_closer(first)
-    request = session.annotated_classes()[0].request
+    request = session.file_classes.annotated()[0].request
     assert request.close_up is not None
     cache_known_close_up(*spheres, request.close_up, request.positive)
     session.wait()
@@ -61,7 +61,7 @@ def test_a_batch_gives_the_segmentation_of_the_session_that_its_points_were_writ
     session.wait()
     scan, points, output = tmp_path / "scan.nrrd", tmp_path / "scan.annotations.json", tmp_path / "out.seg.nrrd"
     write_image(scan, spheres[0].array, spheres[0].geometry)
-    write_annotations(session.annotated_classes(), points)
+    write_annotations(session.file_classes.annotated(), points)
     assert main(["segment", str(scan), "--annotations", str(points), "--grid", str(GRID), "-o", str(output)]) == 0
     labels, _, segments = read_segmentation(output)
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
@@ -75,13 +75,13 @@ def test_what_was_written_and_is_added_again_asks_the_same_and_is_one_step_for_u
     session: SceneSession, spheres: Spheres, tmp_path: Path
 ) -> None:
     a_session_with_all_that_is_decided(session, spheres)
-    written = session.annotated_classes()
+    written = session.file_classes.annotated()
     write_annotations(written, tmp_path / "a.json")
     for state in session.classes:
         session.annotations.remove_class(state.id)
-    session.add_annotated_classes(read_annotations(tmp_path / "a.json", session.file_geometry))
+    session.file_classes.add(read_annotations(tmp_path / "a.json", session.file_classes.geometry))
     assert session.selected_class == session.classes[0]
-    for before, after in zip(written, session.annotated_classes(), strict=True):
+    for before, after in zip(written, session.file_classes.annotated(), strict=True):
         assert (after.color, after.opacity) == (before.color, before.opacity)
         assert box_in(after, spheres) == box_in(before, spheres)
         for polarity in ("positive", "negative"):
@@ -101,7 +101,7 @@ def test_points_that_do_not_count_are_not_written_and_a_box_is_written_as_points
     session.annotations.add_class("without points")
     session.annotations.add_points(id_, np.concatenate([centre_ras(spheres, 1), [[1000.0, 0.0, 0.0]]]), positive=True)
     session.annotations.set_close_up(id_, (*centre_ras(spheres, 3)[0].tolist(), 10.0, 10.0, 10.0))
-    (written,) = session.annotated_classes()
+    (written,) = session.file_classes.annotated()
     np.testing.assert_array_equal(written.request.positive, centre_ras(spheres, 1))
     assert written.request.close_up is not None
     offset = np.abs(centre_ras(spheres, 1)[0] - written.request.close_up.centre_ras)
@@ -110,14 +110,14 @@ def test_points_that_do_not_count_are_not_written_and_a_box_is_written_as_points
 
 def test_what_no_file_can_say_is_refused(session: SceneSession, spheres: Spheres) -> None:
     with pytest.raises(InputError, match="There are no classes"):
-        session.annotated_classes()
+        session.file_classes.annotated()
     first, *_ = annotate(session, spheres)
     session.annotations.points_node(first, positive=True).SetName("sphere 2")  # In the Data module.
     with pytest.raises(InputError, match="2 classes are named 'sphere 2'; give each class a name of its own"):
-        session.annotated_classes()
+        session.file_classes.annotated()
     session.set_volume(None)
     with pytest.raises(InputError, match="no scan that the points could belong to; open it first"):
-        session.annotated_classes()
+        session.file_classes.annotated()
 
 
 def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_a_number(
@@ -127,38 +127,38 @@ def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_
     red = AnnotatedClass(ClassRequest("liver", centre_ras(spheres, 1), size=0.5), RED)
     more = replace(red, request=replace(red.request, negative=centre_ras(spheres, 2)))
     spleen = AnnotatedClass(ClassRequest("spleen", centre_ras(spheres, 3)), RED)
-    session.add_annotated_classes([red])
+    session.file_classes.add([red])
     before = session.classes
     with pytest.raises(InputError, match="are all there already, with the same points and settings"):
-        session.add_annotated_classes([red])
+        session.file_classes.add([red])
     assert session.classes == before
-    session.add_annotated_classes([red, spleen])
-    session.add_annotated_classes([more])
+    session.file_classes.add([red, spleen])
+    session.file_classes.add([more])
     with pytest.raises(InputError, match="are all there already"):
-        session.add_annotated_classes([more])
+        session.file_classes.add([more])
     assert [state.name for state in session.classes] == ["liver", "spleen", "liver (2)"]
     assert session.classes[0].color == RED
     assert len({state.color for state in session.classes}) == 3
-    assert len(session.annotated_classes()) == 3
+    assert len(session.file_classes.annotated()) == 3
 
 
 def test_points_of_another_scan_are_refused_and_nothing_is_added(session: SceneSession, spheres: Spheres) -> None:
     good = AnnotatedClass(ClassRequest("good", centre_ras(spheres, 1)), RED)
     beyond = AnnotatedClass(ClassRequest("beyond", np.array([[1000.0, 0.0, 0.0]])), RED)
     with pytest.raises(InputError, match="1 of 1 points of class 'beyond' lie outside the volume"):
-        session.add_annotated_classes([good, beyond])
+        session.file_classes.add([good, beyond])
     with pytest.raises(InputError, match="There are no classes"):
-        session.add_annotated_classes([])
+        session.file_classes.add([])
     assert session.classes == ()
     session.set_volume(None)
     with pytest.raises(InputError, match="no scan that the points could belong to"):
-        session.add_annotated_classes([good])
+        session.file_classes.add([good])
 
 
 def test_a_box_that_the_file_leaves_to_be_chosen_is_the_users_to_choose(session: SceneSession, spheres: Spheres) -> None:
     request = ClassRequest("gland", centre_ras(spheres, 1))
     given = CloseUp((0.0, 40.0, 50.0), (30.0, 30.0, 30.0))
-    session.add_annotated_classes([
+    session.file_classes.add([
         AnnotatedClass(request, RED, close_up_from_map=True),
         AnnotatedClass(ClassRequest("boxed", centre_ras(spheres, 2), close_up=given), RED),
     ])  # fmt: skip

@@ -66,7 +66,7 @@ def test_each_scan_has_its_own_structures_which_are_there_again_as_they_were(
         assert session.classes == classes
         session.wait()
         assert session.classes == classes
-        assert [request.id for request in session._requests.requests] == [state.id for state in classes]
+        assert [request.id for request in session._maps.requests.requests] == [state.id for state in classes]
     assert session.selected_class == of_baseline[1]
 
 

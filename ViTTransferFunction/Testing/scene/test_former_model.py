@@ -73,11 +73,11 @@ def test_structures_that_are_restored_go_on_with_their_model_and_leave_features_
     reopen: Reopen, spheres: Spheres
 ) -> None:
     session = reopen(with_structures=False)
-    session.restore_annotated_classes([AnnotatedClass(ClassRequest("1", centre_ras(spheres, 1)), RED)], MODEL, ())
+    session.file_classes.restore([AnnotatedClass(ClassRequest("1", centre_ras(spheres, 1)), RED)], MODEL, ())
     assert session.phase == "ready"
     session.wait()
     assert session.take_error() is None
-    session.restore_annotated_classes([AnnotatedClass(ClassRequest("2", centre_ras(spheres, 2)), RED)], OTHER, ())
+    session.file_classes.restore([AnnotatedClass(ClassRequest("2", centre_ras(spheres, 2)), RED)], OTHER, ())
     session.wait()
     told = session.take_error()
     assert told is not None

@@ -112,7 +112,7 @@ def test_a_scene_with_structures_of_any_name_is_opened_again(
     write_all(session)
     names, written = [state.name for state in session.classes], session.segment_of(session.classes[0].id)
     assert names[0] == name
-    assert session.annotated_classes()[0].request.name == name
+    assert session.file_classes.annotated()[0].request.name == name
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
     slicer_app.scene.Clear(False)
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))

@@ -91,7 +91,9 @@ def test_a_file_of_points_adds_its_structures_to_the_scan_in_one_step_for_undo(
         selected = app.session.selected_class
         assert selected is not None
         assert (selected.name, selected.size, selected.look.opacity) == ("liver", 0.5, 0.25)
-        assert selected.positive[0] == pytest.approx(app.session.file_geometry.ijk_to_ras_points(np.array(IN_THE_MIDDLE))[0])
+        assert selected.positive[0] == pytest.approx(
+            app.session.file_classes.geometry.ijk_to_ras_points(np.array(IN_THE_MIDDLE))[0]
+        )
         app.actions("undo")
         assert [each["name"] for each in state.classes] == ["Structure 1"]
         path = file.with_name("annotations.json")

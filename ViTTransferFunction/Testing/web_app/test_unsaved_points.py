@@ -59,7 +59,7 @@ async def is_kept(app: WebApp, folder: Path, *counts: int) -> None:
     """Wait until a file has structures of so many points."""
 
     def has_them() -> bool:
-        geometry = app.session.file_geometry
+        geometry = app.session.file_classes.geometry
         return any(
             [len(each.request.positive) for each in read_annotations(path, geometry)] == [*counts] for path in kept_in(folder)
         )
@@ -266,8 +266,8 @@ def test_what_another_app_is_still_working_on_is_not_offered(
 ) -> None:
     async def journey(app: WebApp) -> None:
         click(app)
-        other = unsaved_files.UnsavedFile(array_from_node(app.session.parameters.volume), app.session.file_geometry)
-        other.write(app.session.annotated_classes(), "elsewhere", "")
+        other = unsaved_files.UnsavedFile(array_from_node(app.session.parameters.volume), app.session.file_classes.geometry)
+        other.write(app.session.file_classes.annotated(), "elsewhere", "")
         async with browser_of(app) as browser:
             assert (await status_and_body(browser, "/download/points"))[0] == 200
         await open_again(app, file)
@@ -288,7 +288,7 @@ def test_beyond_some_files_and_bytes_the_oldest_go(
         click(app)
         await is_kept(app, folder, 1)
         ours = kept_in(folder)
-        classes = app.session.annotated_classes()
+        classes = app.session.file_classes.annotated()
         others: list[Path] = []
         for number in range(5):
             another = unsaved_files.UnsavedFile(np.arange(8).reshape(2, 2, 2) + number, Geometry((2, 2, 2), np.eye(4)))

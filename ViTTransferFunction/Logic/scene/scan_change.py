@@ -1,0 +1,72 @@
+"""From scan to scan: each has classes, a segmentation and a selected class of its own."""
+
+from __future__ import annotations
+
+import slicer
+
+from .annotations import SceneAnnotations
+from .notices import Notices
+from .other_segments import OtherSegments
+from .parameters import SceneParameters
+from .problems import Problems
+from .selected_class import SelectedClass
+from .written_segments import choose_segmentation_of
+
+
+class ScanChange:
+    """Goes from one volume of the scene to another.
+
+    Args:
+        parameters: say which volume and segmentation are chosen.
+        annotations: hold the classes of all volumes.
+        other_segments: of the segmentation that is chosen.
+        problems: what they told of the structures of one volume does not concern the next.
+        selected: which class.
+        notices: front ends hear of another volume when all of it is there.
+    """
+
+    def __init__(
+        self,
+        parameters: SceneParameters,
+        annotations: SceneAnnotations,
+        other_segments: OtherSegments,
+        problems: Problems,
+        selected: SelectedClass,
+        notices: Notices,
+    ) -> None:
+        self._parameters = parameters
+        self._annotations = annotations
+        self._other_segments = other_segments
+        self._problems = problems
+        self._selected = selected
+        self._notices = notices
+        self._selected_last: dict[str, str] = {}  # By the ID of a volume: the class that was annotated there last.
+
+    def go_to(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
+        """Choose a volume, or none; what it has is there again. One that has no classes yet gets those of the one before.
+
+        They come without their points: in a follow-up, in another phase, or in the next patient of a series, the same
+        structures are looked for. One step of undo takes them away.
+        """
+        left = self._parameters.volume
+        if node is left:
+            return
+        before, selected = self._annotations.classes, self._selected.state
+        if left is not None and selected is not None:
+            self._selected_last[left.GetID()] = selected.id
+        when_left = self._annotations.leave()
+        self._other_segments.drop_continued()
+        with self._notices.one():
+            self._problems.solve("segments")
+            self._problems.solve("close-up")
+            if node is not None:
+                choose_segmentation_of(node, self._parameters)
+            self._parameters.set_reference("volume", node)
+            if node is not None and before and self._annotations.untouched:
+                self._annotations.bring_along(before)
+                row = next((row for row, state in enumerate(before) if state is selected), 0)
+                self._selected.select(self._annotations.classes[row].id)
+            elif node is not None and node.GetID() in self._selected_last:
+                self._selected.select(self._selected_last[node.GetID()])
+        with self._notices.one():  # By now the tool in hand works on another list.
+            when_left()
