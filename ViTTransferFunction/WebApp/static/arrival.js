@@ -41,6 +41,7 @@
   window.WebSocket = class extends WebSocket {
     constructor(...given) {
       super(...given);
+      window.newestSocket = this;  // For `connection.js`: trame keeps it to itself.
       this.addEventListener("close", () => isThere() || loadAgain());
     }
   };

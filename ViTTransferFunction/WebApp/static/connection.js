@@ -68,17 +68,9 @@
     return answer;
   }
 
-  // trame keeps its socket to itself, and gives none up that says nothing.
-  let socket = null;
-  window.WebSocket = class extends WebSocket {
-    constructor(...given) {
-      super(...given);
-      socket = this;
-    }
-  };
-
   async function connect() {
-    const impatience = setInterval(() => socket.close(), PATIENCE_MS);
+    // trame gives no socket up that says nothing.
+    const impatience = setInterval(() => window.newestSocket.close(), PATIENCE_MS);
     try {
       await window.trame.connect();
       return true;
