@@ -230,6 +230,10 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
     return StoredVoxels(voxels, None if header_size == "-1" else int(header_size), compressed)
 
 
+_NRRD_END = re.compile(rb"\r?\n\r?\n")
+_LONGEST_NRRD_HEADER = 1 << 26
+"""Of thousands of segments, each has some three hundred bytes beside its name."""
+
 _LONGEST_NRRD_VALUE = 500
 """Teem writes what it complains of, which may be a whole field, into room for a thousand characters, and crashes."""
 
@@ -237,11 +241,18 @@ _LONGEST_NRRD_VALUE = 500
 def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     if not start.startswith(b"NRRD"):
         raise InputError(f"{path} cannot be read as an image: it is no NRRD file, which would begin with the letters NRRD.")
-    end = re.search(rb"\r?\n\r?\n", start)
-    fields = {key.lower().replace(" ", ""): value for key, value in _fields(start[: end.start() if end else None], ":").items()}
+    end = _NRRD_END.search(start)
+    if end is None and len(start) == _LONGEST_HEADER:
+        start = read_start(path, _LONGEST_NRRD_HEADER)
+        end = _NRRD_END.search(start)
+    # A value that begins with = is a key's, which says nothing about the voxels, and may have any length.
+    fields = {
+        key.lower().replace(" ", ""): value
+        for key, value in _fields(start[: end.start() if end else None], ":").items()
+        if not value.startswith("=")
+    }
     for field, value in fields.items():
-        # A value that begins with = is a key's, and may have any length.
-        if len(value) > _LONGEST_NRRD_VALUE and not value.startswith("=") and field not in ("content", "datafile"):
+        if len(value) > _LONGEST_NRRD_VALUE and field not in ("content", "datafile"):
             raise InputError(f"{path} is damaged: its header has {len(value)} characters for {field[:40]!r}. Save it again.")
     for field in ("spaceunits", "units"):
         check_units(path, re.findall('"([^"]*)"', fields.get(field, "")))
@@ -277,7 +288,8 @@ def _named_file(header: Path, name: str) -> Path:
 
 def _fields(header: bytes, separator: str) -> dict[str, str]:
     """Lines `key separator value`."""
-    lines = (line.partition(separator) for line in header.decode("utf-8", "surrogateescape").splitlines())
+    # Not `splitlines`, which also breaks lines at characters of Unicode that may stand in a name.
+    lines = (line.partition(separator) for line in header.decode("utf-8", "surrogateescape").split("\n"))
     return {key.strip(): value.strip() for key, found, value in lines if found}
 
 

@@ -12,7 +12,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from ..core.atomic_file import replacing
 from ..core.colors import Color, default_color
-from ..core.errors import InputError
+from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.label_dtype import label_dtype
 from .image_headers import SEGMENTATION_ENDING, locate_voxels
@@ -76,7 +76,7 @@ def read_segmentation(path: Path) -> tuple[np.ndarray, Geometry, list[Segment]]:
 
     Raises:
         InputError: missing, unreadable, cut off, not of whole numbers, or the segments overlap (Slicer then stores several
-            layers).
+            layers), or two have one label.
     """
     labels, geometry, tags = read_image(path)
     _check_whole_numbers(labels, path)
@@ -184,16 +184,24 @@ def _check_whole_numbers(labels: np.ndarray, path: Path) -> None:
 
 
 def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segment]:
-    """Segments by label, in the file's order."""
-    segments = {}
+    """Segments by label, in the file's order. What is missing is as Slicer has it, but colours are not all grey."""
+    segments: dict[int, Segment] = {}
     index = 0
-    while f"Segment{index}_ID" in tags:
+    while (id_ := tags.get(f"Segment{index}_ID")) is not None:
+        name = tags.get(f"Segment{index}_Name", id_)
         try:
-            color = _color_from_tag(tags[f"Segment{index}_Color"])
-            label = int(tags[f"Segment{index}_LabelValue"])
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{path} is not a complete Slicer segmentation: segment {index} has no usable {error}.") from error
-        segments[label] = Segment(tags.get(f"Segment{index}_Name", str(label)), color)
+            color = _color_from_tag(tags[f"Segment{index}_Color"]) if f"Segment{index}_Color" in tags else default_color(index)
+            label = _label_from_tag(tags.get(f"Segment{index}_LabelValue", "1"))
+        except ValueError as error:
+            raise InputError(
+                f"{path} is damaged: the segment {shown(name)} has {error}. Open it in Slicer and save it again."
+            ) from error
+        if label in segments:
+            raise InputError(
+                f"{path} has two segments of the same voxels, {shown(segments[label].name)} and {shown(name)}, both labelled "
+                f"{label}; expected a label for each. Remove one of them in Slicer, and save it again."
+            )
+        segments[label] = Segment(name, color)
         index += 1
     if not segments:
         raise InputError(f"{path} names no segments; expected a segmentation saved by Slicer or by this program.")
@@ -201,10 +209,20 @@ def _segments_from_tags(tags: Mapping[str, str], path: Path) -> dict[int, Segmen
 
 
 def _color_from_tag(text: str) -> Color:
-    red, green, blue = (float(component) for component in text.split())
+    try:
+        red, green, blue = (float(component) for component in text.split())
+    except ValueError:
+        red = green = blue = -1.0
     if not all(0.0 <= component <= 1.0 for component in (red, green, blue)):
-        raise ValueError(f"color {text!r}")
+        raise ValueError(f"the color {shown(text)}; expected three numbers from 0 to 1")
     return red, green, blue
+
+
+def _label_from_tag(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise ValueError(f"the label {shown(text)}; expected a whole number") from None
 
 
 def _numbered_segments(labels: np.ndarray, path: Path) -> dict[int, Segment]:

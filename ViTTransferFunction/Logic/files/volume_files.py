@@ -23,7 +23,7 @@ from .dicom_folder import series_files
 from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_series import read_series
 from .dicom_slice import check_may_be_scan
-from .image_headers import DICOM_READER, image_ending, image_format, locate_voxels, read_start
+from .image_headers import DICOM_READER, SEGMENTATION_ENDING, image_ending, image_format, locate_voxels, read_start
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
 from .nifti_place import warn_of_lost_shift
@@ -269,6 +269,12 @@ def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | Non
 
 def _check_header(size: Sequence[int], components: int, path: Path) -> None:
     """Raise InputError unless it is of a scalar 3D volume; one that has further axes is, if it has one frame along these."""
+    if components > 1 and path.name.lower().endswith(SEGMENTATION_ENDING):
+        raise InputError(
+            f"{path} has its segments in {components} layers, as Slicer keeps those that overlap; expected one layer. In "
+            "Slicer's module Segmentations, open 'Binary labelmap layers', choose 'Force collapse to single layer', press "
+            "'Collapse labelmap layers', and save it again."
+        )
     if len(size) < 3 or math.prod(size[3:]) != 1 or components != 1:
         kind = f"{len(size)}D image of size {'×'.join(map(str, size))}" + (
             f" with {components} components" if components > 1 else ""
