@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_req
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap
@@ -49,8 +50,8 @@ def segment_classes(
         progress: called with what is done of each step.
         on_features: is called when the features are there.
         on_map: is shown each class's full-resolution map.
-        on_warning: is told what was done otherwise than asked for, of points that contradict each other, and which classes
-            have no voxel.
+        on_warning: is told what was done otherwise than asked for, of points that contradict each other or stand where there is
+            nothing, and which classes have no voxel.
 
     Raises:
         InputError: the annotations are not usable, the weights are not to be had, or the cache's disk is full.
@@ -60,6 +61,7 @@ def segment_classes(
     check_close_ups(classes, session.volume.geometry)
     for annotated in classes:
         _warn_of_contradictions(annotated.request, on_warning)
+        _warn_of_nothing_there(annotated.request, session.volume, on_warning)
     session.load_features(progress)
     on_features(session)
     requests = requests_with_close_ups(session, classes, on_warning)
@@ -78,6 +80,17 @@ def _warn_of_contradictions(request: ClassRequest, on_warning: Callable[[str], N
         on_warning(
             f"Class '{request.name}': of {len(request.positive)} positive points, {len(both)} stand among the negative ones as "
             "well. Remove each from one of the two."
+        )
+
+
+def _warn_of_nothing_there(request: ClassRequest, volume: Volume, on_warning: Callable[[str], None]) -> None:
+    """Where a scan was masked, say, there is nothing that could be similar to what is around a point."""
+    k, j, i = volume.geometry.nearest_voxels(request.positive).T
+    nothing = np.count_nonzero(~np.isfinite(volume.array[k, j, i]))
+    if nothing:
+        on_warning(
+            f"Class '{request.name}': {nothing} of {len(request.positive)} positive points stand where the scan has no finite "
+            "intensity (NaN or infinite). Move them onto the structure."
         )
 
 

@@ -53,6 +53,15 @@ def test_a_point_that_is_positive_and_negative_is_warned_of(spheres: Spheres) ->
     assert warning.startswith("Class 'sphere 1': of 1 positive points, 1 stand among the negative ones as well")
 
 
+def test_a_point_where_the_scan_has_no_intensity_is_warned_of(spheres: Spheres) -> None:
+    volume, labels = spheres
+    array = volume.array.astype(np.float32)
+    k, j, i = volume.geometry.nearest_voxels(centre_ras(spheres, 1)).T
+    array[k, j, i] = np.nan
+    (warning,) = warnings_of((replace(volume, array=array), labels), list(requests_of(spheres)))
+    assert warning.startswith("Class 'sphere 1': 1 of 1 positive points stand where the scan has no finite intensity")
+
+
 @pytest.mark.parametrize("ending", [".nii.gz", ".seg.nrrd"])
 def test_which_number_of_a_label_map_is_which_class_is_printed_and_reported(
     spheres: Spheres, tmp_path: Path, capsys: pytest.CaptureFixture[str], ending: str
