@@ -143,7 +143,8 @@ def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str
 
 def check_name(name: str) -> None:
     """Raise InputError unless a class's name says something, and can be written into any file."""
-    if not name.strip():
+    # Spaces of any kind, and what only changes how other characters are shown.
+    if all(character.isspace() or unicodedata.category(character) == "Cf" for character in name):
         raise InputError("A class has an empty name; every class needs one.")
     if any(unicodedata.category(character) in ("Cc", "Cs") for character in name):
         raise InputError(f"The name of class {shown(name)} holds characters that cannot be written; give it another name.")

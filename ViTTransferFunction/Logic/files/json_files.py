@@ -25,15 +25,21 @@ def read_json(path: Path) -> Any:
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}).") from error
+        raise InputError(
+            f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}). Save it as UTF-8."
+        ) from error
     try:
         return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
     except RecursionError as error:
         raise InputError(f"{path} cannot be used: its brackets are nested too deeply.") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} is not valid JSON: {error}. Correct it there, or save it again.") from error
     except ValueError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path} is not valid JSON: {error}.") from error
+        raise InputError(
+            f"{path} is not valid JSON: it holds a number of thousands of digits. Correct or remove it."
+        ) from error
 
 
 def _without_repetition(path: Path, pairs: list[tuple[str, Any]]) -> dict[str, Any]:

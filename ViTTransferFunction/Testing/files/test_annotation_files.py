@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import unicodedata
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,9 @@ def points_of(least: int) -> st.SearchStrategy[np.ndarray]:
 edges_mm = st.floats(0.0, FARTHEST, exclude_min=True, exclude_max=True)
 centres_mm = coordinates.filter(lambda value: abs(value) < FARTHEST)
 close_ups = st.builds(CloseUp, st.tuples(centres_mm, centres_mm, centres_mm), st.tuples(edges_mm, edges_mm, edges_mm))
-names = st.text(st.characters(exclude_categories=("Cc", "Cs")), min_size=1, max_size=20).filter(str.strip)
+names = st.text(st.characters(exclude_categories=("Cc", "Cs")), min_size=1, max_size=20).filter(
+    lambda name: any(not one.isspace() and unicodedata.category(one) != "Cf" for one in name)
+)
 thresholds: st.SearchStrategy[dict[str, Any]] = st.one_of(
     st.fixed_dictionaries({"iso": shares}), st.fixed_dictionaries({"size": st.floats(SMALLEST_SIZE, LARGEST_SIZE)})
 )
@@ -193,6 +196,7 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(close_up={**BOX, "size_mm": [30, 1e300, 30]}), "'size_mm' of the close-up of class 'liver'"),
         (one_class(colour="red"), "unknown field 'colour'"),
         (one_class(name=" "), "empty name"),
+        (one_class(name="\u200b\u2066\ufeff"), "empty name"),
         (one_class(name=7), "class 1 has no name"),
         (one_class(positive=[[1, 2, 3], [1, 2]]), "not a list of finite"),
         (one_class(positive=[[1, 2, 3], 4]), "not a list of finite"),
@@ -241,11 +245,11 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"", "not valid JSON"),
+        (b"", "not valid JSON: Expecting value.*. Correct it there"),
         (b"[" * 100_000, "nested too deeply"),
         (b'{"a":' * 100_000, "nested too deeply"),
-        (b'{"classes": ' + b"9" * 5000 + b"}", "not valid JSON"),
-        (b"\xff\xfe{\x00}\x00", "not a text in UTF-8"),
+        (b'{"classes": ' + b"9" * 5000 + b"}", "not valid JSON: it holds a number of thousands of digits. Correct"),
+        (b"\xff\xfe{\x00}\x00", "not a text in UTF-8, .*. Save it as UTF-8"),
         (b"\x00", "not valid JSON"),
         (b'{"classes": [], "classes": []}', "'classes' stands twice"),
         (
