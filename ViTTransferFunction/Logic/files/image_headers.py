@@ -87,6 +87,21 @@ def locate_voxels(path: Path) -> StoredVoxels | None:
     return image_format(path).locate(path, read_start(path))
 
 
+def says_spacing(path: Path) -> bool:
+    """Whether the header of a file says how far apart its voxels are. Where it does not, ITK, and so Slicer, takes 1 mm.
+
+    Raises:
+        InputError: the file cannot be read, or is of no known format.
+    """
+    reader, start = image_format(path).reader, read_start(path)
+    if reader == "NrrdImageIO":
+        fields = _nrrd_fields(start)
+        return any(re.search(r"\d", fields.get(field, "")) for field in ("spacings", "spacedirections"))
+    if reader == "MetaImageIO":
+        return not {"ElementSpacing", "ElementSize"}.isdisjoint(_fields(start, "="))
+    return True
+
+
 def is_dicom_start(start: bytes) -> bool:
     """Whether a file's first `DICOM_START_BYTES` are those of DICOM."""
     return start[128:] == b"DICM"
@@ -245,12 +260,7 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     if end is None and len(start) == _LONGEST_HEADER:
         start = read_start(path, _LONGEST_NRRD_HEADER)
         end = _NRRD_END.search(start)
-    # A value that begins with = is a key's, which says nothing about the voxels, and may have any length.
-    fields = {
-        key.lower().replace(" ", ""): value
-        for key, value in _fields(start[: end.start() if end else None], ":").items()
-        if not value.startswith("=")
-    }
+    fields = _nrrd_fields(start)
     for field, value in fields.items():
         if len(value) > _LONGEST_NRRD_VALUE and field not in ("content", "datafile"):
             raise InputError(f"{path} is damaged: its header has {len(value)} characters for {field[:40]!r}. Save it again.")
@@ -277,6 +287,14 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     if plain_or_gzip is None or {fields.get("lineskip", "0"), fields.get("byteskip", "0")} != {"0"}:
         return None
     return StoredVoxels(voxels, first, plain_or_gzip)
+
+
+def _nrrd_fields(start: bytes) -> dict[str, str]:
+    """What a header says of the voxels: values by field, in lower case and without spaces."""
+    end = _NRRD_END.search(start)
+    lines = _fields(start[: end.start() if end else None], ":")
+    # A value that begins with = is a key's, which says nothing about the voxels, and may have any length.
+    return {field.lower().replace(" ", ""): value for field, value in lines.items() if not value.startswith("=")}
 
 
 def _named_file(header: Path, name: str) -> Path:

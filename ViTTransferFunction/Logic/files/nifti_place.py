@@ -81,3 +81,21 @@ def warn_of_lost_shift(path: Path, image: sitk.Image, on_warning: Callable[[str]
             "tilted gantry. It is read by the qform, as 3D Slicer does, which has them straight above each other: positions "
             "are off by as much. Name the folder with the DICOM files instead."
         )
+
+
+def warn_of_mirroring(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:
+    """Warn where a size of voxels is below zero beside a place: ITK mirrors the scan by it, other programs pass over the sign.
+
+    Args:
+        path: of the file.
+        image: as ITK read it; of another format than NIfTI, nothing is found.
+        on_warning: is told along which axes.
+    """
+    if not any(image.HasMetaDataKey(code) and image.GetMetaData(code) != "0" for code in ("qform_code", "sform_code")):
+        return
+    mirrored = [name for axis, name in enumerate("ijk", start=1) if float(image.GetMetaData(f"pixdim[{axis}]")) < 0.0]
+    if mirrored:
+        on_warning(
+            f"{path} has voxel sizes below zero along {' and '.join(mirrored)}. It is read mirrored there, as 3D Slicer does, "
+            "and other programs do not: left and right may be exchanged. Check the sides, or save it again from its source."
+        )

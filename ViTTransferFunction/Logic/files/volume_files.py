@@ -23,10 +23,18 @@ from .dicom_folder import series_files
 from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_series import read_series
 from .dicom_slice import check_may_be_scan
-from .image_headers import DICOM_READER, SEGMENTATION_ENDING, image_ending, image_format, locate_voxels, read_start
+from .image_headers import (
+    DICOM_READER,
+    SEGMENTATION_ENDING,
+    image_ending,
+    image_format,
+    locate_voxels,
+    read_start,
+    says_spacing,
+)
 from .itk_errors import last_line
 from .label_map_check import LABEL_INTENT, looks_like_labels
-from .nifti_place import warn_of_lost_shift
+from .nifti_place import warn_of_lost_shift, warn_of_mirroring
 from .straightening import straightened
 
 logger = logging.getLogger(__name__)
@@ -42,6 +50,9 @@ UNNAMED = "volume"
 
 _NRRD_AXES = re.compile(r"number of domain axes in the NRRD file \((\d+)\)")
 """In ITK's words where they are not as many as a header's directions in space have numbers."""
+
+_NO_SPACING = re.compile(r"Refusing to change spacing from .* to \[([^]]*)\]|axis \d+ spacing \((\S*)\) invalid")
+"""In ITK's and in Teem's words."""
 
 _SEGMENT = re.compile(rb"^Segment0_\w+:=", re.MULTILINE)
 """In headers of Slicer's segmentations, whatever they are called."""
@@ -72,6 +83,12 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     is_dicom = is_folder(path) or image_format(path).reader == DICOM_READER
     image, positions = _read_dicom(path, on_warning, series) if is_dicom else (_read_file(path), None)
     warn_of_lost_shift(path, image, on_warning)
+    warn_of_mirroring(path, image, on_warning)
+    if not is_dicom and not says_spacing(path):
+        on_warning(
+            f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
+            "so are all volumes and distances; save it again with its spacing."
+        )
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
     _check_near(geometry, path)
@@ -216,15 +233,25 @@ def _header_reader(path: Path) -> Iterator[sitk.ImageFileReader]:
             reader.ReadImageInformation()
             yield reader
         except RuntimeError as error:
-            reason = last_line(error).replace(str(name), str(path))
-            if "orthonormal" in reason:
-                reason = (
-                    "its axes are not at right angles, as where a gantry was tilted. Name the folder with the DICOM files "
-                    "instead, whose slices are straightened, or resample it to a straight grid."
-                )
-            if axes := _NRRD_AXES.search(reason):
-                reason = f"its header has {axes[1]} axes of space or time; expected the 3 of space. {_alone(int(axes[1]))}"
+            reason = _in_words(error).replace(str(name), str(path))
             raise InputError(f"{path} cannot be read as an image: {reason}") from error
+
+
+def _in_words(error: RuntimeError) -> str:
+    """What SimpleITK complains of, and what to do about it where that is known."""
+    reason = last_line(error)
+    if "orthonormal" in reason:
+        return (
+            "its axes are not at right angles, as where a gantry was tilted. Name the folder with the DICOM files instead, "
+            "whose slices are straightened, or resample it to a straight grid."
+        )
+    if "determinant is 0" in str(error):
+        return "two of its axes have one direction, or one has none. Save it again from its source."
+    if spacing := _NO_SPACING.search(reason):
+        return f"its spacing is {spacing[1] or spacing[2]} mm; expected numbers above 0. Save it again from its source."
+    if axes := _NRRD_AXES.search(reason):
+        return f"its header has {axes[1]} axes of space or time; expected the 3 of space. {_alone(int(axes[1]))}"
+    return reason
 
 
 @contextmanager

@@ -32,7 +32,7 @@ def test_a_refusal_is_one_line_and_more_only_where_it_is_asked_for(tmp_path: Pat
     # ITK itself has something to say of this one.
     sitk.WriteImage(sitk.GetImageFromArray(np.ones((4, 5, 6), np.float32)), str(tmp_path / "scan.nii"))
     content = bytearray((tmp_path / "scan.nii").read_bytes())
-    content[80:84] = np.float32(-2.0).tobytes()
+    content[80:84] = np.float32(2.0).tobytes()
     (tmp_path / "scan.nii").write_bytes(content)
 
     (line,) = errors_of_a_process(["features", "scan.nii"], tmp_path)

@@ -92,3 +92,13 @@ def test_of_a_tilted_gantry_that_only_the_matrix_tells_of_there_is_a_warning(tmp
     volume = read_volume(written(tmp_path, srow=slanted, qform_code=1), warnings.append)
     np.testing.assert_allclose(volume.geometry.spacing_mm, [1.0, 1.0, 3.0])
     assert ["shifted against each other by up to 6.3 mm" in warning for warning in warnings] == [True]
+
+
+@pytest.mark.parametrize("place", [{}, {"sform_code": 0, **HALF_A_TURN}], ids=["matrix", "rotation"])
+def test_a_size_below_zero_by_which_a_scan_is_mirrored_is_warned_of(tmp_path: Path, place: dict[str, Any]) -> None:
+    warnings: list[str] = []
+    straight = read_volume(written(tmp_path, **place), warnings.append)
+    assert not warnings
+    mirrored = read_volume(written(tmp_path, pixdim=[1, -1, 1, 3, 0, 0, 0, 0], **place), warnings.append)
+    np.testing.assert_allclose(mirrored.geometry.ijk_to_ras[:, 0], -straight.geometry.ijk_to_ras[:, 0])
+    assert [text for text in warnings if "below zero along i. It is read mirrored there, as 3D Slicer does" in text]

@@ -280,6 +280,66 @@ def test_an_nrrd_header_with_an_absurdly_long_field_is_refused(tmp_path: Path, f
         read_volume(tmp_path / "scan.nrrd")
 
 
+NRRD = {"type": "short", "dimension": "3", "sizes": "4 3 2", "encoding": "raw", "endian": "little"}
+SPACE = {"space": "left-posterior-superior", "space origin": "(0,0,0)"}
+META = {"NDims": "3", "DimSize": "4 3 2", "ElementType": "MET_SHORT"}
+
+
+def write_with_header(path: Path, fields: dict[str, str]) -> Path:
+    nrrd = path.suffix == ".nrrd"
+    start, separator, end = ("NRRD0004\n", ": ", "\n") if nrrd else ("", " = ", "ElementDataFile = LOCAL\n")
+    lines = "".join(f"{field}{separator}{value}\n" for field, value in ((NRRD if nrrd else META) | fields).items())
+    path.write_bytes(f"{start}{lines}{end}".encode() + ramp((2, 3, 4)).tobytes())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("ending", "fields"),
+    [("nrrd", {}), ("nrrd", {"spacings": "nan nan nan"}), ("nrrd", {"note:=spacings": "1 1 1"}), ("mha", {})],
+)
+def test_a_file_that_does_not_say_how_large_its_voxels_are_is_warned_of(
+    tmp_path: Path, ending: str, fields: dict[str, str]
+) -> None:
+    warnings: list[str] = []
+    volume = read_volume(write_with_header(tmp_path / f"scan.{ending}", fields), warnings.append)
+    np.testing.assert_array_equal(volume.geometry.spacing_mm, 1.0)
+    assert [text for text in warnings if "does not say how far apart its voxels are: 1 mm is taken" in text]
+
+
+@pytest.mark.parametrize(
+    ("ending", "fields"),
+    [
+        ("nrrd", {"spacings": "1 1 1"}),
+        ("nrrd", {**SPACE, "space directions": "(1,0,0) (0,1,0) (0,0,1)"}),
+        ("mha", {"ElementSpacing": "1 1 1"}),
+        ("mha", {"ElementSize": "1 1 1"}),
+    ],
+)
+def test_a_file_that_says_how_large_its_voxels_are_is_not_warned_of(
+    tmp_path: Path, ending: str, fields: dict[str, str]
+) -> None:
+    warnings: list[str] = []
+    read_volume(write_with_header(tmp_path / f"scan.{ending}", fields), warnings.append)
+    assert not [text for text in warnings if "how far apart" in text]
+
+
+@pytest.mark.parametrize(
+    ("ending", "fields", "message"),
+    [
+        ("nrrd", {**SPACE, "space directions": "(1,0,0) (1,0,0) (0,0,1)"}, "two of its axes have one direction"),
+        ("mha", {"TransformMatrix": "1 0 0 1 0 0 0 0 1"}, "two of its axes have one direction"),
+        ("nrrd", {**SPACE, "space directions": "(1,0,0) (0,1,0) (0,0,0)"}, "its spacing is 1, 1, 0 mm; expected numbers above"),
+        ("nrrd", {"spacings": "1 0 1"}, "its spacing is 0 mm; expected numbers above"),
+        ("mha", {"ElementSpacing": "1 1 0"}, "its spacing is 1, 1, 0 mm; expected numbers above"),
+    ],
+)
+def test_axes_that_span_no_space_are_refused_in_words_for_users(
+    tmp_path: Path, ending: str, fields: dict[str, str], message: str
+) -> None:
+    with pytest.raises(InputError, match=f"{message}.*. Save it again from its source"):
+        read_volume(write_with_header(tmp_path / f"scan.{ending}", fields))
+
+
 @pytest.mark.parametrize("ending", [".seg.nrrd", ".nii.gz", ".nrrd"])
 def test_a_segmentation_comes_back_as_it_was_written(tmp_path: Path, ending: str) -> None:
     labels, geometry = labels_of_two_segments(), Geometry((4, 5, 6), OBLIQUE_LEFT_HANDED)
