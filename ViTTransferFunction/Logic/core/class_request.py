@@ -16,6 +16,9 @@ from .geometry import LPS_TO_RAS, Geometry, transform_points
 from .given_numbers import FARTHEST, is_number
 from .iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
 
+_NOT_IN_XML = "\ufffe\uffff"
+"""Of characters that can be printed, those that no XML may hold: a scene with one in it could not be opened again."""
+
 
 def no_points() -> np.ndarray:
     """Points (0, 3)."""
@@ -146,7 +149,7 @@ def check_name(name: str) -> None:
     # Spaces of any kind, and what only changes how other characters are shown.
     if all(character.isspace() or unicodedata.category(character) == "Cf" for character in name):
         raise InputError("A class has an empty name; every class needs one.")
-    if any(unicodedata.category(character) in ("Cc", "Cs") for character in name):
+    if any(unicodedata.category(character) in ("Cc", "Cs") or character in _NOT_IN_XML for character in name):
         raise InputError(f"The name of class {shown(name)} holds characters that cannot be written; give it another name.")
 
 

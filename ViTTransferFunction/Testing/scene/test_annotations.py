@@ -363,10 +363,11 @@ def test_no_structure_gets_the_name_of_another_one(session: SceneSession, sphere
     assert [state.name for state in session.classes[3:]] == ["sphere 1 (2)", "sphere 1 (3)"]
 
 
-def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: SceneSession) -> None:
+@pytest.mark.parametrize("name", ["li\x14ver", "liver\ufffe", "liver\uffff"], ids=ascii)
+def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: SceneSession, name: str) -> None:
     state = session.annotations.add_class("liver")
     with pytest.raises(InputError, match="cannot be written"):
-        session.annotations.set_class(state.id, name="li\x14ver")
+        session.annotations.set_class(state.id, name=name)
     assert session.classes == (state,)
 
 
