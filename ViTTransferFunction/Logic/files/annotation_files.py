@@ -189,6 +189,13 @@ def _to_ras_matrix(coordinate_system: Any, geometry: Geometry, path: Path) -> np
 
 
 def _markups_to_ras(markup: dict[str, Any], path: Path) -> np.ndarray:
+    units = markup.get("coordinateUnits") or "mm"
+    # As a text, or as a code of UCUM with the name of that scheme and a meaning.
+    if (units[0] if isinstance(units, list) else units) != "mm":
+        raise InputError(
+            f"{path} gives its positions in the unit {shown(units)}; expected millimetres ('mm'). Save the point list in a "
+            "scene of Slicer whose unit of length is that."
+        )
     system = markup.get("coordinateSystem", "LPS")
     # Early files of the format number the systems.
     matrices = {"LPS": LPS_TO_RAS, "RAS": np.eye(4), "1": LPS_TO_RAS, "0": np.eye(4)}

@@ -364,3 +364,16 @@ def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_
     (tmp_path / "F.fcsv").write_text("# Markups fiducial file version = 4.11\n")
     with pytest.raises(InputError, match=r"save it as \.mrk\.json"):
         read_markups(tmp_path / "F.fcsv")
+
+
+@pytest.mark.parametrize("units", ["mm", ["mm", "UCUM", "millimeter"], "", None])
+def test_a_point_list_in_millimetres_is_read_however_it_says_so(tmp_path: Path, units: Any) -> None:
+    points = markups([{"position": [-1.0, -2.0, 3.0]}], coordinateUnits=units)
+    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points)), [[1.0, 2.0, 3.0]])
+
+
+@pytest.mark.parametrize("units", ["um", ["um", "UCUM", "micrometer"], "cm", 5])
+def test_a_point_list_in_another_unit_is_refused(tmp_path: Path, units: Any) -> None:
+    path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateUnits=units))
+    with pytest.raises(InputError, match=r"gives its positions in the unit .*; expected millimetres"):
+        read_markups(path)
