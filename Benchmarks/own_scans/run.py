@@ -1,8 +1,8 @@
 """Accuracy on labelled scans of your own: `python dev.py bench own_scans --volumes DIR [--weights PATH] [--paths N]`.
 
-DIR holds scans, `NAME.nii.gz` or `.nrrd`, and of each what is right, `NAME.seg.nrrd`, a segmentation as Slicer saves it, whose
-segments do not overlap. A simulated user clicks on them as in `bench accuracy`. With `--keep`, what was measured is kept in a
-folder and not measured again. Writes `own_scans.json` and `own_scans.md`.
+DIR holds scans, `NAME.nii.gz` or of another format that `vittf cohort` takes, and of each what is right, `NAME.seg.nrrd`, a
+segmentation as Slicer saves it, whose segments do not overlap. A simulated user clicks on them as in `bench accuracy`. With
+`--keep`, what was measured is kept in a folder and not measured again. Writes `own_scans.json` and `own_scans.md`.
 """
 
 from __future__ import annotations

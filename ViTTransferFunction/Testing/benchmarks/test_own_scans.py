@@ -46,6 +46,7 @@ def test_all_scans_of_a_folder_are_found_by_their_segmentations(tmp_path: Path, 
     for name in ("b", "a.1"):
         write_scan(tmp_path, name, labels)
     (tmp_path / "without.nii.gz").touch()
+    (tmp_path / "._b.seg.nrrd").touch()
     assert [scan.name for scan in own_scans(tmp_path)] == ["a.1", "b"]
 
 
