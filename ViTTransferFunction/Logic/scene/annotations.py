@@ -41,6 +41,7 @@ from .of_volume import bring_back, put_away
 from .parameters import referred
 from .point_list_watch import PointListWatch
 from .point_lists import Point, index_of_new_point
+from .point_order import PointOrder
 from .volume import matrix_to_world
 from .written_segments import finish_segments_elsewhere
 
@@ -75,7 +76,7 @@ class SceneAnnotations:
         self._settle = settle
         self._watch = PointListWatch(self._on_placed, self._on_step, self._on_passing, on_displayed)
         self._paused = 0
-        self._last_grown: dict[str, str] = {}
+        self._order = PointOrder()
         self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
         self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
         self.classes: Classes = ()
@@ -230,11 +231,10 @@ class SceneAnnotations:
     def remove_last_point(self, id_: str) -> None:
         """Remove the point of a class that was placed last, positive or negative."""
         state = self._class(id_)
-        field = self._last_grown.get(id_, "positive")
-        if not getattr(state, field):
-            field = "positive" if field == "negative" else "negative"
-        with self._edit():
-            write_class(self._scene, self._positive(id_), replace(state, **{field: getattr(state, field)[:-1]}))
+        last = self._order.last(state)
+        if last is not None:
+            with self._edit():
+                write_class(self._scene, self._positive(id_), replace(state, **{last: getattr(state, last)[:-1]}))
 
     @property
     def continued(self) -> bool:
@@ -281,7 +281,7 @@ class SceneAnnotations:
         before, known = self.classes, {state.id: state for state in self.classes}
         self.classes = tuple(sharing(read_class(node), known.get(class_id(node))) for node in positive)
         if not self._follow_volume(before):
-            self._remember_growth(before)
+            self._order.note(before, self.classes)
         lists = [node for each in positive for node in lists_of(each)]
         self._watch.watch(lists)
         self._show_only(lists)
@@ -421,16 +421,6 @@ class SceneAnnotations:
         self._transforms = before | now
         if any(before.get(node, matrix) != matrix for node, matrix in now.items()):
             self._histories[self._volume_id] = AnnotationHistory(self.classes)
-
-    def _remember_growth(self, before: Classes) -> None:
-        """Keep in mind to which of a class's lists a point was added last."""
-        counts = {state.id: (len(state.positive), len(state.negative)) for state in before}
-        for state in self.classes:
-            positive, negative = counts.get(state.id, (0, 0))
-            if len(state.negative) > negative:
-                self._last_grown[state.id] = "negative"
-            elif len(state.positive) > positive:
-                self._last_grown[state.id] = "positive"
 
     def _class(self, id_: str) -> ClassState:
         return next(state for state in self.classes if state.id == id_)

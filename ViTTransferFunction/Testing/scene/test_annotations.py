@@ -266,6 +266,28 @@ def test_the_point_placed_last_is_removed_first_whatever_its_polarity(session: S
     assert session.take_error() is None
 
 
+def test_points_are_removed_in_the_reverse_of_the_order_in_which_they_were_placed(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    state = session.annotations.add_class("sphere")
+    centre = centre_ras(spheres, 1)
+    for step, positive in enumerate((False, True, True, False)):
+        session.annotations.add_points(state.id, centre + np.array([step, 0, 0]), positive)
+    counts = []
+    for _ in range(2):
+        session.annotations.remove_last_point(state.id)
+        counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+    # What undo and redo bring back and take away leaves the order as it was.
+    session.annotations.undo()
+    session.annotations.redo()
+    session.annotations.add_points(state.id, centre, positive=False)
+    session.annotations.undo()
+    for _ in range(2):
+        session.annotations.remove_last_point(state.id)
+        counts.append((len(session.classes[0].positive), len(session.classes[0].negative)))
+    assert counts == [(2, 1), (1, 1), (0, 1), (0, 0)]
+
+
 def test_a_removed_class_comes_back_with_its_points_and_settings(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_class(id_, iso=0.25, color=(0.1, 0.2, 0.3), refine=False)
