@@ -86,7 +86,7 @@ class ClassActions(Section):
             self.session.select_class(self.session.classes[min(row, len(self.session.classes) - 1)].id)
 
     def _add_markup_menu(self, text: str, positive: bool) -> Any:
-        """A menu within the table's, of the closed curves and boxes in the scene: the chosen one gives the points."""
+        """A menu within the table's, of the markups in the scene that can: the chosen one gives the points."""
         menu = qt.QMenu(text, self.ui.classTable)
         menu.aboutToShow.connect(lambda: self._list_markups(menu, positive))
         self.ui.classTable.addAction(menu.menuAction())
@@ -94,11 +94,13 @@ class ClassActions(Section):
 
     def _list_markups(self, menu: Any, positive: bool) -> None:
         menu.clear()
-        markups = self.session.regions.markups if self.session is not None else {}
+        markups = self.session.regions.markups(positive) if self.session is not None else {}
         for node_id, name in markups.items():
             self._list_markup(menu, positive, node_id, name)
         if not markups:
-            menu.addAction(_("Draw a closed curve or an ROI in Slicer's module Markups first")).enabled = False
+            of_either = _("Draw a closed curve or an ROI in Slicer's module Markups first")
+            of_inside = _("Draw a closed curve, an ROI, or a line across the structure in Slicer's module Markups first")
+            menu.addAction(of_inside if positive else of_either).enabled = False
 
     def _list_markup(self, menu: Any, positive: bool, node_id: str, name: str) -> None:
         menu.addAction(in_menu(name)).triggered.connect(lambda: self._add_markup(node_id, positive))

@@ -215,10 +215,13 @@ class SceneAnnotations:
         A hidden class is shown again: whoever adds to it is to see what that does.
         """
         field = "positive" if positive else "negative"
-        state = self._class(id_)
-        grown = getattr(state, field) + _as_points(points_ras)
         with self._edit(f"{id_} {field}", continued):
-            write_class(self._scene, self._positive(id_), replace(state, visible=True, **{field: grown}))
+            self._grow(id_, {field: points_ras})
+
+    def add_points_of_both(self, id_: str, positive_ras: np.ndarray, negative_ras: np.ndarray) -> None:
+        """As `add_points`, positive ones (N, 3) and negative ones (M, 3), which together are one step for undo."""
+        with self._edit():
+            self._grow(id_, {"positive": positive_ras, "negative": negative_ras})
 
     def erase_points(self, points_ras: np.ndarray, radius_mm: float, continued: bool = False) -> None:
         """Remove the points of visible classes that lie within `radius_mm` of one of `points_ras` (N, 3)."""
@@ -421,6 +424,11 @@ class SceneAnnotations:
         self._transforms = before | now
         if any(before.get(node, matrix) != matrix for node, matrix in now.items()):
             self._histories[self._volume_id] = AnnotationHistory(self.classes)
+
+    def _grow(self, id_: str, points_ras: Mapping[str, np.ndarray]) -> None:
+        state = self._class(id_)
+        grown = {field: getattr(state, field) + _as_points(points) for field, points in points_ras.items()}
+        write_class(self._scene, self._positive(id_), replace(state, visible=True, **grown))
 
     def _class(self, id_: str) -> ClassState:
         return next(state for state in self.classes if state.id == id_)

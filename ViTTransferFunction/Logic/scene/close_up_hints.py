@@ -30,7 +30,7 @@ Placed = tuple[Polarity, Point]
 
 @dataclass(frozen=True)
 class Correction:
-    """What was placed in one step: a point, a stroke, or the points of a region.
+    """What was placed in one step: a point, a stroke, or the points of a region or of a diameter.
 
     Attributes:
         step: later ones have higher numbers.

@@ -1,4 +1,4 @@
-"""Regions that the user encloses become points: lines drawn in a slice view, Slicer's own closed curves and boxes (ROI)."""
+"""Regions and diameters become points: drawn in a slice view, or as Slicer's own closed curves, boxes (ROI) and lines."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ import numpy as np
 import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
+from ..core.diameter_points import points_of_diameter
 from ..core.errors import InputError
 from ..core.region_points import points_within_box, points_within_outline
 from .annotations import SceneAnnotations
 from .nodes import nodes_of_class
 from .volume import numpy_matrix
 
-_MARKUPS = ("vtkMRMLMarkupsClosedCurveNode", "vtkMRMLMarkupsROINode")
+_LINE = "vtkMRMLMarkupsLineNode"
+_LEAST_POINTS = {"vtkMRMLMarkupsClosedCurveNode": 3, "vtkMRMLMarkupsROINode": 1, _LINE: 2}
+"""By the kind of a markup: from how many points on it is drawn to the end."""
 
 
 class SceneRegions:
-    """Adds a handful of points of a region's inside to a class: each time one step for undo.
+    """Adds points of a region's inside to a class, or those that a diameter stands for: each time one step for undo.
 
     Args:
         scene: has the markups.
@@ -33,11 +36,18 @@ class SceneRegions:
         self._annotations = annotations
         self._in_volume = in_volume
 
-    @property
-    def markups(self) -> dict[str, str]:
-        """The closed curves and boxes in the scene that are drawn to the end: their names by their node IDs."""
-        nodes = (node for name in _MARKUPS for node in nodes_of_class(self._scene, name))
-        return {node.GetID(): node.GetName() for node in nodes if not node.GetHideFromEditors() and _is_complete(node)}
+    def markups(self, positive: bool) -> dict[str, str]:
+        """The markups in the scene that are drawn to the end and can give such points: their names by their node IDs.
+
+        Closed curves and boxes enclose what is inside a structure (`positive`), or what is not; a line is its diameter.
+        """
+        kinds = [kind for kind in _LEAST_POINTS if positive or kind != _LINE]
+        nodes = ((node, _LEAST_POINTS[kind]) for kind in kinds for node in nodes_of_class(self._scene, kind))
+        return {
+            node.GetID(): node.GetName()
+            for node, least in nodes
+            if not node.GetHideFromEditors() and node.GetNumberOfDefinedControlPoints() >= least
+        }
 
     def add_outline(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
         """Add points within a closed outline (N, 3), RAS millimetres in one plane, to a class.
@@ -47,13 +57,30 @@ class SceneRegions:
         """
         self._add(id_, points_within_outline(outline_ras), positive)
 
-    def add_markup(self, id_: str, node_id: str, positive: bool) -> None:
-        """Add points within one of `markups` to a class; a curve is taken to lie in the plane nearest to it. The markup stays.
+    def add_diameter(self, id_: str, ends_ras: np.ndarray) -> None:
+        """Add points to a class whose structure begins and ends where a line does, (2, 3) RAS millimetres.
+
+        Those along the line are positive, those beyond its ends negative.
 
         Raises:
-            InputError: none of them lies in the volume.
+            InputError: no point along it lies in the volume, or it is too short.
         """
-        self._add(id_, _points_within(self._scene.GetNodeByID(node_id)), positive)
+        inside, outside = (points[self._in_volume(points)] for points in points_of_diameter(ends_ras))
+        if not len(inside):
+            raise InputError("No part of the diameter lies in the volume, so no points were added. Draw it on the volume.")
+        self._annotations.add_points_of_both(id_, inside, outside)
+
+    def add_markup(self, id_: str, node_id: str, positive: bool) -> None:
+        """Add the points of one of `markups` to a class; a curve is taken to lie in the plane nearest to it. The markup stays.
+
+        Raises:
+            InputError: none of them lies in the volume, or a line is too short.
+        """
+        node = self._scene.GetNodeByID(node_id)
+        if node.IsA(_LINE):
+            self.add_diameter(id_, _ends(node))
+        else:
+            self._add(id_, _points_within(node), positive)
 
     def _add(self, id_: str, points_ras: np.ndarray, positive: bool) -> None:
         points_ras = points_ras[self._in_volume(points_ras)]
@@ -62,9 +89,8 @@ class SceneRegions:
         self._annotations.add_points(id_, points_ras, positive)
 
 
-def _is_complete(node: slicer.vtkMRMLMarkupsNode) -> bool:
-    least = 3 if node.IsA("vtkMRMLMarkupsClosedCurveNode") else 1
-    return bool(node.GetNumberOfDefinedControlPoints() >= least)
+def _ends(node: slicer.vtkMRMLMarkupsLineNode) -> np.ndarray:
+    return np.array([node.GetNthControlPointPositionWorld(index) for index in range(2)])
 
 
 def _points_within(node: slicer.vtkMRMLMarkupsNode) -> np.ndarray:

@@ -268,6 +268,13 @@ def test_a_region_is_one_correction_and_gross_where_a_point_of_it_is(corrected: 
     assert corrected.suggests()
 
 
+def test_a_diameter_is_one_correction_with_what_lies_beyond_its_ends(corrected: Corrected) -> None:
+    corrected.annotations.add_points_of_both(corrected.id, np.array([FAR, FAR + 1.0]), np.array([DEEP, DEEPER]))
+    assert not corrected.suggests()
+    corrected.cut(DEEP + 1.0)
+    assert corrected.suggests()
+
+
 def test_a_moved_point_is_no_new_correction(corrected: Corrected) -> None:
     corrected.cut(DEEP)
     corrected.cut(SHALLOW)

@@ -1,4 +1,4 @@
-"""Regions become points of a class: outlines, closed curves and boxes."""
+"""Regions and diameters become points of a class: drawn ones, and Slicer's closed curves, boxes and lines."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 import vtk
 
+from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_hanging_point, add_parameter_node, put_under
 
 SQUARE = np.array([[0.0, 5.0, 0.0], [40.0, 5.0, 0.0], [40.0, 5.0, 40.0], [0.0, 5.0, 40.0]])
 
@@ -76,7 +77,7 @@ def add_curve(scene: Any, name: str, *points: np.ndarray) -> Any:
 
 def test_a_closed_curve_gives_points_of_its_inside_and_stays(slicer_app: Any, session: SceneSession) -> None:
     curve = add_curve(slicer_app.scene, "around", *SQUARE)
-    assert session.regions.markups == {curve.GetID(): "around"}
+    assert [session.regions.markups(positive) for positive in (True, False)] == [{curve.GetID(): "around"}] * 2
     session.regions.add_markup(session.classes[0].id, curve.GetID(), positive=False)
     points = points_of(session, positive=False)
     assert len(points) == 8
@@ -108,4 +109,107 @@ def test_only_markups_that_enclose_something_are_offered(slicer_app: Any, sessio
     slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsCurveNode", "open")
     hidden = add_curve(slicer_app.scene, "of another module", *SQUARE)
     hidden.SetHideFromEditors(True)
-    assert session.regions.markups == {}
+    assert session.regions.markups(positive=True) == session.regions.markups(positive=False) == {}
+
+
+ENDS = np.array([[10.0, 5.0, -4.0], [50.0, 35.0, -4.0]])
+"""Where a structure begins and ends."""
+INSIDE, OUTSIDE = points_of_diameter(ENDS)
+
+
+def test_a_diameter_is_points_along_it_and_beyond_its_ends_in_one_step(session: SceneSession) -> None:
+    (state,) = session.classes
+    other = session.annotations.add_class("lung")
+    before = session.classes
+    seen: list[Any] = []
+    session.add_observer(lambda: seen.append(session.classes[0]))
+    session.regions.add_diameter(state.id, ENDS)
+    np.testing.assert_allclose(session.classes[0].positive, INSIDE)
+    np.testing.assert_allclose(session.classes[0].negative, OUTSIDE)
+    assert session.classes[1] == other
+    assert all(each == session.classes[0] for each in seen)
+    session.annotations.undo()
+    assert session.classes == before
+
+
+def test_points_of_a_diameter_are_removed_one_by_one_before_what_was_there(session: SceneSession) -> None:
+    (state,) = session.classes
+    session.annotations.add_points(state.id, ENDS[:1] + 100.0, positive=False)
+    before = session.classes
+    session.regions.add_diameter(state.id, ENDS)
+    for _ in (*INSIDE, *OUTSIDE):
+        assert session.classes != before
+        session.annotations.remove_last_point(state.id)
+    assert session.classes == before
+
+
+def test_a_diameter_after_a_point_and_a_point_after_it_are_steps_of_their_own(session: SceneSession) -> None:
+    (state,) = session.classes
+    session.annotations.add_points(state.id, ENDS[:1], positive=True)
+    session.regions.add_diameter(state.id, ENDS)
+    session.annotations.add_points(state.id, ENDS[1:], positive=True)
+    counts = []
+    for _ in range(3):
+        session.annotations.undo()
+        counts.append(len(points_of(session)))
+    assert counts == [1 + len(INSIDE), 1, 0]
+
+
+def test_a_hidden_class_is_shown_again_by_a_diameter(session: SceneSession) -> None:
+    (state,) = session.classes
+    session.annotations.set_class(state.id, visible=False)
+    session.regions.add_diameter(state.id, ENDS)
+    assert session.classes[0].visible
+
+
+def test_of_a_diameter_that_leaves_the_volume_the_points_within_it_count(slicer_app: Any, session: SceneSession) -> None:
+    volume = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.arange(40**3, dtype=np.int16).reshape(40, 40, 40), np.eye(4))
+    session.set_volume(volume)
+    (state,) = session.classes
+    in_all, out_of_all = (np.array([[20.0, 20.0, 20.0], [x, 20.0, 20.0]]) for x in (39.0, 60.0))
+    inside, outside = points_of_diameter(in_all)
+    session.regions.add_diameter(state.id, in_all)
+    np.testing.assert_allclose(points_of(session), inside)
+    np.testing.assert_allclose(points_of(session, positive=False), outside[:1])
+    session.annotations.undo()
+    inside, outside = points_of_diameter(out_of_all)
+    session.regions.add_diameter(state.id, out_of_all)
+    np.testing.assert_allclose(points_of(session), inside[inside[:, 0] < 39.5])
+    assert 0 < len(points_of(session)) < len(inside)
+    np.testing.assert_allclose(points_of(session, positive=False), outside[:1])
+    session.annotations.undo()
+    before = session.classes
+    with pytest.raises(InputError, match="diameter lies in the volume, so no points were added"):
+        session.regions.add_diameter(state.id, np.array([[60.0, 20.0, 20.0], [90.0, 20.0, 20.0]]))
+    with pytest.raises(InputError, match="mm long"):
+        session.regions.add_diameter(state.id, np.array([[20.0, 20.0, 20.0], [20.1, 20.0, 20.0]]))
+    assert session.classes == before
+
+
+def test_a_line_gives_the_points_of_a_diameter_where_the_scene_has_it_and_stays(slicer_app: Any, session: SceneSession) -> None:
+    line = slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsLineNode", "longest")
+    for end in ENDS:
+        line.AddControlPoint(vtk.vtkVector3d(*end))
+    put_under(line, MOVED)
+    assert session.regions.markups(positive=True) == {line.GetID(): "longest"}
+    assert session.regions.markups(positive=False) == {}
+    session.regions.add_markup(session.classes[0].id, line.GetID(), positive=True)
+    ends = ENDS @ MOVED[:3, :3].T + MOVED[:3, 3]
+    inside, outside = points_of_diameter(ends)
+    np.testing.assert_allclose(points_of(session), inside)
+    np.testing.assert_allclose(points_of(session, positive=False), outside)
+    assert line.GetNumberOfControlPoints() == 2
+
+
+def test_a_line_whose_end_still_hangs_on_the_mouse_is_not_offered(slicer_app: Any, session: SceneSession) -> None:
+    line = slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsLineNode", "in the making")
+    line.AddControlPointWorld(vtk.vtkVector3d(*ENDS[0]))
+    assert session.regions.markups(positive=True) == {}
+    add_hanging_point(slicer_app.scene, line)
+    assert line.GetNumberOfControlPoints() == 2
+    assert session.regions.markups(positive=True) == {}
+    line.SetNthControlPointPositionWorld(1, *ENDS[1])
+    assert session.regions.markups(positive=True) == {line.GetID(): "in the making"}
+    line.UnsetNthControlPointPosition(0)
+    assert session.regions.markups(positive=True) == {}

@@ -11,11 +11,13 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import numpy as np
 import slicer
+import vtk
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLineEdit
 
+from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
@@ -152,7 +154,7 @@ def test_points_come_from_a_markup_that_is_chosen_in_the_menu(widget: Any) -> No
     inside.aboutToShow.emit()
     (hint,) = inside.actions()
     assert not hint.isEnabled()
-    assert "closed curve" in hint.text()
+    assert "closed curve, an ROI, or a line" in hint.text()
     for name, size_mm in (("liver & lung", 30.0), ("beside it", 60.0)):
         box = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLMarkupsROINode", name)
         box.SetCenter(0.0, 0.0, 0.0)
@@ -165,6 +167,25 @@ def test_points_come_from_a_markup_that_is_chosen_in_the_menu(widget: Any) -> No
     state = widget.panel.session.classes[0]
     assert (len(state.positive), len(state.negative)) == (8, 8)
     assert np.abs(np.array(state.positive)).max() < 15.0 < np.abs(np.array(state.negative)).max()
+
+
+def test_a_line_of_markups_gives_the_points_of_a_diameter_and_is_none_of_what_lies_outside(widget: Any) -> None:
+    add_class(widget)
+    line = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLMarkupsLineNode", "longest")
+    for x in (-20.0, 20.0):
+        line.AddControlPointWorld(vtk.vtkVector3d(x, 1.0, 2.0))
+    menus = [action.menu() for action in widget.ui.classTable.actions() if action.menu()]
+    for menu in menus:
+        menu.aboutToShow.emit()
+    (entry,), (hint,) = (menu.actions() for menu in menus)
+    assert not hint.isEnabled()
+    assert "line" not in hint.text()
+    assert entry.text() == "longest"
+    entry.trigger()
+    state = widget.panel.session.classes[0]
+    inside, outside = points_of_diameter(np.array([[-20.0, 1.0, 2.0], [20.0, 1.0, 2.0]]))
+    np.testing.assert_allclose(state.positive, inside)
+    np.testing.assert_allclose(state.negative, outside)
 
 
 def test_the_volume_is_shown_in_millilitres_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:
