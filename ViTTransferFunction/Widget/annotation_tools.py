@@ -30,6 +30,7 @@ class AnnotationTools(Section):
             "lassoOff": ui.lassoOffButton,
             "boxOn": ui.boxOnButton,
             "boxOff": ui.boxOffButton,
+            "diameter": ui.diameterButton,
             "eraser": ui.eraserButton,
         }
         size_mm = ui.brushSizeSlider

@@ -1,4 +1,4 @@
-"""The tools that add and remove points, of which the user has at most one in hand: place, brush, draw a region, erase."""
+"""The tools that add and remove points, of which the user has at most one in hand: place, brush, draw, erase."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import numpy as np
 
 from ..core.errors import InputError
 from .class_state import ClassState
+from .drawing_tool import DrawingTool, Shape
 from .place_mode import PlaceMode
-from .region_tool import RegionTool, Shape
 from .session import SceneSession
 from .slice_tools import SliceTools
 from .stroke_tool import StrokeTool
 from .wording import no_structure_text
 
-Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "eraser"]
+Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "diameter", "eraser"]
 TOOLS: tuple[Tool, ...] = get_args(Tool)
 """In the order in which front ends show them."""
 
-_REGIONS: dict[Tool, tuple[Shape, bool]] = {
+_SHAPES: dict[Tool, tuple[Shape, bool]] = {
     "lassoOn": ("lasso", True),
     "lassoOff": ("lasso", False),
     "boxOn": ("box", True),
     "boxOff": ("box", False),
+    "diameter": ("line", True),
 }
-"""What each tool for regions draws, and whether it lies inside the structure."""
+"""What each tool that draws shapes draws, and whether it lies inside the structure."""
 _INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
 """Those of the tools' icons."""
 
@@ -115,12 +116,14 @@ class AnnotationTool:
         self._slice_tools.stop()
         if self.tool in ("pointOn", "pointOff"):
             self._place_mode.start(self.session.annotations.points_node(selected.id, self.tool == "pointOn"))
-        elif self.tool in _REGIONS:
+        elif self.tool in _SHAPES:
             self._place_mode.stop()
-            shape, inside = _REGIONS[self.tool]
+            shape, inside = _SHAPES[self.tool]
             color = _INSIDE_COLOR if inside else _OUTSIDE_COLOR
             self._slice_tools.start(
-                lambda interactor, node, draw: RegionTool(interactor, node, draw, shape, color, self._add_region)
+                lambda interactor, node, draw: DrawingTool(
+                    interactor, node, draw, shape, color, self._add_drawn, self._tell_to_drag
+                )
             )
         else:
             self._place_mode.stop()
@@ -141,13 +144,21 @@ class AnnotationTool:
         if self.session is not None and selected is not None:
             self.session.annotations.add_points(selected.id, points_ras, self.tool == "brushOn", continued)
 
-    def _add_region(self, outline_ras: np.ndarray) -> None:
+    def _add_drawn(self, corners_ras: np.ndarray) -> None:
         selected = self._selected
-        if self.session is not None and selected is not None and self.tool in _REGIONS:
-            try:
-                self.session.regions.add_outline(selected.id, outline_ras, positive=_REGIONS[self.tool][1])
-            except InputError as error:
-                self._report(str(error))
+        if self.session is None or selected is None or self.tool not in _SHAPES:
+            return
+        shape, inside = _SHAPES[self.tool]
+        try:
+            if shape == "line":
+                self.session.regions.add_diameter(selected.id, corners_ras)
+            else:
+                self.session.regions.add_outline(selected.id, corners_ras, inside)
+        except InputError as error:
+            self._report(str(error))
+
+    def _tell_to_drag(self) -> None:
+        self._report("Nothing was drawn, so no points were added. Hold the left button down, and drag.")
 
     def _erase(self, points_ras: np.ndarray, continued: bool) -> None:
         if self.session is not None:

@@ -129,7 +129,7 @@ def test_with_shift_the_slice_is_moved_as_before(in_views: Callable[[Journey], N
     in_views(journey)
 
 
-@pytest.mark.parametrize("tool", ["pointOn", "brushOn", "lassoOn", "boxOn"])
+@pytest.mark.parametrize("tool", ["pointOn", "brushOn", "lassoOn", "boxOn", "diameter"])
 def test_a_tool_in_hand_has_the_left_button(in_views: Callable[[Journey], None], tool: str) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
@@ -146,7 +146,7 @@ def test_a_tool_in_hand_has_the_left_button(in_views: Callable[[Journey], None],
 def test_with_ctrl_a_tool_in_hand_does_nothing_and_the_window_changes(in_views: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
-        for tool in ("pointOn", "brushOn", "lassoOn", "eraser"):
+        for tool in ("pointOn", "brushOn", "lassoOn", "diameter", "eraser"):
             if app.tool.tool != tool:
                 app.actions(tool)
             before = window(app)

@@ -28,6 +28,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
@@ -67,6 +68,7 @@ def test_nothing_can_be_pressed_that_cannot_work_yet(widget: Any) -> None:
         "pointOn",
         "pointOff",
         "brushOn",
+        "diameter",
         "eraser",
     )
     assert not any(getattr(widget.ui, f"{name}Button").isEnabled() for name in waiting)
@@ -229,6 +231,52 @@ def test_regions_in_any_slice_view_become_a_few_points_in_one_step(widget: Any, 
     assert widget.panel.session.classes[0].negative == ()
     widget.ui.undoButton.click()
     assert widget.panel.session.classes[0].positive == ()
+
+
+def test_a_line_across_a_structure_in_any_slice_view_becomes_points_inside_and_outside_in_one_step(
+    widget: Any, host: Host
+) -> None:
+    add_class(widget)
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_M)
+    assert widget.ui.diameterButton.isChecked()
+    drag("Red", (60, 100), (90, 120), (140, 100))
+    state = widget.panel.session.classes[0]
+    # The view has pixels of 1 mm.
+    inside, outside = points_of_diameter(np.array([[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(np.abs(state.positive), np.abs(inside), atol=1.0)
+    np.testing.assert_allclose(np.abs(state.negative), np.abs(outside), atol=1.0)
+    drag("Green", (100, 60), (100, 140))
+    assert len(widget.panel.session.classes[0].positive) == 2 * len(inside)
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0] == state
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0].negative == widget.panel.session.classes[0].positive == ()
+    QTest.keyClick(host.window, Qt.Key.Key_M)
+    assert not widget.ui.diameterButton.isChecked()
+    drag("Red", (60, 100), (140, 100))
+    assert widget.panel.session.classes[0].positive == ()
+
+
+def test_a_click_with_a_tool_that_draws_tells_to_drag_until_something_is_drawn(widget: Any) -> None:
+    add_class(widget)
+    for button in (widget.ui.diameterButton, widget.ui.lassoOnButton):
+        button.click()
+        before = widget.panel.session.classes
+        drag("Red", (60, 100), (61, 100))
+        assert "Hold the left button down" in widget.ui.messageLabel.text()
+        assert widget.panel.session.classes == before
+        drag("Red", (60, 100), (140, 100), (100, 140))
+        assert not widget.ui.messageFrame.isVisible()
+
+
+def test_a_diameter_beside_the_volume_is_said_to_be_there_and_adds_nothing(ready: Any) -> None:
+    add_class(ready)
+    ready.ui.diameterButton.click()
+    drag("Red", (5, 5), (40, 40))
+    assert "no points were added" in ready.ui.messageLabel.text()
+    assert ready.panel.session.classes[0].negative == ()
 
 
 def test_a_region_beside_the_volume_is_said_to_be_there_and_adds_nothing(ready: Any) -> None:

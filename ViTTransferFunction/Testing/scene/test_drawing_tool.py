@@ -1,14 +1,15 @@
-"""A line or a box drawn in a slice view becomes an outline in the patient, and is seen while it is drawn."""
+"""A lasso, a box or a line drawn in a slice view becomes corners in the patient, and is seen while it is drawn."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 import vtk
 
-from ViTTransferFunction.Logic.scene.region_tool import RegionTool, Shape
+from ViTTransferFunction.Logic.scene.drawing_tool import DrawingTool, Shape
+from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.views import Views, pixels
 
 COLOR = (0.0, 1.0, 0.0)
@@ -24,15 +25,19 @@ class Stage:
         self.node.JumpSliceByOffsetting(0.0, 0.0, 20.0)
         self.interactor = self.view.interactor()
         self.outlines: list[np.ndarray] = []
+        self.clicks = 0
         self.draws = 0
 
-    def tool(self, shape: Shape) -> RegionTool:
-        tool = RegionTool(self.interactor, self.node, self.draw, shape, COLOR, self.outlines.append)
+    def tool(self, shape: Shape) -> DrawingTool:
+        tool = DrawingTool(self.interactor, self.node, self.draw, shape, COLOR, self.outlines.append, self.click)
         tool.activate()
         return tool
 
     def draw(self) -> None:
         self.draws += 1
+
+    def click(self) -> None:
+        self.clicks += 1
 
     def mouse(self, event: str, x: int, y: int) -> None:
         self.interactor.SetEventInformation(x, y, 0, 0)
@@ -52,6 +57,25 @@ class Stage:
         to_xy = vtk.vtkMatrix4x4()
         vtk.vtkMatrix4x4.Invert(self.node.GetXYToRAS(), to_xy)
         return np.array([to_xy.MultiplyPoint((*point, 1.0))[:2] for point in outline_ras])
+
+    def mm_per_pixel(self) -> float:
+        return float(self.node.GetXYToRAS().GetElement(1, 1))
+
+    def text(self) -> str | None:
+        """What is written in the view, while anything is."""
+        written = self._text_actor()
+        return written.GetInput() if written is not None else None
+
+    def box_of_text(self) -> tuple[int, int, int, int]:
+        """Where it is written: first and last column and row."""
+        written, box = self._text_actor(), [0, 0, 0, 0]
+        written.GetBoundingBox(self.view.renderer(), box)
+        (x, y), (left, right, bottom, top) = written.GetPosition(), box
+        return round(x + left), round(x + right), round(y + bottom), round(y + top)
+
+    def _text_actor(self) -> Any:
+        actors = self.view.renderer().GetActors2D()
+        return next((actor for actor in actors if isinstance(actor, vtk.vtkTextActor) and actor.GetVisibility()), None)
 
     def drawn(self) -> np.ndarray:
         """Which pixels have the outline's colour."""
@@ -104,12 +128,24 @@ def test_a_box_has_its_corners_where_the_button_was_pressed_and_released(stage: 
     assert len(corners) == 4
 
 
-@pytest.mark.parametrize("shape", ["lasso", "box"])
-def test_a_click_is_no_region(stage: Stage, shape: Shape) -> None:
+def test_a_line_has_its_ends_where_the_button_was_pressed_and_released(stage: Stage) -> None:
+    stage.tool("line")
+    stage.drag((90, 40), (20, 20), (30, 100))
+    (ends,) = stage.outlines
+    np.testing.assert_allclose(stage.on_screen(ends), [(90, 40), (30, 100)], atol=1e-6)
+    np.testing.assert_allclose(ends[:, 2], 20.0)
+
+
+@pytest.mark.parametrize("shape", get_args(Shape))
+def test_a_click_draws_nothing_and_is_told_of(stage: Stage, shape: Shape) -> None:
     stage.tool(shape)
     stage.drag((40, 40))
     stage.drag((40, 40), (42, 41))
     assert stage.outlines == []
+    assert stage.clicks == 2
+    stage.drag((40, 40), (90, 45), (80, 90))
+    assert len(stage.outlines) == 1
+    assert stage.clicks == 2
 
 
 def test_the_outline_is_seen_while_it_is_drawn_and_not_after(stage: Stage) -> None:
@@ -130,6 +166,47 @@ def test_the_outline_is_seen_while_it_is_drawn_and_not_after(stage: Stage) -> No
     assert not stage.drawn().any()
     stage.mouse("LeftButtonReleaseEvent", 100, 90)
     assert len(stage.outlines) == 1
+
+
+def test_a_line_is_open_and_seen_with_its_length_until_the_tool_is_given_up(stage: Stage) -> None:
+    tool = stage.tool("line")
+    before = pixels(stage.view)
+    stage.press_and_move((40, 50), (60, 60), (100, 90))
+    drawn = stage.drawn()
+    rows, columns = np.nonzero(drawn)
+    assert [columns.min(), columns.max(), rows.min(), rows.max()] == pytest.approx([40, 100, 50, 90], abs=2)
+    assert drawn[68:73, 70].any()
+    assert not drawn[50:54, 70].any()
+    length_mm = np.hypot(60, 40) * stage.mm_per_pixel()
+    assert stage.text() == f"{length_mm:.1f} mm"
+    tool.deactivate()
+    assert (pixels(stage.view) == before).all()
+    stage.mouse("LeftButtonReleaseEvent", 100, 90)
+    assert stage.outlines == []
+    stage.tool("box")
+    stage.press_and_move((40, 50), (100, 90))
+    assert stage.text() is None
+
+
+@pytest.mark.parametrize("gray", [0, 255])
+@pytest.mark.parametrize("end", [(120, 60), (60, 120), (30, 60), (60, 30), (158, 158), (2, 158), (2, 2), (158, 2)])
+def test_the_length_of_a_line_can_be_read_on_black_and_white_wherever_it_ends(
+    stage: Stage, gray: int, end: tuple[int, int]
+) -> None:
+    set_image(stage.views.volume, np.full((40, 40, 40), gray, np.int16), np.eye(4))
+    stage.tool("line")
+    stage.press_and_move((80, 80), end)
+    picture = pixels(stage.view)
+    left, right, bottom, top = stage.box_of_text()
+    # All of it is seen, beside the end.
+    assert left >= 0
+    assert bottom >= 0
+    assert max(right, top) <= 160
+    beside = max(left - end[0], end[0] - right, 0), max(bottom - end[1], end[1] - top, 0)
+    assert np.hypot(*beside) < 30
+    written = picture[bottom : top + 1, left : right + 1].min(axis=2)
+    assert 0.05 < (written > 200).mean() < 0.5
+    assert (written < 130).mean() > 0.5
 
 
 def test_the_view_does_not_react_while_the_user_draws(stage: Stage) -> None:

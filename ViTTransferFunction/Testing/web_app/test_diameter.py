@@ -1,0 +1,106 @@
+"""A line across a structure, drawn in the browser: what is seen of it, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("trame_slicer.core")
+pytest.importorskip("psutil")
+
+from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
+from ViTTransferFunction.Testing.support.web_app import AppPage
+from ViTTransferFunction.WebApp.app import WebApp
+
+Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
+NO_KEYS = [False, False, False]
+SCROLL_BAR_PX = 11
+
+
+def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        view = app.views.slices[0]
+        view.render_window().SetSize(300, 200)
+        view.reset_view()
+        app.actions("addClass")
+        app.actions("diameter")
+        app.views.use("Red", [["move", [0.4, 0.5], NO_KEYS], ["press", [0.4, 0.5], NO_KEYS, "left"]])
+        app.views.use("Red", [["move", [0.5, 0.4], NO_KEYS], ["move", [0.6, 0.5], NO_KEYS]])
+        assert app.session.classes[0].positive == ()
+        app.views.use("Red", [["release", [0.6, 0.5], NO_KEYS, "left"], ["leave", [0.6, 0.5], NO_KEYS]])
+        to_ras = view.get_view_node().GetXYToRAS()
+        ends = np.array([to_ras.MultiplyPoint((share * 300, 100.0, 0.0, 1.0))[:3] for share in (0.4, 0.6)])
+        inside, outside = points_of_diameter(ends)
+        (structure,) = app.session.classes
+        np.testing.assert_allclose(structure.positive, inside, atol=0.5)
+        np.testing.assert_allclose(structure.negative, outside, atol=0.5)
+        app.actions("undo")
+        (structure,) = app.session.classes
+        assert (structure.positive, structure.negative) == ((), ())
+
+    opened(journey)
+
+
+@pytest.mark.slow
+def test_in_a_browser_a_line_is_seen_while_it_is_drawn_and_one_undo_takes_its_points_back(at_noise: AppPage) -> None:
+    page = at_noise
+    high = page["window-high"].input_value()
+    page["add-class"].click()
+    page["class-0"].wait_for()
+    page.page.keyboard.press("m")
+    page.page.wait_for_function("window.trame.state.get('tool') === 'diameter'")
+    assert page["tool-diameter"].get_attribute("aria-pressed") == "true"
+    for width in (1024, 1280):
+        page.page.set_viewport_size({"width": width, "height": 800})
+        page.wait_for_drawing()
+        assert tools_fit(page)
+        page.keep_picture(f"tools at {width}")
+    box = page["view-Red"].bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.page.mouse.move(x - 50, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x, y + 10)
+    page.page.mouse.move(x + 50, y)
+    # While the button is held.
+    page.wait_for_picture("Red", lambda picture: is_blue(picture).sum() > 60)
+    page.keep_picture("diameter drawn")
+    page.page.mouse.up()
+    page.wait_for_state("classes[0].positive > 0 && classes[0].negative > 0")
+    page.wait_for_picture("Red", lambda picture: is_blue(picture).sum() < 60)
+    page.keep_picture("points of a diameter")
+    page["undo"].click()
+    page.wait_for_state("classes[0].positive === 0 && classes[0].negative === 0")
+    assert page["window-high"].input_value() == high
+
+    # With a finger, which begins to draw as soon as it has moved.
+    browser = page.page.context.new_cdp_session(page.page)
+    for name, places in (
+        ("touchStart", [x - 50]), ("touchMove", [x - 30]), ("touchMove", [x]), ("touchMove", [x + 50]), ("touchEnd", []),
+    ):  # fmt: skip
+        points = [{"x": column, "y": y, "id": 0} for column in places]
+        browser.send("Input.dispatchTouchEvent", {"type": name, "touchPoints": points})
+    page.wait_for_state("classes[0].positive > 0 && classes[0].negative > 0")
+    page["undo"].click()
+    page.wait_for_state("classes[0].positive === 0 && classes[0].negative === 0")
+
+    # A click says what to do.
+    page.click_in("Red", box["width"] / 2, box["height"] / 2)
+    page.wait_for_state("message.includes('Hold the left button down')")
+    page.wait_for_state("classes[0].positive === 0")
+
+
+def is_blue(picture: np.ndarray) -> np.ndarray:
+    """Where a view shows the line's colour."""
+    red, _, blue = np.moveaxis(picture.astype(int), 2, 0)
+    return blue - red > 100
+
+
+def tools_fit(page: AppPage) -> bool:
+    """Whether all tools stand in one row, beside a scroll bar, which browsers with a window have."""
+    row = page["tool-eraser"].locator("xpath=..").bounding_box()
+    boxes = [tool.bounding_box() for tool in page.page.locator("[data-testid^=tool-]").all()]
+    right = max(box["x"] + box["width"] for box in boxes)
+    return len({box["y"] for box in boxes}) == 1 and right <= row["x"] + row["width"] - SCROLL_BAR_PX
