@@ -51,7 +51,7 @@ class DrawingTool:
         self._on_click = on_click
         self._draw = draw
         self._path: list[tuple[float, float]] = []
-        self._outline = DrawnOutline(color, closed=shape != "line")
+        self._outline = DrawnOutline(color)
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""

@@ -14,15 +14,13 @@ TEXT_DISTANCE_PIXELS = 14.0
 
 
 class DrawnOutline:
-    """Lines from corner to corner in a renderer, in its pixels.
+    """A closed line in a renderer, in its pixels; one of two corners is straight.
 
     Args:
-        color: of the lines.
-        closed: whether the last corner is joined to the first.
+        color: of the line.
     """
 
-    def __init__(self, color: Color, closed: bool) -> None:
-        self._closed = closed
+    def __init__(self, color: Color) -> None:
         self._renderer: vtk.vtkRenderer | None = None
         self._lines = vtk.vtkPolyData()
         mapper = vtk.vtkPolyDataMapper2D()
@@ -44,16 +42,15 @@ class DrawnOutline:
             renderer.AddViewProp(self._text)
 
     def show(self, corners: np.ndarray, text: str = "") -> None:
-        """Go through these corners (N, 2), pixels of the renderer's window; with a text beside the last one."""
+        """Go through these corners (N, 2), pixels of the renderer's window, and back to the first; text beside the last one."""
         if self._renderer is None:
             return
         corners = corners - np.array(self._renderer.GetOrigin())
         points, cells = vtk.vtkPoints(), vtk.vtkCellArray()
         for x, y in corners:
             points.InsertNextPoint(x, y, 0.0)
-        indices = (*range(len(corners)), *([0] if self._closed else []))
-        cells.InsertNextCell(len(indices))
-        for index in indices:
+        cells.InsertNextCell(len(corners) + 1)
+        for index in (*range(len(corners)), 0):
             cells.InsertCellPoint(index)
         self._lines.SetPoints(points)
         self._lines.SetLines(cells)

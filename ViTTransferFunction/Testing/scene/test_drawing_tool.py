@@ -168,7 +168,7 @@ def test_the_outline_is_seen_while_it_is_drawn_and_not_after(stage: Stage) -> No
     assert len(stage.outlines) == 1
 
 
-def test_a_line_is_open_and_seen_with_its_length_until_the_tool_is_given_up(stage: Stage) -> None:
+def test_a_line_is_seen_with_its_length_until_the_tool_is_given_up(stage: Stage) -> None:
     tool = stage.tool("line")
     before = pixels(stage.view)
     stage.press_and_move((40, 50), (60, 60), (100, 90))
