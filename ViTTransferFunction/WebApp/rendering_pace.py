@@ -10,6 +10,8 @@ import slicer
 from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactory
 from trame_slicer.views import ScheduledRenderStrategy
 
+from .pixel_density import follow_density
+
 PICTURES_PER_S = 30.0
 """At most, in the view that the mouse is in."""
 PICTURES_PER_S_ELSEWHERE = 15.0
@@ -114,6 +116,7 @@ class PatientSliceViewFactory(RemoteSliceViewFactory):
     def _create_view(self, view: Any, scene: Any, app_logic: Any) -> Any:
         created = super()._create_view(view, scene, app_logic)
         created.slicer_view.set_scheduled_render(EnteredFirst(created.view_adapter, self._is_urgent))
+        follow_density(created.slicer_view, created.view_adapter)
         return created
 
 

@@ -7,10 +7,12 @@ import vtk
 
 from ..core.colors import Color
 
-FONT_SIZE = 14
-"""In points: a screen with smaller pixels shows as large a text."""
-TEXT_DISTANCE_PIXELS = 14.0
+LINE_POINTS = 2.0
+"""Width of the line, in points as the other sizes: pixels of ordinary screens. Denser ones show it as large."""
+FONT_POINTS = 14
+TEXT_DISTANCE_POINTS = 14.0
 """Between the text and the line: beside the mouse's pointer, not below it."""
+POINTS_PER_INCH = 72.0
 
 
 class DrawnOutline:
@@ -28,7 +30,6 @@ class DrawnOutline:
         self._actor = vtk.vtkActor2D()
         self._actor.SetMapper(mapper)
         self._actor.GetProperty().SetColor(*color)
-        self._actor.GetProperty().SetLineWidth(2.0)
         self._text = _text_actor()
 
     def add_to(self, renderer: vtk.vtkRenderer | None) -> None:
@@ -36,6 +37,7 @@ class DrawnOutline:
         self.remove()
         self._renderer = renderer
         self._lines.Initialize()
+        self._actor.GetProperty().SetLineWidth(LINE_POINTS * self._pixels_per_point)
         self._text.VisibilityOff()
         if renderer is not None:
             renderer.AddViewProp(self._actor)
@@ -63,6 +65,10 @@ class DrawnOutline:
             self._renderer.RemoveViewProp(self._text)
             self._renderer = None
 
+    @property
+    def _pixels_per_point(self) -> float:
+        return self._renderer.GetRenderWindow().GetDPI() / POINTS_PER_INCH if self._renderer is not None else 1.0
+
     def _show_text(self, text: str, corners: np.ndarray) -> None:
         """Left of the last corner, seen along the way there: it covers neither the line nor what the mouse aims at."""
         self._text.SetVisibility(bool(text))
@@ -73,7 +79,7 @@ class DrawnOutline:
         self._text.GetSize(self._renderer, size)
         way = corners[-1] - corners[0]
         to_left = np.array([-way[1], way[0]]) / max(np.hypot(*way), 1.0)
-        middle = corners[-1] + to_left * (np.abs(to_left) @ size / 2 + TEXT_DISTANCE_PIXELS)
+        middle = corners[-1] + to_left * (np.abs(to_left) @ size / 2 + TEXT_DISTANCE_POINTS * self._pixels_per_point)
         self._text.SetPosition(*np.clip(middle, size / 2, np.maximum(np.array(self._renderer.GetSize()) - size / 2, size / 2)))
 
 
@@ -81,7 +87,7 @@ def _text_actor() -> vtk.vtkTextActor:
     """White on dark, to be read on any image; its position is its middle."""
     actor = vtk.vtkTextActor()
     look = actor.GetTextProperty()
-    look.SetFontSize(FONT_SIZE)
+    look.SetFontSize(FONT_POINTS)
     look.BoldOn()
     look.SetColor(1.0, 1.0, 1.0)
     look.SetBackgroundColor(0.0, 0.0, 0.0)

@@ -209,6 +209,18 @@ def test_the_length_of_a_line_can_be_read_on_black_and_white_wherever_it_ends(
     assert (written < 130).mean() > 0.5
 
 
+def test_the_length_of_a_line_has_its_size_on_screens_with_dense_pixels(stage: Stage) -> None:
+    stage.tool("line")
+    heights = []
+    for dpi in (72, 144):
+        stage.view.render_window().SetDPI(dpi)
+        stage.press_and_move((80, 60), (100, 60))
+        _, _, bottom, top = stage.box_of_text()
+        heights.append(top - bottom)
+        assert bottom - 60 == pytest.approx(14 * dpi / 72, abs=3)
+    assert heights[1] / heights[0] == pytest.approx(2.0, abs=0.2)
+
+
 def test_the_view_does_not_react_while_the_user_draws(stage: Stage) -> None:
     reactions: list[str] = []
     for event in ("LeftButtonPressEvent", "MouseMoveEvent", "LeftButtonReleaseEvent"):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,50 @@ def test_in_a_browser_a_line_is_seen_while_it_is_drawn_and_one_undo_takes_its_po
     page.click_in("Red", box["width"] / 2, box["height"] / 2)
     page.wait_for_state("message.includes('Hold the left button down')")
     page.wait_for_state("classes[0].positive === 0")
+
+
+@pytest.fixture(params=[1, 2])
+def on_screen(request: pytest.FixtureRequest, browser: Any, noise_server: Any, pictures: Path) -> Iterator[tuple[AppPage, int]]:
+    """A page that shows noise, on screens of so many pixels per point, of which ordinary ones have one."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, device_scale_factor=request.param)
+    page = AppPage(context.new_page(), pictures)
+    page.page.goto(noise_server.address)
+    page.wait_for_state("volume_name === 'noise' && opening === ''")
+    yield page, request.param
+    context.close()
+
+
+@pytest.mark.slow
+def test_the_length_is_as_large_on_screens_with_dense_pixels(on_screen: tuple[AppPage, int]) -> None:
+    page, pixels_per_point = on_screen
+    if not page["tool-diameter"].is_visible():
+        page["add-class"].click()
+    page["tool-pointOff"].click()
+    page["tool-diameter"].click()
+    page.page.wait_for_function("window.trame.state.get('tool') === 'diameter'")
+    box = page["view-Red"].bounding_box()
+    x, y = box["width"] / 2, box["height"] / 2
+
+    def white_rows(picture: np.ndarray) -> float:
+        """How many rows above where the line ends have something white, in points."""
+        top, bottom, left, right = (round(pixels_per_point * place) for place in (y - 60, y - 5, x - 10, x + 110))
+        return float((picture[top:bottom, left:right].min(axis=2) > 200).any(axis=1).sum()) / pixels_per_point
+
+    page.wait_for_picture("Red", lambda picture: white_rows(picture) > 0)
+    for end, value in (("high", "10001"), ("low", "10000")):
+        page[f"window-{end}"].fill(value)
+        page[f"window-{end}"].press("Enter")
+    page.wait_for_picture("Red", lambda picture: white_rows(picture) == 0)
+    page.page.mouse.move(box["x"] + x - 50, box["y"] + y)
+    page.page.mouse.down()
+    page.page.mouse.move(box["x"] + x + 50, box["y"] + y)
+    # The digits of letters of 14 points.
+    page.wait_for_picture("Red", lambda picture: 8 <= white_rows(picture) <= 13)
+    page.keep_picture(f"length with {pixels_per_point} pixels per point")
+    page.page.mouse.up()
+    page.page.keyboard.press("z")
+    page["window-0"].click()
+    page.wait_for_picture("Red", lambda picture: white_rows(picture) > 0)
 
 
 def is_blue(picture: np.ndarray) -> np.ndarray:
