@@ -37,9 +37,15 @@ def write_report(report: dict[str, Any], runs: Sequence[Run], folder: Path) -> N
 
 
 def summary(runs: Sequence[Run]) -> dict[str, Any]:
-    """The figures that are tracked: the mean of all cases, by way and number of gestures."""
+    """The figures that are tracked, by way and number of gestures: the mean of all cases; of each case, mean and its spread."""
     cases = names_of(runs, "case")
-    return {way: {count: round(_of_all(runs, cases, way, count), DIGITS) for count in GESTURES} for way in WAYS}
+    return {
+        "mean": {way: {count: round(_of_all(runs, cases, way, count), DIGITS) for count in GESTURES} for way in WAYS},
+        "cases": {
+            case: {way: {count: _pair(_of_case(runs, case, way, count)) for count in GESTURES} for way in WAYS}
+            for case in cases
+        },
+    }
 
 
 def text(report: dict[str, Any], runs: Sequence[Run]) -> str:
@@ -80,6 +86,10 @@ def _of_all(runs: Sequence[Run], cases: Sequence[str], way: str, count: str) -> 
 def _of_case(runs: Sequence[Run], case: str, way: str, count: str) -> Spread:
     of_paths = [run["rounds"][count].values() for run in _runs_of(runs, case, way)]
     return spread([float(np.mean([metrics["dice"] for metrics in structures])) for structures in of_paths])
+
+
+def _pair(found: Spread) -> list[float | None]:
+    return [round(found.mean, DIGITS), None if found.sd is None else round(found.sd, DIGITS)]
 
 
 def _of_structure(runs: Sequence[Run], case: str, name: str, way: str, count: str) -> float:

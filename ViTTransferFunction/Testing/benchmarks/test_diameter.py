@@ -85,4 +85,5 @@ def test_the_report_has_each_way_by_gestures(tmp_path: Path) -> None:
     assert "| scan | 0.580 ± 0.014 |" in text
     assert "| liver | 0.630 |" in text
     summary = json.loads((tmp_path / "diameter.json").read_text(encoding="utf-8"))["summary"]
-    assert (summary[CLICKS]["1"], summary[DIAMETER]["1"]) == pytest.approx((0.58, 0.68))
+    assert (summary["mean"][CLICKS]["1"], summary["mean"][DIAMETER]["1"]) == pytest.approx((0.58, 0.68))
+    assert summary["cases"]["scan"][DIAMETER]["1"] == pytest.approx([0.68, 0.0141], abs=1e-4)

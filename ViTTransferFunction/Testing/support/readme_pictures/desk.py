@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,15 @@ from trame_slicer.views.render_scheduler import NoScheduleRendering
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.drawing_tool import DrawingTool
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.views import look_from, pixels, slice_pixel
 
 MODEL = "dinov2_vits14_focus"
 """The model of the pictures: the one that a computer can have that reaches the Python package index alone."""
+LINE_COLOR = (0.17, 0.51, 0.78)
+"""Of the tool *Diameter*."""
 ORIENTATIONS = ("axial", "coronal", "sagittal")
 _VIEW_ANGLE_DEGREES = 30.0
 
@@ -100,6 +104,22 @@ class Desk:
     def click(self, id_: str, ras: Sequence[float], positive: bool) -> None:
         """Place a point of a structure."""
         self.session.annotations.add_points(id_, np.array([ras]), positive=positive)
+
+    def drag_diameter(self, id_: str, name: str, width: int, height: int, ends_ras: Sequence[Sequence[float]]) -> np.ndarray:
+        """Drag a diameter of a structure across a slice view of this size; returns the view before the button is released."""
+        self._arrange(name, width, height)
+        view = self._views[name]
+        add = partial(self.session.regions.add_diameter, id_)
+        tool = DrawingTool(view.interactor(), view.get_view_node(), lambda: None, "line", LINE_COLOR, add, lambda: None)
+        tool.activate()
+        places = [slice_pixel(view, np.array(end))[::-1] for end in ends_ras]
+        for event, (x, y) in zip(("LeftButtonPressEvent", "MouseMoveEvent"), places, strict=True):
+            view.interactor().SetEventInformation(x, y, 0, 0)
+            view.interactor().InvokeEvent(event)
+        dragged = self.view(name, width, height)
+        view.interactor().InvokeEvent("LeftButtonReleaseEvent")
+        tool.deactivate()
+        return dragged
 
     def wait_for_overlay(self, id_: str) -> None:
         """Wait for the first answer to a structure's first click, which is coarse."""

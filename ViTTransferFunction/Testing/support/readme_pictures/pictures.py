@@ -29,6 +29,9 @@ CLICKS_LOOK = replace(ABDOMEN_CT.look, width_mm=360.0, centre_3d_ras=(8.0, -245.
 CLOSER_LOOK = replace(
     ABDOMEN_CT.look, centre_ras=(30.0, -250.0, 1115.0), width_mm=220.0, centre_3d_ras=(30.0, -250.0, 1120.0), height_3d_mm=260.0
 )
+DIAMETER_LOOK = replace(ABDOMEN_CT.look, centre_ras=(78.0, -222.0, 1130.0), width_mm=150.0)
+GALLBLADDER_CLICK = (79.0, -231.0, 1130.0)
+GALLBLADDER_ENDS = ((68.5, -239.0, 1130.0), (86.5, -211.0, 1130.0))
 
 Dice = dict[str, float]
 
@@ -101,6 +104,25 @@ def closer_look(data: Path, out: Path) -> Dice:
     return _finish(desk, ABDOMEN_CT, data)
 
 
+def diameter(data: Path, out: Path) -> Dice:
+    """A gallbladder by one click, and by a line dragged across it."""
+    desk, (gallbladder, *_) = _ready_desk(ABDOMEN_CT, "amos_0336_closer.json", data)
+    desk.look = DIAMETER_LOOK
+    desk.look_at(GALLBLADDER_CLICK)
+    size = STEP_VIEW
+    id_ = desk.add_structure(gallbladder)
+    desk.click(id_, GALLBLADDER_CLICK, positive=True)
+    desk.settle()
+    clicked = captioned("One click", desk.view("axial", size, size))
+    desk.session.annotations.remove_last_point(id_)
+    desk.settle()
+    dragged = captioned("Instead: its diameter, dragged across", desk.drag_diameter(id_, "axial", size, size, GALLBLADDER_ENDS))
+    desk.settle()
+    found = captioned("What that finds", desk.view("axial", size, size))
+    save_small(row(clicked, dragged, found), out / "diameter.png")
+    return _finish(desk, ABDOMEN_CT, data)
+
+
 def estimate(data: Path, out: Path) -> Dice:
     """The tutorial's first step: the panel says what the features of the torso CT will cost."""
     with tempfile.TemporaryDirectory() as folder:
@@ -167,6 +189,7 @@ DRAWINGS: dict[str, Callable[[Path, Path], Dice]] = {
     "opening": opening,
     "clicks": three_clicks,
     "closer": closer_look,
+    "diameter": diameter,
     "estimate": estimate,
     "ct": ct_tutorial,
     "mr": mr_tutorial,
