@@ -68,7 +68,7 @@ def add_arguments(subparsers: Subparsers) -> None:
         metavar="NAME=L.mrk.json",
         action="append",
         default=[],
-        help="a Slicer point list on a structure; again for each",
+        help="a Slicer point list on a structure, or a line across it; again for each",
     )
     parser.add_argument("--negative", metavar="NAME=N.mrk.json", action="append", default=[], help="a Slicer point list off it")
     parser.add_argument(
@@ -162,7 +162,8 @@ def _read_classes(args: argparse.Namespace, geometry: Geometry) -> list[Annotate
         if args.negative:
             raise InputError("--negative goes with --positive; with --annotations, put negative points into the file.")
         return read_annotations(args.annotations, geometry)
-    return classes_from_markups(parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative"))
+    positive, negative = parse_named_paths(args.positive, "--positive"), parse_named_paths(args.negative, "--negative")
+    return classes_from_markups(positive, negative, geometry)
 
 
 def _map_writer(folder: Path | None, geometry: Geometry) -> Callable[[ClassRequest, RefinedMap], None] | None:

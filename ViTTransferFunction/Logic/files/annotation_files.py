@@ -14,6 +14,7 @@ from ..core.atomic_file import replacing
 from ..core.class_request import ClassRequest, as_points, check_name, no_points
 from ..core.close_up import CloseUp
 from ..core.colors import Color, default_color
+from ..core.diameter_points import points_of_diameter
 from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.given_numbers import FARTHEST, is_number
@@ -98,8 +99,12 @@ def _close_up_entry(annotated: AnnotatedClass) -> dict[str, Any] | bool | None:
     return None if close_up is None else {"center": close_up.centre_ras, "size_mm": close_up.size_mm}
 
 
-def read_markups(path: Path) -> np.ndarray:
-    """Control points of a Slicer markups file (`.mrk.json`), (N, 3) RAS millimetres; only points that were placed.
+def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
+
+    Returns:
+        Points (N, 3) and, beyond the ends of lines, which are diameters of what they are about, points (M, 3) outside; RAS
+        millimetres.
 
     Raises:
         InputError: unreadable, not a markups file, or of markups that enclose what they are about.
@@ -109,16 +114,26 @@ def read_markups(path: Path) -> np.ndarray:
     content = read_json(path)
     try:
         _check_points(content["markups"], path)
-        lists = [
-            transform_points(_markups_to_ras(markup, path), as_points(_placed(markup["controlPoints"]), f"points of {path}"))
-            for markup in content["markups"]
-        ]
+        lists = [_points_of(markup, path) for markup in content["markups"]]
     except (LookupError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path} is not a Slicer markups file (.mrk.json), which has control points with their positions under 'markups'. "
             "Save the point list again in Slicer."
         ) from error
-    return np.concatenate([no_points(), *lists])
+    inside, outside = zip((no_points(), no_points()), *lists, strict=True)
+    return np.concatenate(inside), np.concatenate(outside)
+
+
+def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarray]:
+    points = as_points(_placed(markup["controlPoints"]), f"points of {path}")
+    points_ras = transform_points(_markups_to_ras(markup, path), points)
+    if markup.get("type") != _LINE:
+        return points_ras, no_points()
+    if len(points_ras) != 2:
+        raise InputError(
+            f"{path} holds a line with {len(points_ras)} of its ends placed; expected 2. Draw it to its end in Slicer."
+        )
+    return points_of_diameter(points_ras)
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
@@ -132,28 +147,43 @@ def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
 
 
 _ENCLOSING = ("ClosedCurve", "ROI", "Plane")
+_LINE = "Line"
 
 
 def _placed(points: list[dict[str, Any]]) -> list[Any]:
     return [point["position"] for point in points if point.get("positionStatus", "defined") == "defined"]
 
 
-def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path]) -> list[AnnotatedClass]:
-    """Classes from Slicer point lists, one file for each class and polarity.
+def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], geometry: Geometry) -> list[AnnotatedClass]:
+    """Classes from Slicer's markups, one file for each class and polarity.
+
+    Args:
+        positive: file of each class: its points, or lines across it.
+        negative: of some of them: points that are not of the class.
+        geometry: of the annotated volume. Points that stand for what is outside a line, and lie beyond it, are left out.
 
     Raises:
-        InputError: a negative list belongs to no class, or a file is not a markups file.
+        InputError: a negative list belongs to no class or has lines, or a file is not a markups file.
     """
     strangers = sorted(negative.keys() - positive.keys())
     if strangers:
         raise InputError(f"There are negative points for '{strangers[0]}' but no positive ones; give both for the class.")
-    return [
-        AnnotatedClass(
-            ClassRequest(name, read_markups(path), read_markups(negative[name]) if name in negative else no_points()),
-            default_color(index),
+    classes = []
+    for index, (name, path) in enumerate(positive.items()):
+        inside, beyond = read_markups(path)
+        off = _read_negative(negative[name]) if name in negative else no_points()
+        outside = np.concatenate([off, beyond[geometry.contains(beyond)]])
+        classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index)))
+    return classes
+
+
+def _read_negative(path: Path) -> np.ndarray:
+    points, beyond = read_markups(path)
+    if len(beyond):
+        raise InputError(
+            f"{path} holds a line, which is the diameter of a structure; expected a point list. Give the line by --positive."
         )
-        for index, (name, path) in enumerate(positive.items())
-    ]
+    return points
 
 
 def _parse_class(entry: dict[str, Any], index: int, to_ras: np.ndarray, path: Path) -> AnnotatedClass:

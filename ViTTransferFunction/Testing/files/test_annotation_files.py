@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up import CloseUp
+from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.given_numbers import FARTHEST
@@ -302,26 +303,54 @@ def test_slicer_point_lists_give_their_placed_points_in_ras(tmp_path: Path) -> N
         {"position": [9.0, 9.0, 9.0], "positionStatus": "preview"},
     ]
     lps = write(tmp_path / "lps.mrk.json", markups(points, coordinateSystem="LPS"))
-    np.testing.assert_array_equal(read_markups(lps), [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(lps)[0], [[1.0, 2.0, 3.0]])
     ras = write(tmp_path / "ras.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
-    np.testing.assert_array_equal(read_markups(ras), [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(ras)[0], [[1.0, 2.0, 3.0]])
 
 
 def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
-    first, second = classes_from_markups({"liver": path, "spleen": path}, {"spleen": path})
+    first, second = classes_from_markups({"liver": path, "spleen": path}, {"spleen": path}, GEOMETRY)
     assert (first.name, len(first.request.negative)) == ("liver", 0)
     assert (second.name, len(second.request.negative)) == ("spleen", 1)
     assert first.color != second.color
     with pytest.raises(InputError, match="negative points for 'kidney'"):
-        classes_from_markups({"liver": path}, {"kidney": path})
+        classes_from_markups({"liver": path}, {"kidney": path}, GEOMETRY)
+
+
+def line(tmp_path: Path, *ends_ras: np.ndarray) -> Path:
+    points = [{"position": end.tolist()} for end in ends_ras]
+    return write(tmp_path / "line.mrk.json", markups(points, coordinateSystem="RAS", type="Line"))
+
+
+def test_a_line_that_was_measured_with_is_a_diameter(tmp_path: Path) -> None:
+    ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
+    (found,) = classes_from_markups({"lesion": line(tmp_path, *ends)}, {}, GEOMETRY)
+    inside, outside = points_of_diameter(ends)
+    np.testing.assert_allclose(found.request.positive, inside)
+    np.testing.assert_allclose(found.request.negative, outside)
+
+
+def test_what_lies_beyond_a_line_and_the_volume_is_left_out(tmp_path: Path) -> None:
+    ends = GEOMETRY.ijk_to_ras_points(np.array([[0.0, 15.0, 10.0], [20.0, 15.0, 10.0]]))
+    (found,) = classes_from_markups({"lesion": line(tmp_path, *ends)}, {}, GEOMETRY)
+    np.testing.assert_allclose(GEOMETRY.ras_to_ijk(found.request.negative), [[24.0, 15.0, 10.0]])
+
+
+def test_half_a_line_and_a_line_off_a_structure_are_refused(tmp_path: Path) -> None:
+    ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
+    with pytest.raises(InputError, match=r"a line with 1 of its ends placed; expected 2\."):
+        read_markups(line(tmp_path, ends[0]))
+    path = line(tmp_path, *ends)
+    with pytest.raises(InputError, match=r"holds a line, .* Give the line by --positive"):
+        classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
 
 
 @pytest.mark.parametrize("kind", ["Fiducial", "Curve", "ClosedCurve", "ROI"])
 def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [-1.0, -2.0, 3.0]}], type=kind))
     if kind in ("Fiducial", "Curve"):
-        np.testing.assert_array_equal(read_markups(path), [[1.0, 2.0, 3.0]])
+        np.testing.assert_array_equal(read_markups(path)[0], [[1.0, 2.0, 3.0]])
     else:
         with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list"):
             read_markups(path)
@@ -369,7 +398,7 @@ def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_
 @pytest.mark.parametrize("units", ["mm", ["mm", "UCUM", "millimeter"], "", None])
 def test_a_point_list_in_millimetres_is_read_however_it_says_so(tmp_path: Path, units: Any) -> None:
     points = markups([{"position": [-1.0, -2.0, 3.0]}], coordinateUnits=units)
-    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points)), [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points))[0], [[1.0, 2.0, 3.0]])
 
 
 @pytest.mark.parametrize("units", ["um", ["um", "UCUM", "micrometer"], "cm", 5])
