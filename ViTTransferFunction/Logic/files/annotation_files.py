@@ -133,7 +133,10 @@ def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarr
         raise InputError(
             f"{path} holds a line with {len(points_ras)} of its ends placed; expected 2. Draw it to its end in Slicer."
         )
-    return points_of_diameter(points_ras)
+    try:
+        return points_of_diameter(points_ras)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:

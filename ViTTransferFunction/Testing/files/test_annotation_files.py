@@ -341,6 +341,8 @@ def test_half_a_line_and_a_line_off_a_structure_are_refused(tmp_path: Path) -> N
     ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
     with pytest.raises(InputError, match=r"a line with 1 of its ends placed; expected 2\."):
         read_markups(line(tmp_path, ends[0]))
+    with pytest.raises(InputError, match=r"line\.mrk\.json: The diameter is 0 mm long"):
+        read_markups(line(tmp_path, ends[0], ends[0]))
     path = line(tmp_path, *ends)
     with pytest.raises(InputError, match=r"holds a line, .* Give the line by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
