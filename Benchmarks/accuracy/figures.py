@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from Benchmarks.accuracy.methods import DEFAULT
+from Benchmarks.accuracy.runs import DIGITS
 from Benchmarks.shared.report_tables import with_spread
 
 Run = dict[str, Any]
@@ -28,6 +29,11 @@ class Spread(NamedTuple):
     mean: float
     sd: float | None
     paths: int
+
+    @property
+    def pair(self) -> list[float | None]:
+        """Mean and standard deviation, rounded for a file."""
+        return [round(self.mean, DIGITS), None if self.sd is None else round(self.sd, DIGITS)]
 
     def __str__(self) -> str:
         return with_spread(self.mean, self.sd)

@@ -29,7 +29,7 @@ from Benchmarks.accuracy.report import write_report
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.other_cases import without_missing
+from Benchmarks.shared.other_cases import cases_there
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 
 Run = dict[str, Any]
@@ -43,11 +43,8 @@ def main() -> None:
     samples = TRUE_SAMPLES if options.true_samples else {}
     runs: list[Run] = []
     failures: list[Failure] = []
-    cases, missing = without_missing([case for case in ALL_CASES if case.name in options.cases], options.volumes)
     kept = KeptResults(options.keep and options.keep / options.preset)
-    if missing:
-        print(f"Not in {options.volumes}, and left out: {', '.join(missing)}. docs/RESULTS.md says where to get them.")
-    for case in cases:
+    for case in cases_there([case for case in ALL_CASES if case.name in options.cases], options.volumes):
         bench = CaseBench(case.name, case.read(options.volumes), weights, options.preset, options.rounds, kept)
         of_case = list(bench.measure(group_of(case.name), options.paths, methods, samples))
         runs += of_case

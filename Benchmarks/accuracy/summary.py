@@ -11,8 +11,6 @@ from Benchmarks.accuracy.comparison import methods_on
 from Benchmarks.accuracy.figures import COLUMNS, Figures, Spread, column_of, figures_of, names_of
 from Benchmarks.accuracy.goals import goals_reached
 
-DIGITS = 4
-
 Run = dict[str, Any]
 Pair = list[float | None]
 """Mean, and standard deviation between the paths; None for one path."""
@@ -74,9 +72,7 @@ def _dice(figures: Figures) -> dict[str, Any]:
 
 
 def _pair(found: Spread | None) -> Pair:
-    if found is None:
-        return [None, None]
-    return [round(found.mean, DIGITS), None if found.sd is None else round(found.sd, DIGITS)]
+    return [None, None] if found is None else found.pair
 
 
 def _changes(changes: Iterable[ClickChange]) -> dict[str, Any] | None:

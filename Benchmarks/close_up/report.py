@@ -11,6 +11,7 @@ import numpy as np
 
 from Benchmarks.accuracy.click_changes import LOSS
 from Benchmarks.accuracy.figures import Spread, spread
+from Benchmarks.accuracy.runs import DIGITS
 from Benchmarks.accuracy.summary import single_runs
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
@@ -20,7 +21,6 @@ WHOLE, CLOSE_UPS = "whole", "with close-ups"
 WAYS = (WHOLE, CLOSE_UPS)
 CLICKS = ("1", "3", "5")
 LAST = CLICKS[-1]
-DIGITS = 4
 
 HOW_TO_READ = f"""\
 Mean Dice ± standard deviation between the paths of clicks, where there are several: a difference within it says nothing. In
@@ -258,6 +258,4 @@ def _range(counts: Sequence[int]) -> str:
 
 
 def _pair(found: Spread | None) -> list[float | None] | None:
-    if found is None:
-        return None
-    return [round(found.mean, DIGITS), None if found.sd is None else round(found.sd, DIGITS)]
+    return None if found is None else found.pair

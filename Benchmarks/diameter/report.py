@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.accuracy.figures import Spread, names_of, spread
+from Benchmarks.accuracy.runs import DIGITS
 from Benchmarks.accuracy.summary import single_runs
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
@@ -20,7 +21,6 @@ GESTURES = ("1", "2", "3", "5")
 """After how many of them."""
 COLUMNS = [(way, count) for count in GESTURES for way in WAYS]
 HEADER = [f"{way} @{count}" for way, count in COLUMNS]
-DIGITS = 4
 
 HOW_TO_READ = """\
 Mean Dice over the structures ± standard deviation between the paths, after so many gestures on every structure. *Clicks*: each
@@ -42,8 +42,7 @@ def summary(runs: Sequence[Run]) -> dict[str, Any]:
     return {
         "mean": {way: {count: round(_of_all(runs, cases, way, count), DIGITS) for count in GESTURES} for way in WAYS},
         "cases": {
-            case: {way: {count: _pair(_of_case(runs, case, way, count)) for count in GESTURES} for way in WAYS}
-            for case in cases
+            case: {way: {count: _of_case(runs, case, way, count).pair for count in GESTURES} for way in WAYS} for case in cases
         },
     }
 
@@ -86,10 +85,6 @@ def _of_all(runs: Sequence[Run], cases: Sequence[str], way: str, count: str) -> 
 def _of_case(runs: Sequence[Run], case: str, way: str, count: str) -> Spread:
     of_paths = [run["rounds"][count].values() for run in _runs_of(runs, case, way)]
     return spread([float(np.mean([metrics["dice"] for metrics in structures])) for structures in of_paths])
-
-
-def _pair(found: Spread) -> list[float | None]:
-    return [round(found.mean, DIGITS), None if found.sd is None else round(found.sd, DIGITS)]
 
 
 def _of_structure(runs: Sequence[Run], case: str, name: str, way: str, count: str) -> float:

@@ -20,13 +20,14 @@ from Benchmarks.accuracy.cases import ALL_CASES, GROUPS
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import run_with_own_clicks
 from Benchmarks.diameter.report import CLICKS, WAYS, write_report
-from Benchmarks.own_scans.own_scan import SEGMENTATION_ENDING, own_scans
+from Benchmarks.own_scans.own_scan import OwnScan, own_scan_names
 from Benchmarks.shared.aim import persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.drawn_diameter import drawn_diameter
 from Benchmarks.shared.kept_results import KeptResults
-from Benchmarks.shared.labelled_cases import LabelledCase, LabelledVolume
+from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
+from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.sessions import load_features
 from Benchmarks.shared.simulated_clicker import Gesture
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
@@ -45,11 +46,9 @@ def main() -> None:
     """Measure on every case, and write what was measured."""
     options = _parser().parse_args()
     weights = weights_of(options)
-    cases: list[LabelledCase] = [case for case in ALL_CASES if case.name in options.cases]
-    if any(options.volumes.glob(f"*{SEGMENTATION_ENDING}")):
-        cases += own_scans(options.volumes)
+    cases = cases_there([case for case in ALL_CASES if case.name in options.cases], options.volumes)
     runs: list[Run] = []
-    for case in cases:
+    for case in (*cases, *map(OwnScan, own_scan_names(options.volumes))):
         bench = CaseBench(case.name, case.read(options.volumes), weights, KeptResults(options.keep))
         runs += bench.measure(options.paths)
     report = {"model": weights.model.name, "machine": machine(), "paths": options.paths}

@@ -57,11 +57,16 @@ def _named_scan(path: Path) -> str:
     return path.name[: -len(ending)] if ending else ""
 
 
-def own_scans(folder: Path) -> list[OwnScan]:
-    """All that have a segmentation in a folder, by name. Raises InputError where there is none."""
+def own_scan_names(folder: Path) -> list[str]:
+    """Those that have a segmentation in a folder."""
     # Beside each file that a Mac copies to a shared disk, it puts one with `._` in front.
     paths = [path for path in folder.glob(f"*{SEGMENTATION_ENDING}") if not path.name.startswith(".")]
-    names = sorted(path.name.removesuffix(SEGMENTATION_ENDING) for path in paths)
+    return sorted(path.name.removesuffix(SEGMENTATION_ENDING) for path in paths)
+
+
+def own_scans(folder: Path) -> list[OwnScan]:
+    """All that have a segmentation in a folder, by name. Raises InputError where there is none."""
+    names = own_scan_names(folder)
     if not names:
         raise InputError(
             f"{folder} has no NAME{SEGMENTATION_ENDING}; put scans there, NAME.nii.gz, and a segmentation beside each."

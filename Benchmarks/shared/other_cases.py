@@ -72,3 +72,11 @@ def without_missing(cases: Sequence[LabelledCase], folder: Path) -> tuple[list[L
     missing = [case.name for case in OTHERS if not (folder / case.volume).is_file()]
     left_out = [case.name for case in cases if case.name in missing]
     return [case for case in cases if case.name not in left_out], left_out
+
+
+def cases_there(cases: Sequence[LabelledCase], folder: Path) -> list[LabelledCase]:
+    """`without_missing`, and whoever measures is told what is left out."""
+    there, missing = without_missing(cases, folder)
+    if missing:
+        print(f"Not in {folder}, and left out: {', '.join(missing)}. docs/RESULTS.md says where to get them.")
+    return there

@@ -6,8 +6,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkCommand
 
-POINTS_PER_INCH = 72
-"""VTK's resolution where a point is a pixel, as one of a page is on an ordinary screen."""
+from ..Logic.scene.drawn_outline import POINTS_PER_INCH
 
 
 def follow_density(view: Any, adapter: Any) -> None:

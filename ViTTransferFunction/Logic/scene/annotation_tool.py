@@ -28,7 +28,7 @@ _SHAPES: dict[Tool, tuple[Shape, bool]] = {
     "diameter": ("line", True),
 }
 """What each tool that draws shapes draws, and whether it lies inside the structure."""
-_INSIDE_COLOR, _OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
+INSIDE_COLOR, OUTSIDE_COLOR = (0.17, 0.51, 0.78), (0.82, 0.34, 0.18)
 """Those of the tools' icons."""
 
 
@@ -119,7 +119,7 @@ class AnnotationTool:
         elif self.tool in _SHAPES:
             self._place_mode.stop()
             shape, inside = _SHAPES[self.tool]
-            color = _INSIDE_COLOR if inside else _OUTSIDE_COLOR
+            color = INSIDE_COLOR if inside else OUTSIDE_COLOR
             self._slice_tools.start(
                 lambda interactor, node, draw: DrawingTool(
                     interactor, node, draw, shape, color, self._add_drawn, self._tell_to_drag

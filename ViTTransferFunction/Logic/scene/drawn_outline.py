@@ -13,6 +13,7 @@ FONT_POINTS = 14
 TEXT_DISTANCE_POINTS = 14.0
 """Between the text and the line: beside the mouse's pointer, not below it."""
 POINTS_PER_INCH = 72.0
+"""VTK's resolution where a point is a pixel, as one of a page is on an ordinary screen."""
 
 
 class DrawnOutline:

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.accuracy.cases import ALL_CASES, GROUPS, group_of
@@ -13,7 +14,7 @@ from Benchmarks.shared.case_changes import thick_slices
 from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
-from Benchmarks.shared.other_cases import OTHERS, MaskCase, without_missing
+from Benchmarks.shared.other_cases import OTHERS, MaskCase, cases_there, without_missing
 
 SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
 
@@ -85,6 +86,13 @@ def test_only_the_other_scans_may_be_missing(tmp_path: Path) -> None:
     cases, left_out = without_missing(ALL_CASES, tmp_path)
     assert left_out == [case.name for case in OTHERS[1:]]
     assert [case.name for case in cases] == [case.name for case in ALL_CASES if case.name not in left_out]
+
+
+def test_whoever_measures_is_told_which_scans_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cases_there([OTHERS[0], SCAN], tmp_path) == [SCAN]
+    assert f"Not in {tmp_path}, and left out: {OTHERS[0].name}. docs/RESULTS.md says" in capsys.readouterr().out
+    assert cases_there([SCAN], tmp_path) == [SCAN]
+    assert capsys.readouterr().out == ""
 
 
 def test_a_chest_with_lungs_comes_with_a_package() -> None:

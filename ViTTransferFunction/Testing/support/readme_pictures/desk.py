@@ -18,6 +18,7 @@ from trame_slicer.views.render_scheduler import NoScheduleRendering
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.annotation_tool import INSIDE_COLOR
 from ViTTransferFunction.Logic.scene.drawing_tool import DrawingTool
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
@@ -25,8 +26,6 @@ from ViTTransferFunction.Testing.support.views import look_from, pixels, slice_p
 
 MODEL = "dinov2_vits14_focus"
 """The model of the pictures: the one that a computer can have that reaches the Python package index alone."""
-LINE_COLOR = (0.17, 0.51, 0.78)
-"""Of the tool *Diameter*."""
 ORIENTATIONS = ("axial", "coronal", "sagittal")
 _VIEW_ANGLE_DEGREES = 30.0
 
@@ -110,7 +109,7 @@ class Desk:
         self._arrange(name, width, height)
         view = self._views[name]
         add = partial(self.session.regions.add_diameter, id_)
-        tool = DrawingTool(view.interactor(), view.get_view_node(), lambda: None, "line", LINE_COLOR, add, lambda: None)
+        tool = DrawingTool(view.interactor(), view.get_view_node(), lambda: None, "line", INSIDE_COLOR, add, lambda: None)
         tool.activate()
         places = [slice_pixel(view, np.array(end))[::-1] for end in ends_ras]
         for event, (x, y) in zip(("LeftButtonPressEvent", "MouseMoveEvent"), places, strict=True):
