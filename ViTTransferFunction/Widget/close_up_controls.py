@@ -31,17 +31,18 @@ class CloseUpControls(Section):
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
-        self._suggest(session is not None and selected is not None and session.suggests_closer_look(selected))
+        reason = None if session is None or selected is None else session.reason_to_look_closer(selected)
+        self._suggest(closer_look_text(reason))
         self._progress.show(session.progress if session is not None and session.looks_closer else None)
 
-    def _suggest(self, suggested: bool) -> None:
-        """Point at *Look closer*, or do not: a line below it, and nothing that has to be closed."""
-        ui = self.ui
+    def _suggest(self, words: str) -> None:
+        """Point at *Look closer*, or do not (""): a line below it, and nothing that has to be closed."""
+        ui, suggested = self.ui, bool(words)
         if suggested != self._suggested:
             self._suggested = suggested
             ui.lookCloserButton.styleSheet = SUGGESTED if suggested else ""
         ui.closeUpHintLabel.visible = suggested
-        ui.closeUpHintLabel.text = closer_look_text() if suggested else ""
+        ui.closeUpHintLabel.text = words
 
     def look_closer(self) -> None:
         """Look at a box around the structure, fitted to what is shown of it now."""

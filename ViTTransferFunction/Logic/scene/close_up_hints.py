@@ -1,8 +1,8 @@
-"""Which structures a closer look may find better: those that needed large corrections in the whole scan."""
+"""Which structures a closer look may find better: those that needed large corrections in the whole scan, or are short in it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
@@ -11,6 +11,7 @@ import numpy as np
 from ..compute.proxy import SegmentationProxy
 from ..core.class_map import ClassMap
 from ..core.close_up_choice import close_up_of
+from ..core.diameter_points import last_diameter
 from ..core.errors import InputError
 from ..core.gross_correction import corrects_grossly
 from .annotations import SceneAnnotations
@@ -20,9 +21,14 @@ from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
 from .point_lists import Point
 from .volume import world_to_local
+from .wording import CloserLookReason
 
 ENOUGH = 2
 """Gross corrections of a class, from which on a box is worth it on average; see `Benchmarks/results/candidates.md`."""
+
+SHORT_CELLS = 4.0
+"""A diameter of fewer cells is short. Of 25 such structures a box found more on average, but only the compact ones gained; see
+`Benchmarks/results/candidates.md`, *A diameter instead of the first click*."""
 
 Placed = tuple[Polarity, Point]
 """A point as a class has it."""
@@ -42,13 +48,13 @@ class Correction:
 
 
 class CloseUpHints:
-    """Keeps in mind how classes were corrected.
+    """Keeps in mind how classes were corrected. Their diameters it finds among their points.
 
     A correction is judged once, when it is placed, by what is shown of the class until then. Points of which nothing was shown
     are no corrections: those of a saved scene or of another volume, of a class that is new, or placed before the answer to the
     ones before. A point that is moved, taken back or brought back stays what it was.
 
-    None of this is saved: it speaks of what the user sees now.
+    None of what is kept in mind is saved: it speaks of what the user sees now.
 
     Args:
         parameters: say which volume.
@@ -90,17 +96,24 @@ class CloseUpHints:
                 self._looked_at.add(state.id)
             self._note_points(before.get(state.id), state)
 
-    def of(self, state: ClassState, requests: ClassRequests) -> bool:
-        """Whether a class should be looked at closer, as far as one can tell: its user knows whether it is small or thin.
+    def of(self, state: ClassState, requests: ClassRequests) -> CloserLookReason | None:
+        """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
 
-        That is from its second gross correction on, one of which was off the structure: else it may be several like objects,
-        clicked one after the other. It is until a correction that is not gross, and only before its first close-up.
+        Whether it is small, thin or compact, its user knows. Either reason holds only before its first close-up, and until a
+        correction that is not gross:
+
+        - "large corrections": from its second gross one on, one of which was off the structure: else it may be several like
+          objects, clicked one after the other.
+        - "short diameter": its last diameter is shorter than `SHORT_CELLS`.
 
         Args:
             state: of the class.
             requests: what was asked for last of the classes.
         """
-        return self._proxy.phase == "ready" and self._is_badly_found(state) and self._may_have_box(state.id, requests)
+        if self._proxy.phase != "ready" or state.id in self._looked_at:
+            return None
+        reason = self._reason(state)
+        return reason if reason and self._may_have_box(state.id, requests) else None
 
     def _note_points(self, was: ClassState | None, state: ClassState) -> None:
         known = self._known.setdefault(state.id, {})
@@ -129,17 +142,27 @@ class CloseUpHints:
         gross = any(corrects_grossly(shown, content.geometry, point, on_it, depth_mm) for point in points)
         return Correction(self._step, gross)
 
-    def _is_badly_found(self, state: ClassState) -> bool:
-        if state.id in self._looked_at:
-            return False
+    def _reason(self, state: ClassState) -> CloserLookReason | None:
         known = self._known.get(state.id, {})
-        of_points = {placed: correction for placed in _placed(state) if (correction := known.get(placed)) is not None}
-        gross = sorted({correction.step for correction in of_points.values() if correction.gross})
-        surplus = [of.step for (polarity, _), of in of_points.items() if of.gross and polarity == "negative"]
-        if len(gross) < ENOUGH or not surplus:
+        corrections = {placed: correction for placed in _placed(state) if (correction := known.get(placed)) is not None}
+        gross = {correction.step for correction in corrections.values() if correction.gross}
+        if _needed_large_corrections(corrections, gross):
+            return "large corrections"
+        if self._is_short(state, {placed for placed, correction in corrections.items() if correction.step in gross}):
+            return "short diameter"
+        return None
+
+    def _is_short(self, state: ClassState, gross: Collection[Placed]) -> bool:
+        """Whether the last diameter of a class is short, and all points since are `gross` corrections."""
+        cells = self._proxy.low_maps.get(state.id)
+        diameter = last_diameter(*(np.array(points).reshape(-1, 3) for points in (state.positive, state.negative)))
+        if cells is None or diameter is None or diameter.length_mm >= SHORT_CELLS * cells.geometry.spacing_mm.max():
             return False
-        slight = {correction.step for correction in of_points.values()} - set(gross)
-        return max(slight, default=0) < max(gross[ENOUGH - 1], min(surplus))
+        since: dict[Polarity, Sequence[Point]] = {
+            "positive": state.positive[diameter.inside_until :],
+            "negative": state.negative[diameter.outside_until :],
+        }
+        return all((polarity, point) in gross for polarity, points in since.items() for point in points)
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
@@ -155,6 +178,15 @@ class CloseUpHints:
                 has_box = False
             self._boxes[id_] = cells, has_box
         return has_box
+
+
+def _needed_large_corrections(corrections: Mapping[Placed, Correction], gross: Collection[int]) -> bool:
+    """By the corrections of a class, and which of their steps were gross."""
+    surplus = [of.step for (polarity, _), of in corrections.items() if of.gross and polarity == "negative"]
+    if len(gross) < ENOUGH or not surplus:
+        return False
+    slight = {correction.step for correction in corrections.values()} - set(gross)
+    return max(slight, default=0) < max(sorted(gross)[ENOUGH - 1], min(surplus))
 
 
 def _placed(state: ClassState) -> Iterator[Placed]:

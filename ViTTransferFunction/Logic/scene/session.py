@@ -52,7 +52,7 @@ from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .wording import older_segments_text
+from .wording import CloserLookReason, older_segments_text
 
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
@@ -300,8 +300,8 @@ class SceneSession:
         """Edges of the box that a class is looked at in; None: in the whole volume. See `SceneCloseUps.size_mm`."""
         return self._close_ups.size_mm(state, self._maps.requests)
 
-    def suggests_closer_look(self, state: ClassState) -> bool:
-        """Whether a class needed such corrections that a closer look may find it better. See `CloseUpHints`."""
+    def reason_to_look_closer(self, state: ClassState) -> CloserLookReason | None:
+        """Why a closer look may find a class better; None where no reason is known. See `CloseUpHints`."""
         return self._hints.of(state, self._maps.requests)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from ..core.progress import WorkProgress
 from ..rendering.appearance import STYLES
@@ -10,6 +11,9 @@ from .class_state import ClassState, EdgesMm
 from .context import OFF
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
+
+CloserLookReason = Literal["large corrections", "short diameter"]
+"""Why a closer look may help; see `CloseUpHints`."""
 
 _MOST_NAMES = 5
 """In one message."""
@@ -52,10 +56,18 @@ def close_up_text(edges_mm: EdgesMm | None) -> str:
     return _("In a box of {edges} mm").format(edges=edges)
 
 
-def closer_look_text() -> str:
-    """That a closer look may help with a structure which needed large corrections."""
+def closer_look_text(reason: CloserLookReason | None) -> str:
+    """That a closer look may help with a structure, and why; "" where no reason is known."""
+    if reason is None:
+        return ""
     key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
-    return _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.').format(key=key)
+    words = {
+        "large corrections": _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.'),
+        "short diameter": _(
+            'The diameter is shorter than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
+        ),
+    }
+    return words[reason].format(key=key)
 
 
 def progress_text(progress: WorkProgress) -> str:

@@ -12,7 +12,7 @@ from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.geometry import transform_points
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import vtk_matrix
-from ViTTransferFunction.Testing.support.known_features import cache_known_close_up
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -206,14 +206,29 @@ def test_a_closer_look_is_suggested_after_large_corrections_until_there_is_one(
 ) -> None:
     monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
     id_ = correct_grossly(session, spheres)
-    assert session.suggests_closer_look(session.classes[0])
+    assert session.reason_to_look_closer(session.classes[0]) == "large corrections"
     session.annotations.undo()
-    assert not session.suggests_closer_look(session.classes[0])
+    assert session.reason_to_look_closer(session.classes[0]) is None
     session.annotations.redo()
-    assert session.suggests_closer_look(session.classes[0])
+    assert session.reason_to_look_closer(session.classes[0]) == "large corrections"
     session.look_closer(id_)
-    assert not session.suggests_closer_look(session.classes[0])
+    assert session.reason_to_look_closer(session.classes[0]) is None
     assert session.take_error() is None
+
+
+def test_a_closer_look_is_suggested_after_a_diameter_that_is_short_for_the_cells_of_the_volume(
+    session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    four_cells_mm = 4.0 * spheres[0].geometry.extent_mm.max() / GRID
+    said = {}
+    for share in (0.9, 1.1):
+        id_ = session.annotations.add_class(f"diameter of {share}").id
+        half = np.array([0.0, 0.5 * share * four_cells_mm, 0.0])
+        session.regions.add_diameter(id_, centre_ras(spheres, 1) + np.stack([-half, half]))
+        session.wait()
+        said[share] = session.reason_to_look_closer(session.classes[-1])
+    assert said == {0.9: "short diameter", 1.1: None}
 
 
 def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
@@ -225,14 +240,14 @@ def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
     session.set_volume(None)
     session.set_volume(volume)
     session.wait()
-    assert (session.phase, session.suggests_closer_look(session.classes[0])) == ("ready", False)
+    assert (session.phase, session.reason_to_look_closer(session.classes[0])) == ("ready", None)
     session.close()
     again = SceneSession(slicer_app.scene, slicer_app.app_logic, node)
     again.wait()
-    assert (again.phase, again.suggests_closer_look(again.classes[0])) == ("ready", False)
+    assert (again.phase, again.reason_to_look_closer(again.classes[0])) == ("ready", None)
     again.annotations.add_points(again.classes[0].id, centre_ras(spheres, 2) + 1.0, positive=False)
     again.wait()
-    assert not again.suggests_closer_look(again.classes[0])
+    assert again.reason_to_look_closer(again.classes[0]) is None
     again.close()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer")
@@ -16,6 +17,7 @@ from PySide6.QtTest import QTest
 from ViTTransferFunction.Logic.core import close_up_choice
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, wait_until
@@ -140,6 +142,20 @@ def test_a_closer_look_is_suggested_below_its_button_while_the_structure_is_sele
     ui.lookCloserButton.click()
     assert (suggestion(clicked), ui.lookCloserButton.font().bold()) == ("", False)
     assert ui.closeUpLabel.text().startswith("In a box of ")
+
+
+def test_a_diameter_that_is_short_for_the_cells_suggests_a_closer_look_until_it_is_undone(
+    clicked: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 1.0)
+    session = clicked.panel.session
+    half = np.array([0.0, 1.5 * spheres[0].geometry.extent_mm.max() / GRID, 0.0])
+    session.regions.add_diameter(session.selected_class.id, centre_ras(spheres, 1) + np.stack([-half, half]))
+    wait_until(lambda: session.up_to_date and not session.busy)
+    assert "The diameter is shorter than four cells" in suggestion(clicked)
+    assert clicked.ui.lookCloserButton.font().bold()
+    clicked.ui.undoButton.click()
+    assert (suggestion(clicked), clicked.ui.lookCloserButton.font().bold()) == ("", False)
 
 
 def add_row(widget: Any) -> int:
