@@ -45,10 +45,11 @@ Run = dict[str, Any]
 def main() -> None:
     """Measure on every case, and write what was measured."""
     options = _parser().parse_args()
+    asked = [case for case in ALL_CASES if case.name in options.cases]
+    cases = cases_there(asked, options.volumes, [OwnScan(name) for name in own_scan_names(options.volumes)])
     weights = weights_of(options)
-    cases = cases_there([case for case in ALL_CASES if case.name in options.cases], options.volumes)
     runs: list[Run] = []
-    for case in (*cases, *map(OwnScan, own_scan_names(options.volumes))):
+    for case in cases:
         bench = CaseBench(case.name, case.read(options.volumes), weights, KeptResults(options.keep))
         runs += bench.measure(options.paths)
     report = {"model": weights.model.name, "machine": machine(), "paths": options.paths}

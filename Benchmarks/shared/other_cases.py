@@ -10,6 +10,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.shared.labelled_cases import Case, LabelledCase, LabelledVolume
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
@@ -74,9 +75,19 @@ def without_missing(cases: Sequence[LabelledCase], folder: Path) -> tuple[list[L
     return [case for case in cases if case.name not in left_out], left_out
 
 
-def cases_there(cases: Sequence[LabelledCase], folder: Path) -> list[LabelledCase]:
-    """`without_missing`, and whoever measures is told what is left out."""
+def cases_there(cases: Sequence[LabelledCase], folder: Path, own: Sequence[LabelledCase] = ()) -> list[LabelledCase]:
+    """`without_missing`, and whoever measures is told what is left out; then `own`, scans of the user that are in the folder.
+
+    Raises:
+        InputError: that is none at all.
+    """
     there, missing = without_missing(cases, folder)
+    if not (there or own):
+        looked_for = ", ".join(missing) or "scans of your own"
+        raise InputError(
+            f"Nothing to measure: looked in {folder} for {looked_for}. docs/RESULTS.md says where to get labelled scans, and "
+            "how to have your own measured; --cases chooses others."
+        )
     if missing:
         print(f"Not in {folder}, and left out: {', '.join(missing)}. docs/RESULTS.md says where to get them.")
-    return there
+    return [*there, *own]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
 from Benchmarks.shared.other_cases import OTHERS, MaskCase, cases_there, without_missing
+from ViTTransferFunction.Logic.core.errors import InputError
 
 SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
 
@@ -93,6 +95,13 @@ def test_whoever_measures_is_told_which_scans_are_left_out(tmp_path: Path, capsy
     assert f"Not in {tmp_path}, and left out: {OTHERS[0].name}. docs/RESULTS.md says" in capsys.readouterr().out
     assert cases_there([SCAN], tmp_path) == [SCAN]
     assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("asked", "words"), [(OTHERS[:2], f"{OTHERS[0].name}, {OTHERS[1].name}"), ((), "scans of your own")])
+def test_whoever_has_nothing_to_measure_is_told_what_to_do(asked: tuple[Case, ...], words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"looked in {re.escape(str(tmp_path))} for {words}. docs/RESULTS.md says"):
+        cases_there(asked, tmp_path)
+    assert cases_there(asked, tmp_path, own=[SCAN]) == [SCAN]
 
 
 def test_a_chest_with_lungs_comes_with_a_package() -> None:
