@@ -18,6 +18,7 @@ from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.missing_intensity import without_intensity, without_intensity_text
 from ViTTransferFunction.Logic.core.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -84,14 +85,9 @@ def _warn_of_contradictions(request: ClassRequest, on_warning: Callable[[str], N
 
 
 def _warn_of_nothing_there(request: ClassRequest, volume: Volume, on_warning: Callable[[str], None]) -> None:
-    """Where a scan was masked, say, there is nothing that could be similar to what is around a point."""
-    k, j, i = volume.geometry.nearest_voxels(request.positive).T
-    nothing = np.count_nonzero(~np.isfinite(volume.array[k, j, i]))
-    if nothing:
-        on_warning(
-            f"Class '{request.name}': {nothing} of {len(request.positive)} positive points stand where the scan has no finite "
-            "intensity (NaN or infinite). Move them onto the structure."
-        )
+    count = without_intensity(volume.array, volume.geometry, request.positive)
+    if count:
+        on_warning(f"Class '{request.name}': {without_intensity_text(count)}")
 
 
 def _why_empty(request: ClassRequest, result: ClassResult, geometry: Geometry, segmentation: Segmentation) -> str:

@@ -11,7 +11,7 @@ from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.class_state import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings
-from ..Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
+from ..Logic.scene.feature_wording import estimate_text, point_warnings, status_text
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.wording import (
     close_up_text,
@@ -63,7 +63,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "up_to_date": session.up_to_date,
         "volume_name": volume.GetName() if volume else "",
         "estimate": estimate_text(session.estimate, session.frame) if session.phase == "no features" else "",
-        "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *_points_beyond(session)]),
+        "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *point_warnings(session)]),
         "progress": _progress(session),
         "looks_closer": session.looks_closer,
         "classes": [_class(session, state) for state in session.classes],
@@ -117,11 +117,6 @@ def _progress(session: SceneSession) -> dict[str, Any] | None:
         return None
     share = min(1.0, progress.done / progress.total) if progress.total else None
     return {"share": share, "text": progress_text(progress)}
-
-
-def _points_beyond(session: SceneSession) -> list[str]:
-    names = {state.id: state.name for state in session.classes}
-    return [points_beyond_text(names[id_], count) for id_, count in session.points_beyond.items() if id_ in names]
 
 
 def _class(session: SceneSession, state: ClassState) -> dict[str, Any]:

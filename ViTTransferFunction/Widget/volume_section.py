@@ -9,7 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.feature_wording import estimate_text, points_beyond_text, status_text
+from ViTTransferFunction.Logic.scene.feature_wording import estimate_text, point_warnings, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume_in_slices import show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
@@ -50,7 +50,7 @@ class VolumeSection(Section):
         if self._pressed_for is not None:
             qt.QTimer.singleShot(0, self._go_on)
         self._show_features(session, "extracting" if self._pressed_for is not None else phase)
-        self._show_points_beyond(session)
+        self._show_point_warnings(session)
         self._tell_of_name(session)
 
     def _show_features(self, session: SceneSession | None, phase: str) -> None:
@@ -67,12 +67,10 @@ class VolumeSection(Section):
         )
         ui.estimateLabel.text = obstacle or (estimate_text(session.estimate, session.frame) if session else "")
 
-    def _show_points_beyond(self, session: SceneSession | None) -> None:
-        outside = session.points_beyond if session else {}
-        names = {state.id: state.name for state in session.classes} if session else {}
-        lines = [points_beyond_text(names[id_], count) for id_, count in outside.items() if id_ in names]
-        self.ui.pointsOutsideLabel.visible = bool(lines)
-        self.ui.pointsOutsideLabel.text = breakable("\n".join(lines))
+    def _show_point_warnings(self, session: SceneSession | None) -> None:
+        lines = point_warnings(session) if session else []
+        self.ui.pointWarningsLabel.visible = bool(lines)
+        self.ui.pointWarningsLabel.text = breakable("\n".join(lines))
 
     def _tell_of_name(self, session: SceneSession | None) -> None:
         """Slicer writes an & in a volume's name into scenes as no XML; the name is the user's to change."""

@@ -51,7 +51,7 @@ class AskedMaps:
         node, content, classes = self._parameters.volume, self._volume.content, self._annotations.classes
         self.requests = ClassRequests()
         if node is not None and content is not None:
-            self.requests = class_requests(classes, self._other_segments.outside(classes), node, content.geometry)
+            self.requests = class_requests(classes, self._other_segments.outside(classes), node, content)
         asked = (self.requests.requests, self._parameters.refinement())
         if asked != self._asked:
             self._asked = asked

@@ -12,9 +12,11 @@ import numpy as np
 from ..core.class_request import ClassRequest
 from ..core.close_up import CloseUp
 from ..core.geometry import Geometry, transform_points
+from ..core.missing_intensity import without_intensity
 from .class_state import ClassState, CloseUpBox
 from .point_lists import Point
 from .volume import matrix_to_world
+from .volume_content import VolumeContent
 
 Points = Sequence[Point] | np.ndarray
 """(N, 3) RAS millimetres of the scene."""
@@ -28,10 +30,13 @@ class ClassRequests:
         requests: of each class that has a positive point in the volume.
         points_beyond: how many of the user's points lie beyond the volume and do not count, by class id; of classes that have
             some.
+        points_without_intensity: how many of the positive points in the volume lie where that has no intensity, by class id; of
+            classes that have some.
     """
 
     requests: list[ClassRequest] = field(default_factory=list)
     points_beyond: dict[str, int] = field(default_factory=dict)
+    points_without_intensity: dict[str, int] = field(default_factory=dict)
 
     def of(self, id_: str) -> ClassRequest | None:
         """The request of a class; None where it has no positive point in the volume."""
@@ -39,7 +44,7 @@ class ClassRequests:
 
 
 def class_requests(
-    states: Sequence[ClassState], more_negative: Mapping[str, np.ndarray], volume_node: Any, geometry: Geometry
+    states: Sequence[ClassState], more_negative: Mapping[str, np.ndarray], volume_node: Any, content: VolumeContent
 ) -> ClassRequests:
     """The requests of classes; nothing about colour or visibility.
 
@@ -47,7 +52,7 @@ def class_requests(
         states: the classes.
         more_negative: by class id, further points off it, (N, 3) RAS millimetres of the scene.
         volume_node: which volume.
-        geometry: of its voxels, in its local frame.
+        content: what it holds.
 
     Raises:
         InputError: the volume is under a non-linear transform.
@@ -55,11 +60,13 @@ def class_requests(
     found = ClassRequests()
     to_local = np.linalg.inv(matrix_to_world(volume_node))
     groups = [(state.positive, state.negative, more_negative.get(state.id, ())) for state in states]
-    inside = iter(_inside([points for group in groups for points in group], to_local, geometry))
+    inside = iter(_inside([points for group in groups for points in group], to_local, content.geometry))
     for state, positive, negative, more in zip(states, inside, inside, inside, strict=True):
         beyond = len(state.positive) + len(state.negative) - len(positive) - len(negative)
         if beyond:
             found.points_beyond[state.id] = beyond
+        if missing := without_intensity(content.array, content.geometry, positive):
+            found.points_without_intensity[state.id] = missing
         if len(positive):
             found.requests.append(
                 ClassRequest(

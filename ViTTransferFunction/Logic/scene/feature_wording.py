@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from ..core.missing_intensity import without_intensity_text
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from .translation import tr as _
 from .volume_content import Frame
@@ -48,7 +49,20 @@ def status_text(session: SceneSession | None, phase: str) -> str:
     return _("✔ Features are ready: {frame}").format(frame=frame) if frame else _("✔ Features are ready")
 
 
-def points_beyond_text(name: str, count: int) -> str:
+def point_warnings(session: SceneSession) -> list[str]:
+    """What is wrong with where points lie: a line for each structure that it is true of."""
+    names = {state.id: state.name for state in session.classes}
+    beyond, missing = (
+        {names[id_]: count for id_, count in counts.items() if id_ in names}
+        for counts in (session.points_beyond, session.points_without_intensity)
+    )
+    return [
+        *(_points_beyond_text(name, count) for name, count in beyond.items()),
+        *(f"⚠ {name}: {without_intensity_text(count)}" for name, count in missing.items()),
+    ]
+
+
+def _points_beyond_text(name: str, count: int) -> str:
     """That points do not count."""
     if count == 1:
         return _("⚠ {name}: 1 point outside the volume does not count.").format(name=name)

@@ -233,6 +233,11 @@ class SceneSession:
         """How many points lie beyond the volume and do not count, by the id of their class; only classes that have some."""
         return self._maps.requests.points_beyond
 
+    @property
+    def points_without_intensity(self) -> dict[str, int]:
+        """How many points inside lie where the volume has no intensity, by the id of their class; of classes that have some."""
+        return self._maps.requests.points_without_intensity
+
     def set_volume(self, node: slicer.vtkMRMLScalarVolumeNode | None) -> None:
         """Choose the volume to segment. Where its features are cached, they load at once. See `ScanChange`."""
         self._scan_change.go_to(node)

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import slicer
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ..core.geometry import Geometry
 from .volume import geometry_from_node
@@ -36,6 +38,11 @@ class VolumeContent:
     geometry: Geometry
     voxels: tuple[Any, int]
     frame: Frame | None
+
+    @property
+    def array(self) -> np.ndarray:
+        """The voxels, (K, J, I): a view on them, not a copy."""
+        return vtk_to_numpy(self.voxels[0]).reshape(self.geometry.shape)
 
     @property
     def state(self) -> tuple[Any, ...]:

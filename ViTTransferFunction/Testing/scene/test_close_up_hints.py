@@ -17,6 +17,7 @@ from ViTTransferFunction.Logic.scene.class_requests import class_requests
 from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.close_up_hints import CloseUpHints
 from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Logic.scene.volume_content import content_of
 from ViTTransferFunction.Logic.scene.wording import CloserLookReason
 from ViTTransferFunction.Testing.support.scenes import MOVED, add_parameter_node, put_under
 
@@ -91,7 +92,9 @@ class Corrected:
         self.proxy.maps = shown
 
     def reason(self, state: ClassState | None = None) -> CloserLookReason | None:
-        return self.hints.of(state or self.state, class_requests(self.annotations.classes, {}, self.node, VOXELS))
+        return self.hints.of(
+            state or self.state, class_requests(self.annotations.classes, {}, self.node, content_of(self.node))
+        )
 
     def suggests(self, state: ClassState | None = None) -> bool:
         reason = self.reason(state)

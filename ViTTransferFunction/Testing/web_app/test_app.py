@@ -29,11 +29,13 @@ from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.vittf import build_parser
 from ViTTransferFunction.Logic.core.colors import hex_color
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
 from ViTTransferFunction.Logic.core.patient_sides import position_text, sides
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.volume import array_from_node, geometry_from_node, numpy_matrix
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
+from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.views import drag
 from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
@@ -300,6 +302,31 @@ def test_another_volume_takes_the_place_of_the_one_before(opened: Callable[[Jour
         assert all(view.get_background_volume_id() == app.session.parameters.volume.GetID() for view in app.views.slices)
 
     opened(journey)
+
+
+def test_points_outside_the_scan_and_where_it_was_masked_are_told(
+    in_app: Callable[[Journey], None], spheres: Spheres, tmp_path: Path
+) -> None:
+    volume, labels = spheres
+    image = sitk.GetImageFromArray(np.where(labels == 2, np.nan, volume.array).astype(np.float32))
+    sitk.WriteImage(image, str(tmp_path / "masked.nrrd"))
+
+    async def journey(app: WebApp) -> None:
+        await app.opening.open([tmp_path / "masked.nrrd"])
+        app.actions("addClass")
+        (structure,) = app.session.classes
+        (k, j, i) = np.argwhere(labels == 2)[0]
+        masked, beyond = [-float(i), -float(j), float(k)], [1000.0, 0.0, 0.0]
+        app.session.annotations.add_points(structure.id, np.array([masked, beyond]), positive=True)
+        app.refresh()
+        assert app.server.state.status.splitlines() == [
+            f"⚠ {structure.name}: 1 point outside the volume does not count.",
+            f"⚠ {structure.name}: {without_intensity_text(1)}",
+        ]
+        app.actions("undo")
+        assert "⚠" not in app.server.state.status
+
+    in_app(journey)
 
 
 def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_stays(

@@ -113,7 +113,7 @@ def test_problems_that_come_together_are_all_shown(widget: Any) -> None:
 
 def test_names_in_messages_are_shown_letter_by_letter(widget: Any) -> None:
     """A label that finds markup in its text would swallow it."""
-    for label in (widget.ui.messageLabel, widget.ui.pointsOutsideLabel):
+    for label in (widget.ui.messageLabel, widget.ui.pointWarningsLabel):
         assert label.textFormat() == Qt.TextFormat.PlainText
 
 

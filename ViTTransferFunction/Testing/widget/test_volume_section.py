@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer")
@@ -13,6 +15,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 import slicer
 from PySide6.QtTest import QTest
 
+from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
@@ -259,7 +262,7 @@ def test_a_scene_that_is_added_leaves_volume_and_segmentation_as_they_were_chose
 
 
 def test_points_beyond_the_volume_are_told_until_they_are_gone(ready: Any, spheres: Spheres) -> None:
-    label = ready.ui.pointsOutsideLabel
+    label = ready.ui.pointWarningsLabel
     add_class(ready, "liver")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     assert not label.isVisible()
@@ -271,6 +274,24 @@ def test_points_beyond_the_volume_are_told_until_they_are_gone(ready: Any, spher
     ready.ui.removeLastButton.click()
     ready.ui.removeLastButton.click()
     assert not label.isVisible()
+
+
+def test_points_where_the_scan_was_masked_are_told_until_they_are_gone(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
+    (volume, labels), label = spheres, widget.ui.pointWarningsLabel
+    masked = replace(volume, array=np.where(labels == 2, np.nan, volume.array).astype(np.float32))
+    widget.ui.volumeSelector.setCurrentNode(add_volume(slicer_app.scene, masked))
+    annotations, id_ = widget.panel.session.annotations, add_class(widget, "liver").id
+    annotations.add_points(id_, centre_ras(spheres, 1), positive=True)
+    annotations.add_points(id_, centre_ras(spheres, 2), positive=False)
+    assert label.isHidden()
+    annotations.add_points(id_, centre_ras(spheres, 2), positive=True)
+    assert label.text() == f"⚠ liver: {without_intensity_text(1)}"
+    annotations.add_points(id_, centre_ras(spheres, 2), positive=True)
+    assert label.text() == f"⚠ liver: {without_intensity_text(2)}"
+    assert label.isVisible()
+    annotations.undo()
+    annotations.undo()
+    assert label.isHidden()
 
 
 @pytest.fixture

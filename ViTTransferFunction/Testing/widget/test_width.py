@@ -129,7 +129,7 @@ def test_points_beyond_the_volume_of_a_structure_with_a_long_name_make_no_wider_
     before = width(host)
     ready.panel.session.annotations.add_points(state.id, [[1000.0, 0.0, 0.0]], positive=True)
     slicer.app.processEvents()
-    assert ready.ui.pointsOutsideLabel.isVisible()
+    assert ready.ui.pointWarningsLabel.isVisible()
     assert width(host) <= before
 
 
