@@ -19,6 +19,7 @@ import slicer
 from ..core.class_request import check_name
 from ..core.colors import Color
 from ..core.errors import InputError
+from .class_lists import ClassLists
 from .class_size import stepped, turned
 from .class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, sharing, without_points
 from .classes import (
@@ -32,20 +33,16 @@ from .classes import (
     order_classes,
     read_class,
     remove_class,
-    remove_widowed_lists,
     write_class,
     write_classes,
 )
 from .history import AnnotationHistory
-from .of_volume import bring_back, put_away
 from .parameters import referred
 from .point_list_watch import PointListWatch
 from .point_lists import Point, index_of_new_point
 from .point_order import PointOrder
-from .volume import matrix_to_world
+from .volume_histories import Classes, VolumeHistories
 from .written_segments import finish_segments_elsewhere
-
-Classes = tuple[ClassState, ...]
 
 
 class SceneAnnotations:
@@ -77,11 +74,9 @@ class SceneAnnotations:
         self._watch = PointListWatch(self._on_placed, self._on_step, self._on_passing, on_displayed)
         self._paused = 0
         self._order = PointOrder()
-        self._negative: set[slicer.vtkMRMLMarkupsFiducialNode] = set()
-        self._transforms: dict[slicer.vtkMRMLMarkupsFiducialNode, bytes | None] = {}
+        self._lists = ClassLists(scene, parameter_node)
+        self._histories = VolumeHistories()
         self.classes: Classes = ()
-        self._volume_id = ""
-        self._histories: dict[str, AnnotationHistory[Classes]] = {"": AnnotationHistory(())}
         self._brought: Classes = ()
         self.restart()
 
@@ -112,14 +107,14 @@ class SceneAnnotations:
         That removes what `bring_along` brought, where the user did nothing about it: as if nobody had been there.
         """
         brought = class_nodes(self._parameter_node) if self._brought and self.classes == self._brought else []
-        volume_id = self._volume_id
+        volume_id = self._histories.volume_id
 
         def remove_brought() -> None:
-            if brought and self._volume_id != volume_id:
+            if brought and self._histories.volume_id != volume_id:
                 with self._unheard():
                     for node in brought:
                         remove_class(self._scene, node)
-                self._histories.pop(volume_id, None)
+                self._histories.forget(volume_id)
 
         return remove_brought
 
@@ -269,10 +264,9 @@ class SceneAnnotations:
 
     def restart(self) -> None:
         """Begin anew with what is in the scene: it is another one, and what was done in the one before cannot be undone."""
-        self._negative.clear()
-        self._transforms.clear()
+        self._lists.forget()
         self.refresh()
-        self._histories = {self._volume_id: AnnotationHistory(self.classes)}
+        self._histories.restart(self.classes)
 
     def refresh(self) -> None:
         """Read the classes anew, and watch the lists that are there now; where another volume is chosen, it is others.
@@ -283,23 +277,24 @@ class SceneAnnotations:
         positive = class_nodes(self._parameter_node)
         before, known = self.classes, {state.id: state for state in self.classes}
         self.classes = tuple(sharing(read_class(node), known.get(class_id(node))) for node in positive)
-        if not self._follow_volume(before):
+        volume = referred(self._parameter_node, "volume")
+        if not self._histories.follow(volume.GetID() if volume is not None else "", before, self.classes):
             self._order.note(before, self.classes)
         lists = [node for each in positive for node in lists_of(each)]
         self._watch.watch(lists)
-        self._show_only(lists)
-        self._begin_anew_where_moved(lists)
+        with self._unheard():
+            self._lists.show_only(lists)
+        if self._lists.have_moved(lists):
+            # Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it.
+            self._histories.begin_anew(self.classes)
 
     def refresh_and_record(self) -> None:
         """As `refresh`, where something happened to the lists themselves; it can be undone."""
         if not self._paused:
             with self._unheard():
-                remove_widowed_lists(self._scene, self._negative)
-                self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
-                self._transforms = {node: at for node, at in self._transforms.items() if self._scene.IsNodePresent(node)}
+                self._lists.remove_widowed()
             self._changed(None)
-            # Another volume may get the identifier of one that is gone.
-            self._histories = {id_: of for id_, of in self._histories.items() if not id_ or self._scene.GetNodeByID(id_)}
+            self._histories.keep(lambda id_: self._scene.GetNodeByID(id_) is not None)
 
     @property
     def observer_count(self) -> int:
@@ -312,7 +307,7 @@ class SceneAnnotations:
 
     @property
     def _history(self) -> AnnotationHistory[Classes]:
-        return self._histories[self._volume_id]
+        return self._histories.current
 
     @property
     def _listens(self) -> bool:
@@ -393,38 +388,6 @@ class SceneAnnotations:
             if given:
                 finish_segments_elsewhere(volume, [class_id(node) for node in given])
 
-    def _follow_volume(self, before: Classes) -> bool:
-        """Take up the undo of the volume that is chosen; returns whether that is another one."""
-        volume, left = referred(self._parameter_node, "volume"), self._volume_id
-        self._volume_id = volume.GetID() if volume is not None else ""
-        if self._volume_id == left:
-            return False
-        if not left:
-            # Classes without a volume go to the one that is chosen, and so does their undo.
-            history = self._histories.pop(left)
-            if [state.id for state in before] == [state.id for state in self.classes]:
-                self._histories.setdefault(self._volume_id, history)
-        self._histories.setdefault(self._volume_id, AnnotationHistory(self.classes))
-        self._history.seal()
-        self._history.record(self.classes)  # Somebody may have changed them in another module meanwhile.
-        return True
-
-    def _show_only(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-        """Have no other lists seen: points of one scan are nowhere in particular in another one."""
-        shown = set(lists)
-        with self._unheard():
-            for positive in class_nodes_of_all(self._parameter_node):
-                self._negative.update(lists_of(positive)[1:])
-                for node in lists_of(positive):
-                    (bring_back if node in shown else put_away)(node)
-
-    def _begin_anew_where_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
-        """Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it."""
-        before, now = self._transforms, {node: _transform_of(node) for node in lists}
-        self._transforms = before | now
-        if any(before.get(node, matrix) != matrix for node, matrix in now.items()):
-            self._histories[self._volume_id] = AnnotationHistory(self.classes)
-
     def _grow(self, id_: str, points_ras: Mapping[str, np.ndarray]) -> None:
         state = self._class(id_)
         grown = {field: getattr(state, field) + _as_points(points) for field, points in points_ras.items()}
@@ -455,14 +418,6 @@ def _usable_name(name: str, taken: Collection[str]) -> str:
 
 def _as_points(points_ras: np.ndarray) -> tuple[Point, ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
-
-
-def _transform_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> bytes | None:
-    """All transforms that a list is under; None where no matrix says them."""
-    try:
-        return matrix_to_world(node).tobytes()
-    except InputError:
-        return None
 
 
 def _outside(points: tuple[Point, ...], centres_ras: np.ndarray, radius_mm: float) -> tuple[Point, ...]:
