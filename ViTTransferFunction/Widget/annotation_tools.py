@@ -30,6 +30,7 @@ class AnnotationTools(Section):
             "lassoOff": ui.lassoOffButton,
             "boxOn": ui.boxOnButton,
             "boxOff": ui.boxOffButton,
+            "outline": ui.outlineButton,
             "diameter": ui.diameterButton,
             "eraser": ui.eraserButton,
         }

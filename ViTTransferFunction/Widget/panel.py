@@ -39,7 +39,19 @@ CLICK_POLL_MS = 2
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""
 
-_TOOLS = ("PointOn", "PointOff", "BrushOn", "BrushOff", "LassoOn", "LassoOff", "BoxOn", "BoxOff", "Diameter", "Eraser")
+_TOOLS = (
+    "PointOn",
+    "PointOff",
+    "BrushOn",
+    "BrushOff",
+    "LassoOn",
+    "LassoOff",
+    "BoxOn",
+    "BoxOff",
+    "Outline",
+    "Diameter",
+    "Eraser",
+)
 ICONS = (*_TOOLS, "Undo", "Redo", "RemoveLast")
 """Of the buttons that have one, by the names of their files."""
 
@@ -205,6 +217,7 @@ class Panel:
             "lassoOff": lambda: tools.toggle("lassoOff"),
             "boxOn": lambda: tools.toggle("boxOn"),
             "boxOff": lambda: tools.toggle("boxOff"),
+            "outline": lambda: tools.toggle("outline"),
             "diameter": lambda: tools.toggle("diameter"),
             "eraser": lambda: tools.toggle("eraser"),
             "putDown": self._put_down,

@@ -1,9 +1,11 @@
-"""Points inside a region that somebody drew in a structure: a handful of them, spread over it."""
+"""Points that a drawn region stands for: a handful inside, spread over it; of a structure's outline, also around it."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .diameter_points import BEYOND, LEAST_BEYOND_MM
+from .errors import InputError
 from .geometry import transform_points
 from .spread_points import spread_points
 
@@ -13,6 +15,9 @@ CLOSEST_MM = 4.0
 """Nearer points would mostly lie in one feature cell, and say the same twice."""
 SHALLOWEST = 1 / 3
 """Share of a region's inner radius that points keep from its border: it is drawn roughly, and may touch the neighbours."""
+
+MOST_AROUND = 6
+"""So many points around an outline are enough: all say the same, that the structure ends there."""
 
 _CORNERS = 120
 _CANDIDATES = 40
@@ -31,16 +36,35 @@ def points_within_outline(outline_ras: np.ndarray) -> np.ndarray:
         (M, 3) RAS millimetres, at most `MOST_POINTS`; none where the outline encloses no area.
     """
     centre_ras, axes = _plane(outline_ras)
+    within: np.ndarray = centre_ras + _chosen(*_within(_evenly((outline_ras - centre_ras) @ axes.T))) @ axes
+    return within
+
+
+def points_of_outline(outline_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points inside a structure and around it, in the plane in which its outline was drawn, along its edge.
+
+    Those around it are as far from it as those beyond the ends of a diameter (`points_of_diameter`) of the largest circle
+    that fits in.
+
+    Args:
+        outline_ras: (N, 3), as for `points_within_outline`.
+
+    Returns:
+        (M, 3) points inside, the deepest first, 1 ≤ M ≤ `MOST_POINTS`, and (P, 3) points outside, P ≤ `MOST_AROUND`; RAS
+        millimetres.
+
+    Raises:
+        InputError: the outline encloses no area.
+    """
+    centre_ras, axes = _plane(outline_ras)
     outline = _evenly((outline_ras - centre_ras) @ axes.T)
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    if (high - low).min() < 1e-6:
-        return np.empty((0, 3))
-    candidates = low + _grid(_CANDIDATES, 2) * (high - low)
-    inside = candidates[_winding(candidates, outline) != 0]
+    inside, depth = _within(outline)
     if not len(inside):
-        return np.empty((0, 3))
-    points_ras: np.ndarray = centre_ras + _chosen(inside, _distance(inside, outline)) @ axes
-    return points_ras
+        raise InputError("The outline encloses nothing. Drag once around the structure, along its edge, in one slice.")
+    around = _around(outline, max(BEYOND * 2.0 * float(depth.max()), LEAST_BEYOND_MM))
+    within: np.ndarray = centre_ras + _chosen(inside, depth) @ axes
+    outside: np.ndarray = centre_ras + around @ axes
+    return within, outside
 
 
 def points_within_box(box_to_ras: np.ndarray, size_mm: np.ndarray) -> np.ndarray:
@@ -58,6 +82,30 @@ def points_within_box(box_to_ras: np.ndarray, size_mm: np.ndarray) -> np.ndarray
     return transform_points(box_to_ras, _chosen(candidates, depth))
 
 
+def _within(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places inside an outline (N, 2), on a grid, (P, 2), and how deep inside each is, (P,)."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    if (high - low).min() < 1e-6:
+        return np.empty((0, 2)), np.empty(0)
+    places = low + _grid(_CANDIDATES, 2) * (high - low)
+    inside = places[_winding(places, outline) != 0]
+    return inside, _distance(inside, outline)
+
+
+def _around(outline: np.ndarray, distance_mm: float) -> np.ndarray:
+    """A few places outside an outline (N, 2), all around it, at this distance, (P, 2)."""
+    along = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    places: np.ndarray = np.concatenate([outline + side * distance_mm * across for side in (1.0, -1.0)])
+    # Of a hollow, what lies nearer to its other side is left out.
+    places = places[(_winding(places, outline) == 0) & (_distance(places, outline) >= 0.99 * distance_mm)]
+    if not len(places):
+        return places
+    first = int(np.linalg.norm(places - outline.mean(axis=0), axis=1).argmax())
+    around: np.ndarray = places[spread_points(places, [first], MOST_AROUND, CLOSEST_MM)]
+    return around
+
+
 def _grid(count: int, dimensions: int) -> np.ndarray:
     """Centres of the fields of a grid in [0, 1], `count` along each axis, (N, dimensions)."""
     steps = (np.arange(count) + 0.5) / count
@@ -66,6 +114,8 @@ def _grid(count: int, dimensions: int) -> np.ndarray:
 
 def _chosen(inside: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """A few of the points (N, D), which lie inside by `depth` (N,): from the deepest on, and none that is shallow."""
+    if not len(inside):
+        return inside
     deep = depth >= SHALLOWEST * depth.max()
     inside, depth = inside[deep], depth[deep]
     chosen: np.ndarray = inside[spread_points(inside, [int(depth.argmax())], MOST_POINTS, CLOSEST_MM)]

@@ -16,7 +16,9 @@ from .slice_tools import SliceTools
 from .stroke_tool import StrokeTool
 from .wording import no_structure_text
 
-Tool = Literal["pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "diameter", "eraser"]
+Tool = Literal[
+    "pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "outline", "diameter", "eraser"
+]
 TOOLS: tuple[Tool, ...] = get_args(Tool)
 """In the order in which front ends show them."""
 
@@ -25,6 +27,7 @@ _SHAPES: dict[Tool, tuple[Shape, bool]] = {
     "lassoOff": ("lasso", False),
     "boxOn": ("box", True),
     "boxOff": ("box", False),
+    "outline": ("lasso", True),
     "diameter": ("line", True),
 }
 """What each tool that draws shapes draws, and whether it lies inside the structure."""
@@ -148,12 +151,14 @@ class AnnotationTool:
         selected = self._selected
         if self.session is None or selected is None or self.tool not in _SHAPES:
             return
-        shape, inside = _SHAPES[self.tool]
+        _, inside = _SHAPES[self.tool]
         try:
-            if shape == "line":
+            if self.tool == "diameter":
                 self.session.regions.add_diameter(selected.id, corners_ras)
+            elif self.tool == "outline":
+                self.session.regions.add_outline(selected.id, corners_ras)
             else:
-                self.session.regions.add_outline(selected.id, corners_ras, inside)
+                self.session.regions.add_region(selected.id, corners_ras, inside)
         except InputError as error:
             self._report(str(error))
 

@@ -1,4 +1,4 @@
-"""Regions and diameters become points: drawn in a slice view, or as Slicer's own closed curves, boxes (ROI) and lines."""
+"""Regions, outlines and diameters become points: drawn in a slice view, or as Slicer's closed curves, boxes (ROI) and lines."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ..core.diameter_points import points_of_diameter
 from ..core.errors import InputError
-from ..core.region_points import points_within_box, points_within_outline
+from ..core.region_points import points_of_outline, points_within_box, points_within_outline
 from .annotations import SceneAnnotations
 from .nodes import nodes_of_class
 from .volume import numpy_matrix
 
-_LINE = "vtkMRMLMarkupsLineNode"
-_LEAST_POINTS = {"vtkMRMLMarkupsClosedCurveNode": 3, "vtkMRMLMarkupsROINode": 1, _LINE: 2}
+_CURVE, _BOX, _LINE = "vtkMRMLMarkupsClosedCurveNode", "vtkMRMLMarkupsROINode", "vtkMRMLMarkupsLineNode"
+_LEAST_POINTS = {_CURVE: 3, _BOX: 1, _LINE: 2}
 """By the kind of a markup: from how many points on it is drawn to the end."""
 
 
 class SceneRegions:
-    """Adds points of a region's inside to a class, or those that a diameter stands for: each time one step for undo.
+    """Adds points of a region's inside to a class, or those that an outline or a diameter stands for: each time one undo step.
 
     Args:
         scene: has the markups.
@@ -39,7 +39,8 @@ class SceneRegions:
     def markups(self, positive: bool) -> dict[str, str]:
         """The markups in the scene that are drawn to the end and can give such points: their names by their node IDs.
 
-        Closed curves and boxes enclose what is inside a structure (`positive`), or what is not; a line is its diameter.
+        Of a structure (`positive`), a closed curve is the outline, a line the diameter, and a box encloses a part; of what is
+        not the structure, curves and boxes enclose a part.
         """
         kinds = [kind for kind in _LEAST_POINTS if positive or kind != _LINE]
         nodes = ((node, _LEAST_POINTS[kind]) for kind in kinds for node in nodes_of_class(self._scene, kind))
@@ -49,13 +50,23 @@ class SceneRegions:
             if not node.GetHideFromEditors() and node.GetNumberOfDefinedControlPoints() >= least
         }
 
-    def add_outline(self, id_: str, outline_ras: np.ndarray, positive: bool) -> None:
-        """Add points within a closed outline (N, 3), RAS millimetres in one plane, to a class.
+    def add_region(self, id_: str, border_ras: np.ndarray, positive: bool) -> None:
+        """Add points within a closed border (N, 3), RAS millimetres in one plane, to a class.
 
         Raises:
             InputError: none of them lies in the volume.
         """
-        self._add(id_, points_within_outline(outline_ras), positive)
+        self._add(id_, points_within_outline(border_ras), positive)
+
+    def add_outline(self, id_: str, outline_ras: np.ndarray) -> None:
+        """Add points to a class whose structure ends where a closed outline goes, (N, 3) RAS millimetres in one plane.
+
+        Those within it are positive, those around it negative.
+
+        Raises:
+            InputError: it encloses no area, or no point within it lies in the volume.
+        """
+        self._add_both(id_, *points_of_outline(outline_ras), what="outline")
 
     def add_diameter(self, id_: str, ends_ras: np.ndarray) -> None:
         """Add points to a class whose structure begins and ends where a line does, (2, 3) RAS millimetres.
@@ -65,10 +76,7 @@ class SceneRegions:
         Raises:
             InputError: no point along it lies in the volume, or it is too short.
         """
-        inside, outside = (points[self._in_volume(points)] for points in points_of_diameter(ends_ras))
-        if not len(inside):
-            raise InputError("No part of the diameter lies in the volume, so no points were added. Draw it on the volume.")
-        self._annotations.add_points_of_both(id_, inside, outside)
+        self._add_both(id_, *points_of_diameter(ends_ras), what="diameter")
 
     def add_markup(self, id_: str, node_id: str, positive: bool) -> None:
         """Add the points of one of `markups` to a class; a curve is taken to lie in the plane nearest to it. The markup stays.
@@ -79,8 +87,12 @@ class SceneRegions:
         node = self._scene.GetNodeByID(node_id)
         if node.IsA(_LINE):
             self.add_diameter(id_, _ends(node))
+        elif node.IsA(_BOX):
+            self._add(id_, _points_within_box(node), positive)
+        elif positive:
+            self.add_outline(id_, _corners(node))
         else:
-            self._add(id_, _points_within(node), positive)
+            self.add_region(id_, _corners(node), positive)
 
     def _add(self, id_: str, points_ras: np.ndarray, positive: bool) -> None:
         points_ras = points_ras[self._in_volume(points_ras)]
@@ -88,14 +100,23 @@ class SceneRegions:
             raise InputError("No part of the region lies in the volume, so no points were added. Draw it on the volume.")
         self._annotations.add_points(id_, points_ras, positive)
 
+    def _add_both(self, id_: str, inside_ras: np.ndarray, outside_ras: np.ndarray, what: str) -> None:
+        inside, outside = (points[self._in_volume(points)] for points in (inside_ras, outside_ras))
+        if not len(inside):
+            raise InputError(f"No part of the {what} lies in the volume, so no points were added. Draw it on the volume.")
+        self._annotations.add_points_of_both(id_, inside, outside)
+
 
 def _ends(node: slicer.vtkMRMLMarkupsLineNode) -> np.ndarray:
     return np.array([node.GetNthControlPointPositionWorld(index) for index in range(2)])
 
 
-def _points_within(node: slicer.vtkMRMLMarkupsNode) -> np.ndarray:
-    if node.IsA("vtkMRMLMarkupsROINode"):
-        size_mm = [0.0, 0.0, 0.0]
-        node.GetSizeWorld(size_mm)
-        return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(size_mm))
-    return points_within_outline(vtk_to_numpy(node.GetCurvePointsWorld().GetData()).astype(np.float64))
+def _points_within_box(node: slicer.vtkMRMLMarkupsROINode) -> np.ndarray:
+    size_mm = [0.0, 0.0, 0.0]
+    node.GetSizeWorld(size_mm)
+    return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(size_mm))
+
+
+def _corners(node: slicer.vtkMRMLMarkupsClosedCurveNode) -> np.ndarray:
+    corners: np.ndarray = vtk_to_numpy(node.GetCurvePointsWorld().GetData()).astype(np.float64)
+    return corners

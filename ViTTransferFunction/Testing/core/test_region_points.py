@@ -1,11 +1,20 @@
-"""Points inside an outline or a box."""
+"""Points inside an outline or a box, and around an outline."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.region_points import CLOSEST_MM, MOST_POINTS, points_within_box, points_within_outline
+from ViTTransferFunction.Logic.core.diameter_points import LEAST_BEYOND_MM
+from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.region_points import (
+    CLOSEST_MM,
+    MOST_AROUND,
+    MOST_POINTS,
+    points_of_outline,
+    points_within_box,
+    points_within_outline,
+)
 
 OBLIQUE = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [0.0, 1.0, -1.0], [2.0, 0.0, 1.0]]))[0]
 """Three orthogonal axes of which none is the patient's."""
@@ -78,6 +87,74 @@ def test_the_points_of_a_box_keep_from_its_faces_and_reach_to_its_ends(size_mm: 
     assert np.ptp(in_box[:, 0]) > 0.6 * size_mm[0] or len(in_box) == 1
 
 
-@pytest.mark.parametrize("outline", [np.zeros((1, 2)), np.zeros((5, 2)), np.array([[0.0, 0.0], [10.0, 10.0], [20.0, 20.0]])])
+def test_an_outline_is_points_inside_the_deepest_first_and_all_around_a_fifth_of_its_width_away() -> None:
+    inside, outside = map(in_plane, points_of_outline(in_patient(circle(30.0))))
+    np.testing.assert_allclose(inside, in_plane(points_within_outline(in_patient(circle(30.0)))))
+    assert np.linalg.norm(inside[0]) < 3.0
+    assert len(outside) == MOST_AROUND
+    np.testing.assert_allclose(outside[:, 2], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(outside, axis=1), 30.0 + 0.2 * 60.0, atol=0.5)
+    # Evenly, a sixth of the circle apart.
+    angles = np.sort(np.arctan2(outside[:, 1], outside[:, 0]))
+    assert np.diff(angles, append=angles[0] + 2.0 * np.pi).max() < 1.7
+
+
+def test_around_a_small_outline_points_keep_a_distance_of_voxels() -> None:
+    inside, outside = map(in_plane, points_of_outline(in_patient(circle(2.0))))
+    assert len(inside) == 1
+    np.testing.assert_allclose(np.linalg.norm(outside, axis=1), 2.0 + LEAST_BEYOND_MM, atol=0.1)
+
+
+def test_around_a_long_outline_points_are_as_near_as_it_is_narrow() -> None:
+    corners = np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 20.0], [0.0, 20.0]])
+    _, outside = map(in_plane, points_of_outline(in_patient(corners)))
+    beyond = np.maximum(np.abs(outside[:, :2] - [100.0, 10.0]) - [100.0, 10.0], 0.0)
+    np.testing.assert_allclose(np.linalg.norm(beyond, axis=1), 0.2 * 20.0, atol=0.5)
+    assert np.ptp(outside[:, 0]) > 150.0
+
+
+@pytest.mark.parametrize("hollow_mm", [60.0, 5.0])
+def test_in_a_hollow_no_point_is_nearer_to_the_structure_than_around_it(hollow_mm: float) -> None:
+    # Two bars of 20 mm, joined at one end.
+    u = [
+        (0, 0),
+        (120, 0),
+        (120, 20),
+        (20, 20),
+        (20, 20 + hollow_mm),
+        (120, 20 + hollow_mm),
+        (120, 40 + hollow_mm),
+        (0, 40 + hollow_mm),
+    ]
+    _, outside = map(in_plane, points_of_outline(in_patient(np.array(u, dtype=float))))
+    in_hollow = (outside[:, 0] > 20.0) & (outside[:, 0] < 120.0) & (outside[:, 1] > 20.0) & (outside[:, 1] < 20.0 + hollow_mm)
+    depth = np.minimum(outside[in_hollow, 1] - 20.0, 20.0 + hollow_mm - outside[in_hollow, 1])
+    assert (depth >= 3.9).all()
+    assert in_hollow.any() == (hollow_mm > 10.0)
+
+
+def test_drawn_the_other_way_round_an_outline_stands_for_the_same() -> None:
+    forth, back = points_of_outline(in_patient(circle(30.0))), points_of_outline(in_patient(circle(30.0)[::-1]))
+    for one, other in zip(forth, back, strict=True):
+        assert len(one) == len(other)
+        np.testing.assert_allclose(
+            np.linalg.norm(in_plane(one), axis=1).max(), np.linalg.norm(in_plane(other), axis=1).max(), atol=1.0
+        )
+
+
+def test_an_outline_that_crosses_itself_is_taken_as_it_encloses() -> None:
+    eight = np.stack([30.0 * np.sin(np.linspace(0, 2 * np.pi, 80)), 15.0 * np.sin(np.linspace(0, 4 * np.pi, 80))], axis=1)
+    inside, outside = map(in_plane, points_of_outline(in_patient(eight)))
+    assert (inside[:, 0] > 5.0).any()
+    assert (inside[:, 0] < -5.0).any()
+    assert len(outside) > 2
+
+
+NOTHING = [np.zeros((1, 2)), np.zeros((5, 2)), np.array([[0.0, 0.0], [10.0, 10.0], [20.0, 20.0]])]
+
+
+@pytest.mark.parametrize("outline", NOTHING)
 def test_an_outline_without_an_area_has_no_points(outline: np.ndarray) -> None:
     assert points_within_outline(in_patient(outline)).shape == (0, 3)
+    with pytest.raises(InputError, match=r"encloses nothing\. Drag once around the structure"):
+        points_of_outline(in_patient(outline))

@@ -1,4 +1,4 @@
-"""Regions and diameters become points of a class: drawn ones, and Slicer's closed curves, boxes and lines."""
+"""Regions, outlines and diameters become points of a class: drawn ones, and Slicer's closed curves, boxes and lines."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import vtk
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.region_points import points_of_outline
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_hanging_point, add_parameter_node, put_under
@@ -35,8 +36,8 @@ def points_of(session: SceneSession, positive: bool = True) -> np.ndarray:
 
 def test_a_region_is_a_few_points_of_its_inside_and_one_step(session: SceneSession) -> None:
     (state,) = session.classes
-    session.regions.add_outline(state.id, SQUARE, positive=True)
-    session.regions.add_outline(state.id, SQUARE + np.array([100.0, 0.0, 0.0]), positive=False)
+    session.regions.add_region(state.id, SQUARE, positive=True)
+    session.regions.add_region(state.id, SQUARE + np.array([100.0, 0.0, 0.0]), positive=False)
     for positive, left in ((True, 0.0), (False, 100.0)):
         in_square = points_of(session, positive) - [left, 5.0, 0.0]
         assert len(in_square) == 8
@@ -59,12 +60,12 @@ def test_of_a_region_that_leaves_the_volume_the_points_within_it_count(slicer_ap
     (state,) = session.classes
     # Half of it lies beside the voxels.
     corners = geometry.ijk_to_ras_points(np.array([[-20.0, 5, 16], [20.0, 5, 16], [20.0, 35, 16], [-20.0, 35, 16]]))
-    session.regions.add_outline(state.id, corners + shift[:3, 3], positive=True)
+    session.regions.add_region(state.id, corners + shift[:3, 3], positive=True)
     points = points_of(session)
     assert 1 <= len(points) < 8
     assert geometry.contains(points - shift[:3, 3]).all()
     with pytest.raises(InputError, match="no points were added"):
-        session.regions.add_outline(state.id, corners - [500.0, 0.0, 0.0], positive=True)
+        session.regions.add_region(state.id, corners - [500.0, 0.0, 0.0], positive=True)
     assert len(points_of(session)) == len(points)
 
 
@@ -85,6 +86,41 @@ def test_a_closed_curve_gives_points_of_its_inside_and_stays(slicer_app: Any, se
     # The curve bulges beyond its corners, which are 28 mm from the middle.
     assert np.linalg.norm(points - [20.0, 5.0, 20.0], axis=1).max() < 28.0
     assert curve.GetNumberOfControlPoints() == 4
+
+
+def test_a_closed_curve_on_a_structure_is_its_outline(slicer_app: Any, session: SceneSession) -> None:
+    curve = add_curve(slicer_app.scene, "around", *SQUARE)
+    session.regions.add_markup(session.classes[0].id, curve.GetID(), positive=True)
+    from_middle = [np.linalg.norm(points_of(session, positive) - [20.0, 5.0, 20.0], axis=1) for positive in (True, False)]
+    assert from_middle[0].max() < 28.0 < from_middle[1].min()
+    session.annotations.undo()
+    assert session.classes[0].positive == session.classes[0].negative == ()
+
+
+def test_an_outline_is_points_within_and_around_it_in_one_step(session: SceneSession) -> None:
+    (state,) = session.classes
+    session.regions.add_outline(state.id, SQUARE)
+    inside, outside = points_of_outline(SQUARE)
+    np.testing.assert_allclose(points_of(session), inside)
+    np.testing.assert_allclose(points_of(session, positive=False), outside)
+    session.annotations.undo()
+    assert session.classes[0].positive == session.classes[0].negative == ()
+
+
+def test_of_an_outline_at_the_volumes_border_the_points_within_it_count(slicer_app: Any, session: SceneSession) -> None:
+    volume = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.arange(40**3, dtype=np.int16).reshape(40, 40, 40), np.eye(4))
+    session.set_volume(volume)
+    (state,) = session.classes
+    square = np.array([[0.0, 0.0, 20.0], [30.0, 0.0, 20.0], [30.0, 30.0, 20.0], [0.0, 30.0, 20.0]])
+    session.regions.add_outline(state.id, square)
+    inside, outside = points_of_outline(square)
+    np.testing.assert_allclose(points_of(session), inside)
+    within = ((outside > -0.5) & (outside < 39.5)).all(axis=1)
+    assert 0 < within.sum() < len(outside)
+    np.testing.assert_allclose(points_of(session, positive=False), outside[within])
+    with pytest.raises(InputError, match="outline lies in the volume, so no points were added"):
+        session.regions.add_outline(state.id, square + 100.0)
 
 
 def test_a_box_gives_points_in_all_of_it_wherever_it_was_turned_to(slicer_app: Any, session: SceneSession) -> None:

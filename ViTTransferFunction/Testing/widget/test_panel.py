@@ -68,6 +68,7 @@ def test_nothing_can_be_pressed_that_cannot_work_yet(widget: Any) -> None:
         "pointOn",
         "pointOff",
         "brushOn",
+        "outline",
         "diameter",
         "eraser",
     )
@@ -256,6 +257,25 @@ def test_a_line_across_a_structure_in_any_slice_view_becomes_points_inside_and_o
     QTest.keyClick(host.window, Qt.Key.Key_M)
     assert not widget.ui.diameterButton.isChecked()
     drag("Red", (60, 100), (140, 100))
+    assert widget.panel.session.classes[0].positive == ()
+
+
+def test_an_outline_drawn_in_any_slice_view_becomes_points_inside_and_around_in_one_step(widget: Any, host: Host) -> None:
+    add_class(widget)
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_O)
+    assert widget.ui.outlineButton.isChecked()
+    # The view has pixels of 1 mm, and its middle is the patient's.
+    drag("Red", (60, 60), (140, 60), (140, 140), (60, 140))
+    state = widget.panel.session.classes[0]
+    inside, outside = (np.abs(points)[:, :2].max(axis=1) for points in (np.array(state.positive), np.array(state.negative)))
+    assert inside.max() < 40.0 < outside.min()
+    assert len(outside) >= 4
+    widget.ui.undoButton.click()
+    assert widget.panel.session.classes[0].negative == widget.panel.session.classes[0].positive == ()
+    drag("Red", (60, 100), (140, 100))
+    assert "encloses nothing" in widget.ui.messageLabel.text()
     assert widget.panel.session.classes[0].positive == ()
 
 

@@ -1,4 +1,4 @@
-"""A line across a structure, drawn in the browser: what is seen of it, and what becomes of it."""
+"""A line across a structure, and one around it, drawn in the browser: what is seen of them, and what becomes of them."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.region_points import points_of_outline
 from ViTTransferFunction.Testing.support.web_app import AppPage
 from ViTTransferFunction.WebApp.app import WebApp
 
@@ -38,6 +39,33 @@ def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(ope
         (structure,) = app.session.classes
         np.testing.assert_allclose(structure.positive, inside, atol=0.5)
         np.testing.assert_allclose(structure.negative, outside, atol=0.5)
+        app.actions("undo")
+        (structure,) = app.session.classes
+        assert (structure.positive, structure.negative) == ((), ())
+
+    opened(journey)
+
+
+def test_an_outline_drawn_in_the_app_gives_points_inside_and_around_in_one_step(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        view = app.views.slices[0]
+        view.render_window().SetSize(200, 200)
+        view.reset_view()
+        app.actions("addClass")
+        app.actions("outline")
+        corners = [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]]
+        app.views.use("Red", [["move", corners[0], NO_KEYS], ["press", corners[0], NO_KEYS, "left"]])
+        app.views.use("Red", [["move", corner, NO_KEYS] for corner in corners[1:]])
+        app.views.use("Red", [["release", corners[-1], NO_KEYS, "left"], ["leave", corners[-1], NO_KEYS]])
+        to_ras = view.get_view_node().GetXYToRAS()
+        outline = np.array([to_ras.MultiplyPoint((200 * x, 200 * (1 - y), 0.0, 1.0))[:3] for x, y in corners])
+        inside, outside = points_of_outline(outline)
+        (structure,) = app.session.classes
+        assert len(structure.positive) == len(inside)
+        middle = outline.mean(axis=0)
+        for found, expected in ((structure.positive, inside), (structure.negative, outside)):
+            far = [np.linalg.norm(np.array(points) - middle, axis=1).max() for points in (found, expected)]
+            assert far[0] == pytest.approx(far[1], abs=1.0)
         app.actions("undo")
         (structure,) = app.session.classes
         assert (structure.positive, structure.negative) == ((), ())

@@ -1,4 +1,4 @@
-"""What a diameter is worth: the figures of all ways side by side, as JSON and as tables."""
+"""What a first gesture is worth: the figures of all ways side by side, as JSON and as tables."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
 
-CLICKS, DIAMETER = "clicks", "diameter"
-WAYS = (CLICKS, DIAMETER)
+CLICKS, DIAMETER, OUTLINE = "clicks", "diameter", "outline"
+WAYS = (CLICKS, DIAMETER, OUTLINE)
 GESTURES = ("1", "2", "3", "5")
 """After how many of them."""
 COLUMNS = [(way, count) for count in GESTURES for way in WAYS]
@@ -25,15 +25,16 @@ HEADER = [f"{way} @{count}" for way, count in COLUMNS]
 HOW_TO_READ = """\
 Mean Dice over the structures ± standard deviation between the paths, after so many gestures on every structure. *Clicks*: each
 gesture is a click. *Diameter*: the first one is the longest line that does not leave the structure, in a slice that shows
-nearly as much of it as any, drawn with a hand that errs by 1.5 mm; the others are clicks on what is wrong then. Every
-structure gets one, also tubes and what is branched, where a person would rather click."""
+nearly as much of it as any, drawn with a hand that errs by 1.5 mm; the others are clicks on what is wrong then. *Outline*: the
+first one goes around the structure in such a slice, with the same hand. Every structure gets one, also tubes and what is
+branched, where a person would rather click; only what has a hole in that slice, as a ring has, is not outlined but clicked."""
 
 Run = dict[str, Any]
 
 
 def write_report(report: dict[str, Any], runs: Sequence[Run], folder: Path) -> None:
-    """Write diameter.json and diameter.md."""
-    write_results(folder, "diameter", {**report, "summary": summary(runs), "runs": single_runs(runs)}, text(report, runs))
+    """Write gestures.json and gestures.md."""
+    write_results(folder, "gestures", {**report, "summary": summary(runs), "runs": single_runs(runs)}, text(report, runs))
 
 
 def summary(runs: Sequence[Run]) -> dict[str, Any]:
@@ -51,9 +52,9 @@ def text(report: dict[str, Any], runs: Sequence[Run]) -> str:
     """For people."""
     cases = names_of(runs, "case")
     return paragraphs(
-        "# Diameters",
+        "# First gestures",
         f"Features of {report['model']}, default preset, {report['paths']} paths. {in_words(report['machine'])}. "
-        "Command: `python dev.py bench diameter --volumes DIR`. Each path by itself is in `diameter.json`.",
+        "Command: `python dev.py bench gestures --volumes DIR`. Each path by itself is in `gestures.json`.",
         HOW_TO_READ,
         _means(runs, cases),
         "## Each structure",

@@ -1,35 +1,35 @@
-"""What a diameter is worth: `python dev.py bench diameter --volumes DIR [--weights PATH] [--paths N] [--cases NAME …]`.
+"""What a first gesture is worth: `python dev.py bench gestures --volumes DIR [--weights PATH] [--paths N] [--cases NAME …]`.
 
-A simulated user annotates all structures of a scan together, on several paths, as in `bench accuracy`: once by clicks alone,
-and once with the longest diameter of each structure first, a line drawn across it, and clicks on what is wrong then. Each way
-has clicks of its own, which correct its own errors. What lies in DIR as `NAME.seg.nrrd` with its scan is measured as well, as
-in `bench own_scans`.
+A simulated user annotates all structures of a scan together, on several paths, as in `bench accuracy`: by clicks alone, with
+the longest diameter of each structure first, a line drawn across it, and with its outline in one slice first. Then come clicks
+on what is wrong. Each way has clicks of its own, which correct its own errors. What lies in DIR as `NAME.seg.nrrd` with its
+scan is measured as well, as in `bench own_scans`.
 
-A person draws diameters where they see that a structure is compact; here, every structure gets them. With `--keep`, what was
-measured is kept in a folder and not measured again. Writes `diameter.json` and `diameter.md`.
+A person draws diameters and outlines where they see that a structure is compact; here, every structure gets them. With
+`--keep`, what was measured is kept in a folder and not measured again. Writes `gestures.json` and `gestures.md`.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property, partial
 from typing import Any
 
 from Benchmarks.accuracy.cases import ALL_CASES, GROUPS
 from Benchmarks.accuracy.methods import DEFAULT
 from Benchmarks.accuracy.runs import run_with_own_clicks
-from Benchmarks.diameter.report import CLICKS, WAYS, write_report
+from Benchmarks.gestures.report import CLICKS, DIAMETER, WAYS, write_report
 from Benchmarks.own_scans.own_scan import OwnScan, own_scan_names
-from Benchmarks.shared.aim import persons_aims
+from Benchmarks.shared.aim import Aim, persons_aims
 from Benchmarks.shared.arguments import scan_parser, weights_of
-from Benchmarks.shared.drawn_diameter import drawn_diameter
+from Benchmarks.shared.drawn_gestures import drawn_diameter, drawn_outline
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.sessions import load_features
-from Benchmarks.shared.simulated_clicker import Gesture
+from Benchmarks.shared.simulated_clicker import Gesture, first_click
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.weights.sources import WeightsFile
@@ -79,21 +79,22 @@ class CaseBench:
         """A run of each way on each path."""
         for path in range(FIRST_PATH, FIRST_PATH + paths):
             for way in WAYS:
-                name = f"diameter, {self._name}, {way}, path {path}, {ROUNDS} rounds"
+                name = f"gestures, {self._name}, {way}, path {path}, {ROUNDS} rounds"
                 yield {"case": self._name, "way": way, "path": path, **self._kept.get(name, partial(self._run, way, path))}
 
     def _run(self, way: str, path: int) -> dict[str, Any]:
         labelled = self._labelled
         segment, aims = DEFAULT.segmenter(labelled.volume, self._features), persons_aims(path, len(labelled.names))
-        rounds, _ = run_with_own_clicks(labelled, segment, ROUNDS, True, aims, self._begun_by(way, path))
+        begun_by = None if way == CLICKS else [[self._drawn(way, path, label, aim)] for label, aim in enumerate(aims, start=1)]
+        rounds, _ = run_with_own_clicks(labelled, segment, ROUNDS, True, aims, begun_by)
         return {"rounds": rounds}
 
-    def _begun_by(self, way: str, path: int) -> Sequence[Sequence[Gesture]] | None:
-        if way == CLICKS:
-            return None
-        truth, spacing_mm = self._labelled.truth, self._labelled.spacing_mm
-        labels = range(1, len(self._labelled.names) + 1)
-        return [[drawn_diameter(truth == label, spacing_mm, path, label)] for label in labels]
+    def _drawn(self, way: str, path: int, label: int, aim: Aim) -> Gesture:
+        """The first gesture on a structure; a click where there is no such gesture."""
+        structure, spacing_mm = self._labelled.truth == label, self._labelled.spacing_mm
+        if way == DIAMETER:
+            return drawn_diameter(structure, spacing_mm, path, label)
+        return drawn_outline(structure, spacing_mm, path, label) or [first_click(structure, spacing_mm, aim)]
 
     @cached_property
     def _features(self) -> FeatureVolume:
