@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import slicer
 from PySide6.QtGui import QImage
+from scipy.interpolate import CubicSpline
 from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
@@ -19,7 +20,7 @@ from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.annotation_tool import INSIDE_COLOR
-from ViTTransferFunction.Logic.scene.drawing_tool import DrawingTool
+from ViTTransferFunction.Logic.scene.drawing_tool import DrawingTool, Shape
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.views import look_from, pixels, slice_pixel
@@ -106,13 +107,32 @@ class Desk:
 
     def drag_diameter(self, id_: str, name: str, width: int, height: int, ends_ras: Sequence[Sequence[float]]) -> np.ndarray:
         """Drag a diameter of a structure across a slice view of this size; returns the view before the button is released."""
+        return self._drag("line", partial(self.session.regions.add_diameter, id_), name, width, height, ends_ras)
+
+    def drag_outline(self, id_: str, name: str, width: int, height: int, outline_ras: Sequence[Sequence[float]]) -> np.ndarray:
+        """Drag once around a structure in a slice view of this size; returns the view before the button is released.
+
+        The hand goes smoothly through the corners that are given, (N, 3), and back to the first.
+        """
+        corners_ras = np.array([*outline_ras, outline_ras[0]])
+        way_ras = CubicSpline(np.arange(len(corners_ras)), corners_ras, bc_type="periodic")(np.arange(0, len(outline_ras), 0.1))
+        return self._drag("lasso", partial(self.session.regions.add_outline, id_), name, width, height, way_ras)
+
+    def _drag(
+        self,
+        shape: Shape,
+        on_drawn: Callable[[np.ndarray], None],
+        name: str,
+        width: int,
+        height: int,
+        way_ras: Sequence[Sequence[float]] | np.ndarray,
+    ) -> np.ndarray:
         self._arrange(name, width, height)
         view = self._views[name]
-        add = partial(self.session.regions.add_diameter, id_)
-        tool = DrawingTool(view.interactor(), view.get_view_node(), lambda: None, "line", INSIDE_COLOR, add, lambda: None)
+        tool = DrawingTool(view.interactor(), view.get_view_node(), lambda: None, shape, INSIDE_COLOR, on_drawn, lambda: None)
         tool.activate()
-        places = [slice_pixel(view, np.array(end))[::-1] for end in ends_ras]
-        for event, (x, y) in zip(("LeftButtonPressEvent", "MouseMoveEvent"), places, strict=True):
+        first, *others = [slice_pixel(view, np.array(place))[::-1] for place in way_ras]
+        for event, (x, y) in (("LeftButtonPressEvent", first), *(("MouseMoveEvent", place) for place in others)):
             view.interactor().SetEventInformation(x, y, 0, 0)
             view.interactor().InvokeEvent(event)
         dragged = self.view(name, width, height)

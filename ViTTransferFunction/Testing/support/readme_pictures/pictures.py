@@ -32,6 +32,15 @@ CLOSER_LOOK = replace(
 DIAMETER_LOOK = replace(ABDOMEN_CT.look, centre_ras=(78.0, -222.0, 1130.0), width_mm=150.0)
 GALLBLADDER_CLICK = (79.0, -231.0, 1130.0)
 GALLBLADDER_ENDS = ((68.5, -239.0, 1130.0), (86.5, -211.0, 1130.0))
+OUTLINE_LOOK = replace(BRAIN.look, centre_ras=(0.0, -60.0, -34.0), width_mm=150.0)
+CEREBELLUM_CLICK = (-27.0, -65.0, -34.0)
+CEREBELLUM_OUTLINE = tuple(
+    (float(right), float(anterior), -34.0)
+    for right, anterior in (
+        (17, -25), (13, -42), (0, -47), (-13, -42), (-17, -25), (-34, -31), (-50, -43), (-57, -60), (-50, -75), (-36, -88),
+        (-22, -94), (-6, -90), (0, -80), (6, -90), (22, -94), (36, -88), (50, -75), (57, -60), (50, -43), (34, -31), (18, -26),
+    )
+)  # fmt: skip
 
 Dice = dict[str, float]
 
@@ -102,6 +111,25 @@ def closer_look(data: Path, out: Path) -> Dice:
     )
     save_small(row(before, after), out / "closer_look.png")
     return _finish(desk, ABDOMEN_CT, data)
+
+
+def outline(data: Path, out: Path) -> Dice:
+    """A cerebellum by one click, and by a line dragged around it."""
+    desk, (*_, cerebellum) = _ready_desk(BRAIN, "brain_mr.json", data)
+    desk.look = OUTLINE_LOOK
+    desk.look_at(CEREBELLUM_CLICK)
+    size = STEP_VIEW
+    id_ = desk.add_structure(cerebellum)
+    desk.click(id_, CEREBELLUM_CLICK, positive=True)
+    desk.settle()
+    clicked = captioned("One click", desk.view("axial", size, size))
+    desk.session.annotations.remove_last_point(id_)
+    desk.settle()
+    dragged = captioned("Instead: its outline, dragged around", desk.drag_outline(id_, "axial", size, size, CEREBELLUM_OUTLINE))
+    desk.settle()
+    found = captioned("What that finds", desk.view("axial", size, size))
+    save_small(row(clicked, dragged, found), out / "outline.png")
+    return _finish(desk, BRAIN, data)
 
 
 def diameter(data: Path, out: Path) -> Dice:
@@ -189,6 +217,7 @@ DRAWINGS: dict[str, Callable[[Path, Path], Dice]] = {
     "opening": opening,
     "clicks": three_clicks,
     "closer": closer_look,
+    "outline": outline,
     "diameter": diameter,
     "estimate": estimate,
     "ct": ct_tutorial,

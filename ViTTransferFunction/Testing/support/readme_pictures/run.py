@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ViTTransferFunction.Logic.core.atomic_file import replacing
 
-SUBJECTS = ("opening", "clicks", "closer", "diameter", "estimate", "ct", "mr", "app")
+SUBJECTS = ("opening", "clicks", "closer", "outline", "diameter", "estimate", "ct", "mr", "app")
 
 
 def main() -> int:
