@@ -55,13 +55,16 @@ OWN_SCANS = {
     "the same (T2)": "thigh sarcoma MR T2",
 }
 """The names of scans that were not looked at before, in the README's table and in the results."""
-DIAMETERS = {
+GESTURES = {
     "all structures of 21 scans and 3 parts of scans, whatever their shape": "",
     "a nodule of 2 ml in a lung": "lung nodule CT",
     "a brain tumour of 2 ml": "brain tumour 2",
+    "a brain tumour of 16 ml": "brain tumour 1",
     "discs of a spine": "spine MR discs",
+    "8 deep structures of a brain": "deep brain MR",
 }
-"""The README's rows of what a diameter is worth, and the scans in the results; "" for the mean of all."""
+"""The README's rows of what a first gesture is worth, and the scans in the results; "" for the mean of all."""
+BEGUN_WITH = {"clicks": "clicks", "a diameter, then clicks": "diameter", "an outline, then clicks": "outline"}
 WAYS = {
     "this": ("accuracy", "clicks alone"),
     "this, with one size step": ("accuracy", "with one size step"),
@@ -174,12 +177,10 @@ def test_readme_has_the_accuracy_on_scans_not_looked_at_before() -> None:
         assert figures == [figure(*each["dice"]) for each in measured], name
 
 
-def test_results_have_what_a_diameter_is_worth() -> None:
-    measured = summary("diameter")
-    header = (
-        "| volume | clicks @1 | diameter @1 | clicks @2 | diameter @2 | clicks @3 | diameter @3 | clicks @5 | diameter @5 |"
-    )
-    columns = [(way, count) for count in ("1", "2", "3", "5") for way in ("clicks", "diameter")]
+def test_results_have_what_a_first_gesture_is_worth() -> None:
+    measured = summary("gestures")
+    columns = [(way, count) for count in CLICKS for way in ("clicks", "diameter", "outline")]
+    header = "| volume | " + " | ".join(f"{way} @{count}" for way, count in columns) + " |"
     *rows, of_all = list(rows_of("docs/RESULTS.md", header))
     assert len(rows) == len(measured["cases"])
     for (name, *figures), of_case in zip(rows, measured["cases"].values(), strict=True):
@@ -187,11 +188,11 @@ def test_results_have_what_a_diameter_is_worth() -> None:
     assert of_all[1:] == [figure(measured["mean"][way][count], None) for way, count in columns]
 
 
-def test_readme_has_what_a_diameter_is_worth() -> None:
-    measured, rows = summary("diameter"), list(rows_of("README.md", "| structure | begun with | 1 | 2 | 3 | 5 |"))
-    assert {name for name, *_ in rows} == DIAMETERS.keys()
+def test_readme_has_what_a_first_gesture_is_worth() -> None:
+    measured, rows = summary("gestures"), list(rows_of("README.md", "| structure | begun with | 1 | 2 | 3 | 5 |"))
+    assert {name for name, *_ in rows} == GESTURES.keys()
+    assert {begun_with for _, begun_with, *_ in rows} == BEGUN_WITH.keys()
     for name, begun_with, *figures in rows:
-        way = "clicks" if begun_with == "clicks" else "diameter"
-        of_case = measured["cases"][DIAMETERS[name]] if DIAMETERS[name] else None
+        way, of_case = BEGUN_WITH[begun_with], measured["cases"][GESTURES[name]] if GESTURES[name] else None
         means = [of_case[way][n][0] if of_case else measured["mean"][way][n] for n in ("1", "2", "3", "5")]
         assert figures == [figure(mean, None) for mean in means], name
