@@ -40,7 +40,7 @@ from .other_segments import OtherSegments
 from .parameters import SceneParameters
 from .point_lists import Point
 from .point_tour import PointTour
-from .points_in_3d import hold_in_3d
+from .points_in_3d import PointsIn3D
 from .problems import Problems
 from .regions import SceneRegions
 from .scan_change import ScanChange
@@ -52,7 +52,7 @@ from .session_views import SessionViews
 from .surface_points import moved_inside, placed_in_3d_view
 from .volume import matrix_to_world
 from .volume_content import Frame
-from .wording import CloserLookReason, older_segments_text
+from .wording import CloserLookReason, nothing_hit_text, older_segments_text
 
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
@@ -67,7 +67,7 @@ class SceneSession:
         parameter_node: holds the parameters and refers to the classes; it may come from a saved scene.
         python_executable: the Python that has PyTorch; the running one unless given.
         windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
-        points_3d: the displayable managers of points of all 3D views; see `hold_in_3d`.
+        points_3d: the displayable managers of points of all 3D views; see `PointsIn3D`.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
@@ -112,9 +112,8 @@ class SceneSession:
         self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes)
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
-        self.annotations = SceneAnnotations(
-            scene, parameter_node, self._on_annotations, self._settled, lambda points: hold_in_3d(points, points_3d())
-        )
+        self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
+        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled, self._points_in_3d.hold)
         self._selected = SelectedClass(self.parameters, self.annotations)
         self._scan_change = ScanChange(
             self.parameters, self.annotations, self._other_segments, self._problems, self._selected, self._notices
@@ -433,6 +432,7 @@ class SceneSession:
         self._notices.close()
         self._watch.close()
         self.annotations.close()
+        self._points_in_3d.close()
         self._proxy.close()
         self.views.remove()
 
@@ -441,6 +441,7 @@ class SceneSession:
         self._problems.solve("segments")
         self._problems.solve("older segments")
         self._problems.solve("close-up")
+        self._problems.solve("placing")
         self._hints.note()
         self._follow()
 
@@ -457,6 +458,13 @@ class SceneSession:
             return point_ras
         visible = {state.id for state in self.classes if state.visible}
         return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
+
+    def _tell_of_nothing_hit(self) -> None:
+        self._problems.solve(
+            "placing"
+        )  # Each click is answered, also where somebody has closed what was said to the one before.
+        self._problems.put("placing", nothing_hit_text())
+        self._notices.tell()
 
     def _on_parameters(self) -> None:
         self._on_opened(self._volume.open())

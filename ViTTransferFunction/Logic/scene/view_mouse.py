@@ -1,4 +1,4 @@
-"""The mouse in a slice view, for tools that take it from the view."""
+"""The mouse in a view, for tools that take it from the view."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.LeftButtonDoubleC
 
 
 class ViewMouse:
-    """Listens to the mouse in one slice view.
+    """Listens to the mouse in one view.
 
     Args:
         interactor: of the view's render window.
-        slice_node: says where the view lies in the patient.
+        slice_node: says where a slice view lies in the patient; None: it is a 3D view.
     """
 
-    def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode) -> None:
+    def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode | None = None) -> None:
         self._interactor = interactor
         self._slice_node = slice_node
         self._tags: list[int] = []
@@ -61,7 +61,8 @@ class ViewMouse:
         return {key for key, is_held in held.items() if is_held}
 
     def in_patient(self, position: tuple[float, float]) -> np.ndarray:
-        """(3,) RAS millimetres of a position in the view."""
+        """(3,) RAS millimetres of a position in a slice view."""
+        assert self._slice_node is not None
         return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((*position, 0.0, 1.0))[:3])
 
     @property

@@ -166,6 +166,11 @@ def no_structure_text(has_volume: bool) -> str:
     return _("Points belong to a structure in a scan, and there is no scan yet: open one first, then add a structure.")
 
 
+def nothing_hit_text() -> str:
+    """Why a click in a 3D view placed no point."""
+    return _("Nothing is shown there in the 3D view, so no point was placed: click on what is shown, or in a slice.")
+
+
 def choice_words() -> dict[str, str]:
     """What users read for the values of parameters that have few."""
     return {

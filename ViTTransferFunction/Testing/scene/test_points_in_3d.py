@@ -1,4 +1,4 @@
-"""Dragging turns 3D views, also where it begins on a point of a class; in slice views it moves the point, until undo."""
+"""Dragging turns 3D views, also where it begins on a point of a class or while points are placed; in slices it moves points."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
+import slicer
 import vtk
 
+from ViTTransferFunction.Logic.scene.place_mode import PlaceMode
 from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node
-from ViTTransferFunction.Testing.support.views import Views, drag, look_from
+from ViTTransferFunction.Testing.support.views import Views, click, drag, look_from, pixels
 
 MIDDLE_RAS = np.array([15.0, 15.0, 15.0])
+NOTHING_RAS = np.array([35.0, 15.0, 35.0])
+"""Where 3D views show nothing."""
 
 
 @pytest.fixture
@@ -93,3 +97,75 @@ def test_a_point_that_was_dragged_by_mistake_in_a_slice_view_is_brought_back_by_
     assert np.linalg.norm(np.array(session.classes[0].positive[0]) - MIDDLE_RAS) > 1.0
     session.annotations.undo()
     assert points(session) == before
+
+
+@pytest.fixture
+def placing(session: SceneSession, views: Views) -> Iterator[SceneSession]:
+    """Points are being placed on the class, of which there is something to be seen: a ball around the middle."""
+    ball = vtk.vtkSphereSource()
+    ball.SetCenter(*MIDDLE_RAS)
+    ball.SetRadius(5.0)
+    ball.Update()
+    model = views.scene.AddNewNodeByClass("vtkMRMLModelNode")
+    model.SetAndObservePolyData(ball.GetOutput())
+    model.CreateDefaultDisplayNodes()
+    place_mode = PlaceMode(views.app_logic, lambda: None)
+    place_mode.start(session.annotations.points_node(session.classes[0].id, True))
+    yield session
+    place_mode.stop()
+
+
+@pytest.mark.parametrize("begin_ras", [MIDDLE_RAS, NOTHING_RAS])
+def test_while_points_are_placed_a_3d_view_is_turned_by_a_drag_and_no_point_is_added(
+    placing: SceneSession, view_3d: Any, begin_ras: np.ndarray
+) -> None:
+    before, camera = points(placing), view_3d.get_camera_node().GetPosition()
+    drag(view_3d, begin_ras)
+    assert points(placing) == before
+    assert view_3d.get_camera_node().GetPosition() != camera
+
+
+@pytest.mark.parametrize("shaking", [False, True])
+def test_each_click_on_what_a_3d_view_shows_places_a_point_there(placing: SceneSession, view_3d: Any, shaking: bool) -> None:
+    for number in range(2):
+        click(view_3d, MIDDLE_RAS + np.array([2.0 * number, 0.0, 2.0]), shaking)
+        assert len(placing.classes[0].positive) == 2 + number
+        assert np.linalg.norm(np.array(placing.classes[0].positive[-1]) - MIDDLE_RAS) == pytest.approx(5.0, abs=0.5)
+    drag(view_3d, MIDDLE_RAS)
+    assert len(placing.classes[0].positive) == 3
+
+
+def test_a_click_on_nothing_in_a_3d_view_places_no_point_and_is_told_each_time(placing: SceneSession, view_3d: Any) -> None:
+    before = points(placing)
+    for _ in range(2):
+        click(view_3d, NOTHING_RAS)
+        assert points(placing) == before
+        assert "Nothing is shown there" in (placing.take_error() or "")
+    click(view_3d, MIDDLE_RAS + np.array([0.0, 0.0, 2.0]))
+    assert len(placing.classes[0].positive) == len(before[0]) + 1
+    assert placing.errors == ()
+
+
+def test_points_of_somebody_else_are_placed_as_ever(session: SceneSession, view_3d: Any, views: Views) -> None:
+    node = views.scene.AddNewNodeByClass("vtkMRMLMarkupsFiducialNode")
+    node.CreateDefaultDisplayNodes()
+    views.app_logic.GetSelectionNode().SetReferenceActivePlaceNodeClassName("vtkMRMLMarkupsFiducialNode")
+    views.app_logic.GetSelectionNode().SetActivePlaceNodeID(node.GetID())
+    views.app_logic.GetInteractionNode().SetCurrentInteractionMode(slicer.vtkMRMLInteractionNode.Place)
+    pixels(view_3d)
+    click(view_3d, NOTHING_RAS)
+    assert node.GetNumberOfDefinedControlPoints() == 1
+
+
+def test_a_click_in_a_slice_view_places_a_point_as_ever(placing: SceneSession, views: Views) -> None:
+    place_ras = MIDDLE_RAS + np.array([4.0, 4.0, 0.0])
+    click(views.slice_view(), place_ras)
+    np.testing.assert_allclose(placing.classes[0].positive[-1], place_ras, atol=0.3)
+
+
+def test_a_double_click_in_a_3d_view_ends_placing_as_in_slice_views(placing: SceneSession, view_3d: Any, views: Views) -> None:
+    click(view_3d, MIDDLE_RAS)
+    view_3d.interactor().InvokeEvent(vtk.vtkCommand.LeftButtonDoubleClickEvent)
+    view_3d.interactor().InvokeEvent(vtk.vtkCommand.LeftButtonReleaseEvent)
+    assert views.app_logic.GetInteractionNode().GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.ViewTransform
+    assert len(placing.classes[0].positive) == 2

@@ -108,18 +108,34 @@ def pixel_3d(view: Any, ras: np.ndarray) -> tuple[int, int]:
 
 def drag(view: Any, point_ras: Any, button: str = "Left") -> None:
     """Move the mouse to where a view shows a point, press the button, move on, and release it."""
-    find = pixel_3d if hasattr(view, "get_camera_node") else slice_pixel
-    find(view, point_ras)
-    for _ in range(2):  # Which points are seen, Slicer finds by the picture before.
-        pixels(view)
-    interactor, (row, column) = view.interactor(), find(view, point_ras)
-    interactor.SetEventInformation(column, row)
-    interactor.MouseMoveEvent()
+    interactor, (row, column) = view.interactor(), _point_at(view, point_ras)
     getattr(interactor, f"{button}ButtonPressEvent")()
     for step in range(1, 6):
         interactor.SetEventInformation(column + 3 * step, row + 2 * step)
         interactor.MouseMoveEvent()
     getattr(interactor, f"{button}ButtonReleaseEvent")()
+
+
+def click(view: Any, point_ras: Any, shaking: bool = False) -> None:
+    """Move the mouse to where a view shows a point, and click; `shaking`: it moves by a pixel while the button is held."""
+    interactor, (row, column) = view.interactor(), _point_at(view, point_ras)
+    interactor.LeftButtonPressEvent()
+    if shaking:
+        interactor.SetEventInformation(column + 1, row)
+        interactor.MouseMoveEvent()
+    interactor.LeftButtonReleaseEvent()
+
+
+def _point_at(view: Any, point_ras: Any) -> tuple[int, int]:
+    """Move the mouse to where a view shows a point; returns row and column."""
+    find = pixel_3d if hasattr(view, "get_camera_node") else slice_pixel
+    find(view, point_ras)
+    for _ in range(2):  # Which points are seen, Slicer finds by the picture before.
+        pixels(view)
+    row, column = find(view, point_ras)
+    view.interactor().SetEventInformation(column, row)
+    view.interactor().MouseMoveEvent()
+    return row, column
 
 
 def ball(shape: tuple[int, int, int], centre_kji: tuple[float, float, float], radius: float, width: float = 2.0) -> np.ndarray:

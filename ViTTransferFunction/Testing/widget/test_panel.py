@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -494,11 +494,10 @@ def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
 
 
 def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready: Any) -> None:
-    asked: list[Any] = []
-    slicer.app.layoutManager().threeDWidget(0).managers[MARKUPS_MANAGER] = SimpleNamespace(GetWidget=asked.append)
+    manager = slicer.app.layoutManager().threeDWidget(0).managers[MARKUPS_MANAGER] = Mock()
     add_class(ready)
     session = ready.panel.session
-    assert session.annotations.points_node(session.classes[0].id, positive=True).GetDisplayNode() in asked
+    manager.GetWidget.assert_any_call(session.annotations.points_node(session.classes[0].id, positive=True).GetDisplayNode())
 
 
 @pytest.fixture
