@@ -64,6 +64,20 @@ def test_nothing_is_wider_than_a_small_screen(page: AppPage) -> None:
         page["theme"].click()
 
 
+def test_on_an_upright_narrow_screen_the_views_lie_above_the_panel(page: AppPage) -> None:
+    page.page.set_viewport_size({"width": 400, "height": 800})
+    try:
+        page.wait_for_drawing()
+        page.keep_picture("upright and narrow")
+        views = [page[f"view-{name}"].bounding_box() for name in ("Red", "Green", "Yellow", "ThreeD")]
+        assert min(box["width"] for box in views) >= 190
+        assert min(box["height"] for box in views) >= 190
+        assert max(box["y"] + box["height"] for box in views) <= page.page.locator(".panel").bounding_box()["y"]
+        assert page.page.evaluate(BEYOND) == []
+    finally:
+        page.page.set_viewport_size({"width": 1280, "height": 800})
+
+
 def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage) -> None:
     controls = page.page.evaluate(NUMBER_ALL)
     assert len(controls) > 80
@@ -97,6 +111,19 @@ def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> Non
     page["class-2"].focus()
     page.page.keyboard.press("Delete")
     page.wait_for_state("classes.length === 7")
+
+
+def test_where_all_structures_were_removed_buttons_bring_them_back(page: AppPage) -> None:
+    for left in reversed(range(STRUCTURES)):
+        page["class-remove-0"].click()
+        page.wait_for_state(f"classes.length === {left}")
+    page.keep_picture("nothing left")
+    page["undo"].click()
+    page["class-0"].wait_for()
+    page["redo"].click()
+    page.wait_for_state("classes.length === 0")
+    page["undo"].click()
+    page["class-0"].wait_for()
 
 
 def test_ctrl_with_z_y_and_s_undoes_redoes_and_saves_as_in_other_programs(page: AppPage) -> None:
