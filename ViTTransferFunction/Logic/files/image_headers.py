@@ -31,6 +31,8 @@ _GZIP = b"\x1f\x8b"
 DICOM_START_BYTES = 132
 DICOM_READER = "GDCMImageIO"
 
+_ARCHIVE_ENDINGS = (".zip", ".7z", ".rar", ".tar", ".tar.gz", ".tgz")
+"""In which scans often come from hospitals and public collections."""
 SEGMENTATION_ENDING = ".seg.nrrd"
 """Of Slicer's segmentations."""
 
@@ -61,6 +63,8 @@ def image_format(path: Path) -> ImageFormat:
     if ending is not None:
         return _FORMATS[ending]
     known = ", ".join(_FORMATS)
+    if path.name.lower().endswith(_ARCHIVE_ENDINGS):
+        raise InputError(f"{path} is an archive. Unpack it, and open the image in it, or the folder with the DICOM files.")
     raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
 
 

@@ -10,15 +10,18 @@ from typing import Any
 
 from ..core.errors import InputError, shown
 from ..core.regular_file import check_regular_file
+from .image_headers import image_ending
 
 
 def read_json(path: Path) -> Any:
     """The content of a JSON file in UTF-8.
 
     Raises:
-        InputError: it cannot be read, is no JSON, or names a field twice in one place.
+        InputError: it cannot be read, is an image or empty, is no JSON, or names a field twice in one place.
     """
     check_regular_file(path)
+    if image_ending(path) is not None:
+        raise InputError(f"{path} is an image, by its ending; expected a file of JSON, such as one of points. Name that one.")
     try:
         # Notepad puts a mark in front.
         text = path.read_text(encoding="utf-8-sig")
@@ -28,6 +31,8 @@ def read_json(path: Path) -> Any:
         raise InputError(
             f"{path} is not a text in UTF-8, as JSON is ({error.reason} at byte {error.start}). Save it as UTF-8."
         ) from error
+    if not text.strip():
+        raise InputError(f"{path} is empty; expected JSON. Save it again, or copy it again from where it came.")
     try:
         return json.loads(text, object_pairs_hook=partial(_without_repetition, path))
     except RecursionError as error:

@@ -244,10 +244,19 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
         read_annotations(tmp_path / "missing.json", GEOMETRY)
 
 
+def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
+    for name in ("scan.nii.gz", "scan.NRRD"):
+        (tmp_path / name).write_bytes(b"\x1f\x8b")
+        with pytest.raises(InputError, match="is an image, by its ending; expected a file of JSON"):
+            read_annotations(tmp_path / name, GEOMETRY)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"", "not valid JSON: Expecting value.*. Correct it there"),
+        (b"", "is empty; expected JSON. Save it again"),
+        (b"\xef\xbb\xbf \r\n", "is empty"),
+        (b"R,A,S\r\n1,2,3\r\n", "not valid JSON: Expecting value.*. Correct it there"),
         (b"[" * 100_000, "nested too deeply"),
         (b'{"a":' * 100_000, "nested too deeply"),
         (b'{"classes": ' + b"9" * 5000 + b"}", "not valid JSON: it holds a number of thousands of digits. Correct"),

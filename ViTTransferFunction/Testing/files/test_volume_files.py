@@ -264,6 +264,13 @@ def test_what_is_no_image_is_refused(tmp_path: Path) -> None:
             read_volume(tmp_path / name)
 
 
+@pytest.mark.parametrize("name", ["study.zip", "Study.ZIP", "study.tar.gz", "study.7z"])
+def test_an_archive_is_to_be_unpacked(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"PK\x03\x04")
+    with pytest.raises(InputError, match="is an archive"):
+        read_volume(tmp_path / name)
+
+
 def labels_of_two_segments() -> np.ndarray:
     labels = np.zeros((4, 5, 6), dtype=np.uint16)
     labels[1:3, 1:3, 1:4] = 1
