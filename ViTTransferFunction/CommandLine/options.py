@@ -58,7 +58,11 @@ def add_settings_options(parser: argparse.ArgumentParser) -> None:
         help="what computes; auto, the default: a graphics card where there is one, else the processor",
     )
     parser.add_argument(
-        "--window", nargs=2, type=float, metavar=("LOW", "HIGH"), help="intensities that the network sees; else chosen robustly"
+        "--window",
+        nargs=2,
+        type=number,
+        metavar=("LOW", "HIGH"),
+        help="intensities that the network sees; else chosen robustly",
     )
 
 
@@ -73,6 +77,15 @@ def add_segmentation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep-all-components", action="store_true", help="also keep parts of a segment that hold none of its positive points"
     )
+
+
+def number(text: str) -> float:
+    """The value of an option that is a number."""
+    try:
+        return float(text)
+    except ValueError as error:
+        point = ", with a point before its decimals" if "," in text else ""
+        raise argparse.ArgumentTypeError(f"got {text!r}; expected a number{point}, such as 0.5") from error
 
 
 def check_is_no_points(path: Path, expected: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, check_is_no_points
+from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, check_is_no_points, number
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.Logic.core.errors import InputError
@@ -64,13 +64,13 @@ def add_arguments(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--view", choices=VIEW_DEGREES, help="the patient's side that is seen; else the front, from slightly above"
     )
-    parser.add_argument("--azimuth", metavar="DEGREES", type=float, help="0 from the front, 90 from the patient's left")
-    parser.add_argument("--elevation", metavar="DEGREES", type=float, help="0 level, 90 from above, -90 from below")
+    parser.add_argument("--azimuth", metavar="DEGREES", type=number, help="0 from the front, 90 from the patient's left")
+    parser.add_argument("--elevation", metavar="DEGREES", type=number, help="0 level, 90 from above, -90 from below")
     parser.add_argument("--camera", metavar="C.json", type=Path, help="see it as another picture did, side and scale")
     parser.add_argument("--save-camera", metavar="C.json", type=Path, help="write the camera, for other cases")
     parser.add_argument("--transparent", action="store_true", help="3D picture without background, legend and letters")
     parser.add_argument("--frames", metavar="N", type=int, help="of the film (default: 96)")
-    parser.add_argument("--seconds", metavar="S", type=float, help="that the film takes (default: 8)")
+    parser.add_argument("--seconds", metavar="S", type=number, help="that the film takes (default: 8)")
     parser.set_defaults(run=run)
 
 

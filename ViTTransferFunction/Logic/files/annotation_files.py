@@ -112,6 +112,10 @@ def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
     if path.suffix.lower() == ".fcsv":
         raise InputError(f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json.")
     content = read_json(path)
+    if isinstance(content, dict) and "classes" in content and "markups" not in content:
+        raise InputError(
+            f"{path} is an annotation file, of all classes; `vittf segment` takes it by --annotations {path.name}."
+        )
     try:
         _check_points(content["markups"], path)
         lists = [_points_of(markup, path) for markup in content["markups"]]

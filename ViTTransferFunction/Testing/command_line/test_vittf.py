@@ -279,6 +279,19 @@ def test_unusable_options_are_refused_and_nothing_is_written(
     assert not output.exists()
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [("0,5", "expected a number, with a point before its decimals, such as 0.5"), ("low", "expected a number, such")],
+)
+def test_what_is_no_number_is_refused_with_how_numbers_are_written(
+    given: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main(["segment", "scan.nrrd", "--window", given, "100", "-o", "out.seg.nrrd"])
+    assert refused.value.code == 2
+    assert f"argument --window: got {given!r}; {expected}" in capsys.readouterr().err
+
+
 def test_a_missing_scan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["segment", str(tmp_path / "none.nrrd"), "--annotations", "a.json", "-o", str(tmp_path / "o.seg.nrrd")]
     assert "There is no file" in refusal(arguments, capsys)

@@ -244,6 +244,11 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
         read_annotations(tmp_path / "missing.json", GEOMETRY)
 
 
+def test_an_annotation_file_in_place_of_a_point_list_is_told_where_it_goes(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"takes it by --annotations a\.json"):
+        read_markups(write(tmp_path / "a.json", {"coordinate_system": "RAS", "classes": []}))
+
+
 def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
     for name in ("scan.nii.gz", "scan.NRRD"):
         (tmp_path / name).write_bytes(b"\x1f\x8b")
