@@ -24,6 +24,9 @@ LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 MOST_SEGMENTS = 1000
 """More different numbers than this are intensities, of a volume that was named by mistake."""
 
+LEAST_LABEL = -1
+"""Numbers below are intensities, too, of a CT say; by this one, some programs mark what they leave out."""
+
 LARGEST_SHIFT_VOXELS = 0.01
 """How far a written voxel may lie from its place: more than the digits of single precision lose, less than can be seen."""
 
@@ -229,4 +232,6 @@ def _numbered_segments(labels: np.ndarray, path: Path) -> dict[int, Segment]:
     values = [int(value) for value in np.unique(labels) if value]
     if len(values) > MOST_SEGMENTS:
         raise InputError(f"{path} is no label map: it holds {len(values)} different numbers. Name a segmentation.")
+    if values and values[0] < LEAST_LABEL:
+        raise InputError(f"{path} is no label map: it holds numbers below zero, down to {values[0]}. Name a segmentation.")
     return {value: Segment(str(value), default_color(index)) for index, value in enumerate(values)}

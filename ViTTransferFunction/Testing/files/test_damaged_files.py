@@ -249,6 +249,7 @@ def test_axes_that_lead_nowhere_are_refused(tmp_path: Path, vectors: str) -> Non
         (np.where(VOXELS > 500, np.nan, 1.0), "no whole numbers"),
         (np.where(VOXELS > 500, np.inf, 1.0), "no whole numbers"),
         (VOXELS / 2.0, "no whole numbers"),
+        (np.where(VOXELS > 500, -31, 5), "numbers below zero, down to -31"),
         (np.arange(2000).reshape(20, 10, 10).astype(np.int16), "1999 different numbers"),
     ],
 )
