@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..core.annotated_class import AnnotatedClass
 from ..core.atomic_file import replacing
@@ -19,6 +20,7 @@ from ..core.errors import InputError, shown
 from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
 from ..core.given_numbers import FARTHEST, is_number
 from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ..core.region_points import points_of_outline
 from .json_files import read_json
 
 ANNOTATIONS_ENDING = ".annotations.json"
@@ -103,11 +105,11 @@ def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
 
     Returns:
-        Points (N, 3) and, beyond the ends of lines, which are diameters of what they are about, points (M, 3) outside; RAS
-        millimetres.
+        Points (N, 3), and points (M, 3) outside: beyond the ends of lines, which are diameters of what they are about, and
+        around closed curves, which are outlines; RAS millimetres.
 
     Raises:
-        InputError: unreadable, not a markups file, or of markups that enclose what they are about.
+        InputError: unreadable, not a markups file, or of boxes or planes.
     """
     if path.suffix.lower() == ".fcsv":
         raise InputError(f"{path} is a point list of an older Slicer; open it in Slicer, and save it as .mrk.json.")
@@ -131,16 +133,28 @@ def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarray]:
     points = as_points(_placed(markup["controlPoints"]), f"points of {path}")
     points_ras = transform_points(_markups_to_ras(markup, path), points)
-    if markup.get("type") != _LINE:
-        return points_ras, no_points()
-    if len(points_ras) != 2:
+    kind, count = markup.get("type"), len(points_ras)
+    if kind == _LINE and count != 2:
+        raise InputError(f"{path} holds a line with {count} of its ends placed; expected 2. Draw it to its end in Slicer.")
+    if kind == _CURVE and count < 3:
         raise InputError(
-            f"{path} holds a line with {len(points_ras)} of its ends placed; expected 2. Draw it to its end in Slicer."
+            f"{path} holds a closed curve with {count} points placed; expected 3 or more. Draw it around in Slicer."
         )
     try:
-        return points_of_diameter(points_ras)
+        if kind == _LINE:
+            return points_of_diameter(points_ras)
+        if kind == _CURVE:
+            return points_of_outline(_curve_through(points_ras))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    return points_ras, no_points()
+
+
+def _curve_through(points_ras: np.ndarray) -> np.ndarray:
+    """A smooth closed curve through control points (N, 3), as Slicer draws it, by a few places between each two, (10 N, 3)."""
+    closed = np.concatenate([points_ras, points_ras[:1]])
+    places: np.ndarray = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")(np.arange(0.0, len(points_ras), 0.1))
+    return places
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
@@ -149,12 +163,12 @@ def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
     if kind is not None:
         raise InputError(
             f"{path} holds markups of the type {kind}, whose control points lie around a structure and not on it; expected a "
-            "point list. In Slicer, the module makes points of the inside of closed curves and boxes."
+            "point list, a line across the structure, or a closed curve around it. In Slicer, the module makes points of boxes."
         )
 
 
-_ENCLOSING = ("ClosedCurve", "ROI", "Plane")
-_LINE = "Line"
+_ENCLOSING = ("ROI", "Plane")
+_LINE, _CURVE = "Line", "ClosedCurve"
 
 
 def _placed(points: list[dict[str, Any]]) -> list[Any]:
@@ -165,12 +179,13 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
     """Classes from Slicer's markups, one file for each class and polarity.
 
     Args:
-        positive: file of each class: its points, or lines across it.
+        positive: file of each class: its points, lines across it, or closed curves around it.
         negative: of some of them: points that are not of the class.
-        geometry: of the annotated volume. Points that stand for what is outside a line, and lie beyond it, are left out.
+        geometry: of the annotated volume. Points that stand for what is outside a line or a curve, and lie beyond the volume,
+            are left out.
 
     Raises:
-        InputError: a negative list belongs to no class or has lines, or a file is not a markups file.
+        InputError: a negative list belongs to no class or has lines or curves, or a file is not a markups file.
     """
     strangers = sorted(negative.keys() - positive.keys())
     if strangers:
@@ -188,7 +203,8 @@ def _read_negative(path: Path) -> np.ndarray:
     points, beyond = read_markups(path)
     if len(beyond):
         raise InputError(
-            f"{path} holds a line, which is the diameter of a structure; expected a point list. Give the line by --positive."
+            f"{path} holds a line or a closed curve, which is the diameter or the outline of a structure; expected a point "
+            "list. Give it by --positive."
         )
     return points
 

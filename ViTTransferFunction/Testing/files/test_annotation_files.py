@@ -23,6 +23,7 @@ from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.given_numbers import FARTHEST
 from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ViTTransferFunction.Logic.core.region_points import points_of_outline
 from ViTTransferFunction.Logic.files.annotation_files import (
     classes_from_markups,
     read_annotations,
@@ -353,22 +354,51 @@ def test_what_lies_beyond_a_line_and_the_volume_is_left_out(tmp_path: Path) -> N
 
 def test_half_a_line_and_a_line_off_a_structure_are_refused(tmp_path: Path) -> None:
     ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
-    with pytest.raises(InputError, match=r"a line with 1 of its ends placed; expected 2\."):
+    with pytest.raises(InputError, match=r"line\.mrk\.json holds a line with 1 of its ends placed; expected 2\."):
         read_markups(line(tmp_path, ends[0]))
     with pytest.raises(InputError, match=r"line\.mrk\.json: The diameter is 0 mm long"):
         read_markups(line(tmp_path, ends[0], ends[0]))
     path = line(tmp_path, *ends)
-    with pytest.raises(InputError, match=r"holds a line, .* Give the line by --positive"):
+    with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
 
 
-@pytest.mark.parametrize("kind", ["Fiducial", "Curve", "ClosedCurve", "ROI"])
+def curve(tmp_path: Path, radius: float, count: int) -> tuple[Path, np.ndarray]:
+    """A circle in a slice, and so many points on it in a file."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 120, endpoint=False)
+    circle = np.stack([20.0 + radius * np.cos(angles), 16.0 + radius * np.sin(angles), np.full(120, 10.0)], axis=1)
+    points = GEOMETRY.ijk_to_ras_points(circle[:: 120 // count])
+    content = markups([{"position": point.tolist()} for point in points], coordinateSystem="RAS", type="ClosedCurve")
+    return write(tmp_path / "curve.mrk.json", content), GEOMETRY.ijk_to_ras_points(circle)
+
+
+def test_a_closed_curve_around_a_structure_is_its_outline(tmp_path: Path) -> None:
+    path, circle = curve(tmp_path, 8.0, 6)
+    (found,) = classes_from_markups({"lesion": path}, {}, GEOMETRY)
+    inside, outside = points_of_outline(circle)
+    middle = circle.mean(axis=0)
+    for points, expected in ((found.request.positive, inside), (found.request.negative, outside)):
+        assert len(points) == len(expected)
+        # Between its few control points the curve bulges as a circle does.
+        far = [np.linalg.norm(each - middle, axis=1).max() for each in (points, expected)]
+        assert far[0] == pytest.approx(far[1], rel=0.02)
+
+
+def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"curve\.mrk\.json holds a closed curve with 2 points placed; expected 3 or more\."):
+        read_markups(curve(tmp_path, 8.0, 2)[0])
+    path, _ = curve(tmp_path, 8.0, 6)
+    with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
+        classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
+
+
+@pytest.mark.parametrize("kind", ["Fiducial", "Curve", "ROI"])
 def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [-1.0, -2.0, 3.0]}], type=kind))
     if kind in ("Fiducial", "Curve"):
         np.testing.assert_array_equal(read_markups(path)[0], [[1.0, 2.0, 3.0]])
     else:
-        with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list"):
+        with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list, a line"):
             read_markups(path)
 
 
