@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from .errors import InputError
@@ -16,23 +14,6 @@ LEAST_BEYOND_MM = 2.0
 """But not less: a voxel or two."""
 SHORTEST_MM = 0.5
 """What is shorter was not drawn across anything."""
-_SAME_MM = 1e-3
-"""Points that a transform has moved, or that come from a file, are rounded by less."""
-
-
-@dataclass(frozen=True)
-class PlacedDiameter:
-    """A diameter whose points are among those of a structure.
-
-    Attributes:
-        length_mm: of the line.
-        inside_until: how many of the structure's points inside there were with its own.
-        outside_until: and how many of those outside.
-    """
-
-    length_mm: float
-    inside_until: int
-    outside_until: int
 
 
 def points_of_diameter(ends_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -55,39 +36,5 @@ def points_of_diameter(ends_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             "structure to the other, where it is longest."
         )
     inside = start + np.array(INSIDE)[:, None] * (end - start)
-    return inside, _beyond(start, end, length_mm)
-
-
-def last_diameter(inside_ras: np.ndarray, outside_ras: np.ndarray) -> PlacedDiameter | None:
-    """Of the diameters that are among points, the one that was placed last; None where there is none.
-
-    Only one whose points are all there, and where it placed them.
-
-    Args:
-        inside_ras: (N, 3) RAS millimetres, in the order in which they were placed.
-        outside_ras: (M, 3), the same.
-    """
-    middles, starts, ends = inside_ras[:-2], inside_ras[1:-1], inside_ras[2:]
-    for index in np.flatnonzero(_is_same(starts + ends, 2.0 * middles))[::-1]:
-        along = (ends[index] - starts[index]) / (INSIDE[2] - INSIDE[1])
-        length_mm = float(np.linalg.norm(along))
-        if length_mm < SHORTEST_MM:
-            continue  # A point that was placed three times.
-        start = starts[index] - INSIDE[1] * along
-        before, after = _beyond(start, start + along, length_mm)
-        places = np.flatnonzero(_is_same(outside_ras[:-1], before) & _is_same(outside_ras[1:], after))
-        if places.size:
-            return PlacedDiameter(length_mm, int(index) + len(INSIDE), int(places[-1]) + 2)
-    return None
-
-
-def _beyond(start: np.ndarray, end: np.ndarray, length_mm: float) -> np.ndarray:
-    """(2, 3): the points outside."""
     beyond = max(BEYOND * length_mm, LEAST_BEYOND_MM) / length_mm * (end - start)
-    return np.stack([start - beyond, end + beyond])
-
-
-def _is_same(some_ras: np.ndarray, others_ras: np.ndarray) -> np.ndarray:
-    """(N,) bool: which of some points (N, 3) are where others are."""
-    same: np.ndarray = np.abs(some_ras - others_ras).max(axis=1, initial=0.0) <= _SAME_MM
-    return same
+    return inside, np.stack([start - beyond, end + beyond])

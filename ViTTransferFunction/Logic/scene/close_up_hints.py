@@ -1,4 +1,4 @@
-"""Which structures a closer look may find better: those that needed large corrections in the whole scan, or are short in it."""
+"""Which structures a closer look may find better: those that needed large corrections in the whole scan, or are small in it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..compute.proxy import SegmentationProxy
 from ..core.class_map import ClassMap
 from ..core.close_up_choice import close_up_of
-from ..core.diameter_points import last_diameter
+from ..core.diameter_points import BEYOND
 from ..core.errors import InputError
 from ..core.gross_correction import corrects_grossly
 from .annotations import SceneAnnotations
@@ -26,9 +26,9 @@ from .wording import CloserLookReason
 ENOUGH = 2
 """Gross corrections of a class, from which on a box is worth it on average; see `Benchmarks/results/candidates.md`."""
 
-SHORT_CELLS = 4.0
-"""A diameter of fewer cells is short. Of 25 such structures a box found more on average, but only the compact ones gained; see
-`Benchmarks/results/candidates.md`, *A diameter instead of the first click*."""
+SMALL_CELLS = 4.0
+"""A diameter or an outline of fewer cells is small. Of such structures a box found more on average, but only the compact ones
+gained; see `Benchmarks/results/candidates.md`, from *A diameter instead of the first click* on."""
 
 Placed = tuple[Polarity, Point]
 """A point as a class has it."""
@@ -36,7 +36,7 @@ Placed = tuple[Polarity, Point]
 
 @dataclass(frozen=True)
 class Correction:
-    """What was placed in one step: a point, a stroke, or the points of a region or of a diameter.
+    """What was placed in one step: a point, a stroke, or the points of a region, an outline or a diameter.
 
     Attributes:
         step: later ones have higher numbers.
@@ -47,8 +47,23 @@ class Correction:
     gross: bool
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """A diameter or an outline of a class: what placed points on it and off it in one step.
+
+    Attributes:
+        points: of it.
+        before: those that were there already.
+        size_mm: how long it is, about: what lies off the structure is so much farther apart.
+    """
+
+    points: frozenset[Placed]
+    before: frozenset[Placed]
+    size_mm: float
+
+
 class CloseUpHints:
-    """Keeps in mind how classes were corrected. Their diameters it finds among their points.
+    """Keeps in mind how classes were drawn and corrected.
 
     A correction is judged once, when it is placed, by what is shown of the class until then. Points of which nothing was shown
     are no corrections: those of a saved scene or of another volume, of a class that is new, or placed before the answer to the
@@ -73,6 +88,7 @@ class CloseUpHints:
         self._classes: dict[str, ClassState] = {}
         # None: it corrected nothing that was shown.
         self._known: dict[str, dict[Placed, Correction | None]] = {}
+        self._drawn: dict[str, Drawn] = {}
         self._looked_at: set[str] = set()
         self._boxes: dict[str, tuple[ClassMap, bool]] = {}
         self._step = 0
@@ -83,6 +99,7 @@ class CloseUpHints:
         self._known = {id_: dict.fromkeys(known) for id_, known in self._known.items()}
         for state in self._annotations.classes:
             self._known.setdefault(state.id, {}).update(dict.fromkeys(_placed(state)))
+        self._drawn = {}
         self._looked_at = {state.id for state in self._annotations.classes if state.close_up is not None}
         self._boxes = {}
 
@@ -104,7 +121,7 @@ class CloseUpHints:
 
         - "large corrections": from its second gross one on, one of which was off the structure: else it may be several like
           objects, clicked one after the other.
-        - "short diameter": its last diameter is shorter than `SHORT_CELLS`.
+        - "small drawing": its last diameter or outline is smaller than `SMALL_CELLS`.
 
         Args:
             state: of the class.
@@ -120,13 +137,18 @@ class CloseUpHints:
         if was is None:
             known.update({placed: known.get(placed) for placed in _placed(state)})
             return
+        added: dict[Polarity, list[Point]] = {}
         for polarity in get_args(Polarity):
             then, now = getattr(was, polarity), getattr(state, polarity)
             if len(then) == len(now):
                 for old, new in zip(then, now, strict=True):
                     known.setdefault((polarity, new), known.get((polarity, old)))
-            elif added := [point for point in now if (polarity, point) not in known]:
-                known.update(dict.fromkeys([(polarity, point) for point in added], self._judged(was, polarity, added)))
+            elif new := [point for point in now if (polarity, point) not in known]:
+                added[polarity] = new
+        for polarity, points in added.items():
+            known.update(dict.fromkeys([(polarity, point) for point in points], self._judged(was, polarity, points)))
+        if len(added) == len(get_args(Polarity)):
+            self._drawn[state.id] = _drawn(was, added)
 
     def _judged(self, was: ClassState, polarity: Polarity, added: Sequence[Point]) -> Correction | None:
         """Points that were added to a class in one step, by what is shown of it; None where they correct nothing of that."""
@@ -148,21 +170,17 @@ class CloseUpHints:
         gross = {correction.step for correction in corrections.values() if correction.gross}
         if _needed_large_corrections(corrections, gross):
             return "large corrections"
-        if self._is_short(state, {placed for placed, correction in corrections.items() if correction.step in gross}):
-            return "short diameter"
+        if self._is_small(state, {placed for placed, correction in corrections.items() if correction.step in gross}):
+            return "small drawing"
         return None
 
-    def _is_short(self, state: ClassState, gross: Collection[Placed]) -> bool:
-        """Whether the last diameter of a class is short, and all points since are `gross` corrections."""
-        cells = self._proxy.low_maps.get(state.id)
-        diameter = last_diameter(*(np.array(points).reshape(-1, 3) for points in (state.positive, state.negative)))
-        if cells is None or diameter is None or diameter.length_mm >= SHORT_CELLS * cells.geometry.spacing_mm.max():
+    def _is_small(self, state: ClassState, gross: Collection[Placed]) -> bool:
+        """Whether a class's last diameter or outline is there and small, and all points since are `gross` corrections."""
+        cells, drawn, placed = self._proxy.low_maps.get(state.id), self._drawn.get(state.id), set(_placed(state))
+        if cells is None or drawn is None or not drawn.points <= placed:
             return False
-        since: dict[Polarity, Sequence[Point]] = {
-            "positive": state.positive[diameter.inside_until :],
-            "negative": state.negative[diameter.outside_until :],
-        }
-        return all((polarity, point) in gross for polarity, points in since.items() for point in points)
+        is_small = drawn.size_mm < SMALL_CELLS * cells.geometry.spacing_mm.max()
+        return is_small and placed - drawn.before - drawn.points <= set(gross)
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
@@ -187,6 +205,14 @@ def _needed_large_corrections(corrections: Mapping[Placed, Correction], gross: C
         return False
     slight = {correction.step for correction in corrections.values()} - set(gross)
     return max(slight, default=0) < max(sorted(gross)[ENOUGH - 1], min(surplus))
+
+
+def _drawn(was: ClassState, added: Mapping[Polarity, Sequence[Point]]) -> Drawn:
+    """What added points on and off a class in one step."""
+    points = np.array([point for points in added.values() for point in points])
+    farthest_mm = float(np.linalg.norm(points[:, None] - points, axis=-1).max())
+    placed = frozenset((polarity, point) for polarity, points in added.items() for point in points)
+    return Drawn(placed, frozenset(_placed(was)), farthest_mm / (1.0 + 2.0 * BEYOND))
 
 
 def _placed(state: ClassState) -> Iterator[Placed]:

@@ -12,7 +12,7 @@ from .context import OFF
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
-CloserLookReason = Literal["large corrections", "short diameter"]
+CloserLookReason = Literal["large corrections", "small drawing"]
 """Why a closer look may help; see `CloseUpHints`."""
 
 _MOST_NAMES = 5
@@ -63,8 +63,8 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
     key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
     words = {
         "large corrections": _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.'),
-        "short diameter": _(
-            'The diameter is shorter than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
+        "small drawing": _(
+            'What you drew is smaller than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
         ),
     }
     return words[reason].format(key=key)

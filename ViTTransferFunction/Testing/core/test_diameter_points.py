@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.diameter_points import LEAST_BEYOND_MM, last_diameter, points_of_diameter
+from ViTTransferFunction.Logic.core.diameter_points import LEAST_BEYOND_MM, points_of_diameter
 from ViTTransferFunction.Logic.core.errors import InputError
 
 START_RAS = np.array([30.0, -80.0, 900.0])
@@ -45,36 +45,3 @@ def test_drawn_the_other_way_round_it_stands_for_the_same_places() -> None:
 def test_a_line_across_nothing_is_refused_and_the_user_is_told_what_to_do(length_mm: float) -> None:
     with pytest.raises(InputError, match=r"mm long; at least 0\.5 mm were expected\. Drag from one edge"):
         points_of_diameter(diameter(length_mm))
-
-
-@pytest.mark.parametrize("length_mm", [0.6, 4.0, 50.0])
-def test_a_diameter_is_found_among_points_before_and_after_it(length_mm: float) -> None:
-    inside, outside = points_of_diameter(diameter(length_mm))
-    clicked = START_RAS + np.array([[7.0, 8.0, 9.0], [-3.0, 4.0, 1.0]])
-    # As rounded as below a transform.
-    inside, outside = np.concatenate([clicked, inside + 1e-6, clicked]), np.concatenate([clicked[1:], outside, clicked])
-    found = last_diameter(inside, outside)
-    assert found is not None
-    assert found.length_mm == pytest.approx(length_mm, abs=1e-4)
-    assert (found.inside_until, found.outside_until) == (5, 3)
-
-
-def test_of_two_diameters_the_last_one_counts() -> None:
-    (inside, outside), (more_inside, more_outside) = (points_of_diameter(diameter(length_mm)) for length_mm in (50.0, 20.0))
-    found = last_diameter(np.concatenate([inside, more_inside]), np.concatenate([outside, more_outside]))
-    assert found is not None
-    assert (found.inside_until, found.outside_until) == (6, 4)
-    assert found.length_mm == pytest.approx(20.0)
-
-
-def test_points_are_no_diameter_once_one_is_elsewhere_or_gone() -> None:
-    inside, outside = points_of_diameter(diameter(20.0))
-    for index in range(3):
-        assert last_diameter(inside + 0.1 * np.eye(3)[[index]].T, outside) is None
-        assert last_diameter(np.delete(inside, index, axis=0), outside) is None
-    for index in range(2):
-        assert last_diameter(inside, outside + 0.1 * np.eye(2)[[index]].T) is None
-        assert last_diameter(inside, np.delete(outside, index, axis=0)) is None
-    assert last_diameter(inside, outside[::-1]) is None
-    assert last_diameter(np.empty((0, 3)), np.empty((0, 3))) is None
-    assert last_diameter(np.repeat(inside[:1], 3, axis=0), np.repeat(inside[:1], 2, axis=0)) is None

@@ -1,4 +1,4 @@
-"""When a closer look is suggested: after two large corrections of what is shown, or a short diameter; until what ends it."""
+"""When a closer look is suggested: after two large corrections of what is shown, or a small drawing; until what ends it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import slicer
 from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.region_points import points_of_outline
 from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.class_requests import class_requests
 from ViTTransferFunction.Logic.scene.class_state import ClassState
@@ -31,7 +32,7 @@ SHALLOW, BESIDE = MIDDLE + np.array([18.0, 0.0, 0.0]), MIDDLE + np.array([23.0, 
 FAR = MIDDLE + np.array([30.0, 0.0, 0.0])
 
 
-SHORT_MM, LONG_MM = 19.0, 21.0
+SMALL_MM, LARGE_MM = 19.0, 21.0
 """Of less and more than four cells."""
 
 
@@ -86,9 +87,13 @@ class Corrected:
 
     def draw(self, length_mm: float, middle_ras: np.ndarray = MIDDLE) -> None:
         """Draw a diameter where nothing was shown."""
-        shown, self.proxy.maps = self.proxy.maps, {}
         half = 0.5 * length_mm * np.array([0.0, 0.6, 0.8])
-        self.annotations.add_points_of_both(self.id, *points_of_diameter(np.stack([middle_ras - half, middle_ras + half])))
+        self.draw_points(*points_of_diameter(np.stack([middle_ras - half, middle_ras + half])))
+
+    def draw_points(self, inside_ras: np.ndarray, outside_ras: np.ndarray) -> None:
+        """Draw what stands for these points where nothing was shown."""
+        shown, self.proxy.maps = self.proxy.maps, {}
+        self.annotations.add_points_of_both(self.id, inside_ras, outside_ras)
         self.proxy.maps = shown
 
     def reason(self, state: ClassState | None = None) -> CloserLookReason | None:
@@ -345,88 +350,103 @@ def test_points_beyond_the_volume_correct_nothing(corrected: Corrected) -> None:
 
 
 def test_a_diameter_of_less_than_four_cells_suggests_a_closer_look(corrected: Corrected) -> None:
-    corrected.draw(LONG_MM)
+    corrected.draw(LARGE_MM)
     assert corrected.reason() is None
     corrected.annotations.undo()
-    corrected.draw(SHORT_MM)
-    assert corrected.reason() == "short diameter"
+    corrected.draw(SMALL_MM)
+    assert corrected.reason() == "small drawing"
     # Of another preset, or of another number of cells.
     corrected.proxy.low_maps[corrected.id] = sphere(VOXELS.resized((30, 30, 30)), in_bytes=False)
     assert corrected.reason() is None
 
 
-def test_the_hint_at_a_short_diameter_is_undone_and_comes_back_with_it(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
+def test_the_hint_at_a_small_drawing_is_undone_and_comes_back_with_it(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
     said, undo, redo = [], corrected.annotations.undo, corrected.annotations.redo
     for step in (undo, redo, lambda: corrected.annotations.remove_last_point(corrected.id)):
         step()
         said.append(corrected.reason())
-    assert said == [None, "short diameter", None]
+    assert said == [None, "small drawing", None]
 
 
-def test_the_hint_at_a_short_diameter_stays_until_a_correction_that_is_not_gross(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
+def test_the_hint_at_a_small_drawing_stays_until_a_correction_that_is_not_gross(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
     corrected.add(FAR)
     said = [corrected.reason()]
     for point in (DEEP, SHALLOW):
         corrected.cut(point)
         said.append(corrected.reason())
-    assert said == ["short diameter", "large corrections", None]
+    assert said == ["small drawing", "large corrections", None]
     corrected.annotations.undo()
     corrected.annotations.undo()
     corrected.cut(SHALLOW)
     assert corrected.reason() is None
 
 
-def test_a_stroke_after_a_short_diameter_is_gross_where_a_point_of_it_is(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
+def test_a_stroke_after_a_small_drawing_is_gross_where_a_point_of_it_is(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
     corrected.cut(SHALLOW)
     assert corrected.reason() is None
     corrected.cut(DEEP, continued=True)
-    assert corrected.reason() == "short diameter"
+    assert corrected.reason() == "small drawing"
 
 
-def test_what_was_before_a_short_diameter_does_not_matter(corrected: Corrected) -> None:
+def test_what_was_before_a_small_drawing_does_not_matter(corrected: Corrected) -> None:
     corrected.add(BESIDE)
     corrected.cut(SHALLOW)
-    corrected.draw(SHORT_MM)
-    assert corrected.reason() == "short diameter"
+    corrected.draw(SMALL_MM)
+    assert corrected.reason() == "small drawing"
 
 
-def test_the_last_diameter_counts(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
-    corrected.draw(LONG_MM, FAR)
+def test_the_last_drawing_counts(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
+    corrected.draw(LARGE_MM, FAR)
     assert corrected.reason() is None
-    corrected.draw(SHORT_MM, MIDDLE + 1.0)
-    assert corrected.reason() == "short diameter"
+    corrected.draw(SMALL_MM, MIDDLE + 1.0)
+    assert corrected.reason() == "small drawing"
 
 
-def test_who_has_looked_closer_is_not_told_of_a_short_diameter(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
+def test_who_has_looked_closer_is_not_told_of_a_small_drawing(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
     corrected.annotations.set_close_up(corrected.id, (*MIDDLE.tolist(), 50.0, 50.0, 50.0))
     assert corrected.reason() is None
     corrected.annotations.undo()
     assert corrected.reason() is None
 
 
-def test_a_short_diameter_is_one_in_a_scene_that_comes_with_it_unless_there_are_points_since(corrected: Corrected) -> None:
-    corrected.draw(SHORT_MM)
-    corrected.hints.forget()
-    assert corrected.reason() == "short diameter"
-    corrected.cut(DEEP)
-    assert corrected.reason() == "short diameter"
+def test_what_was_drawn_before_scene_or_volume_were_others_suggests_nothing(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
     corrected.hints.forget()
     assert corrected.reason() is None
 
 
-def test_a_short_diameter_suggests_nothing_before_anything_is_shown_or_where_no_box_is_possible(corrected: Corrected) -> None:
+def test_what_was_drawn_is_small_no_longer_when_a_point_of_it_was_moved(corrected: Corrected) -> None:
+    corrected.draw(SMALL_MM)
+    corrected.move(True, 0, FAR)
+    assert corrected.reason() is None
+
+
+@pytest.mark.parametrize("shape", [(1.0, 1.0), (1.0, 0.7)])
+def test_an_outline_is_as_small_as_it_is_long(corrected: Corrected, shape: tuple[float, float]) -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    for length_mm, reason in ((LARGE_MM + 1.0, None), (SMALL_MM - 1.0, "small drawing")):
+        around = MIDDLE + 0.5 * length_mm * np.stack(
+            [shape[0] * np.cos(angles), shape[1] * np.sin(angles), 0.0 * angles], axis=1
+        )
+        if shape[1] == 1.0 or reason:
+            corrected.draw_points(*points_of_outline(around))
+            assert corrected.reason() == reason
+            corrected.annotations.undo()
+
+
+def test_a_small_drawing_suggests_nothing_before_anything_is_shown_or_where_no_box_is_possible(corrected: Corrected) -> None:
     low_map = corrected.proxy.low_maps.pop(corrected.id)
-    corrected.draw(SHORT_MM)
+    corrected.draw(SMALL_MM)
     assert corrected.reason() is None
     corrected.proxy.low_maps[corrected.id] = low_map
     corrected.proxy.phase = "extracting"
     assert corrected.reason() is None
     corrected.proxy.phase = "ready"
-    assert corrected.reason() == "short diameter"
+    assert corrected.reason() == "small drawing"
     corrected.proxy.low_maps[corrected.id] = ClassMap(np.ones(CELLS.shape, dtype=np.float32), CELLS, 0.5)
     assert corrected.reason() is None

@@ -228,7 +228,7 @@ def test_a_closer_look_is_suggested_after_a_diameter_that_is_short_for_the_cells
         session.regions.add_diameter(id_, centre_ras(spheres, 1) + np.stack([-half, half]))
         session.wait()
         said[share] = session.reason_to_look_closer(session.classes[-1])
-    assert said == {0.9: "short diameter", 1.1: None}
+    assert said == {0.9: "small drawing", 1.1: None}
 
 
 def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(

@@ -173,7 +173,14 @@ def is_blue(picture: np.ndarray) -> np.ndarray:
 
 def tools_fit(page: AppPage) -> bool:
     """Whether all tools stand in one row, beside a scroll bar, which browsers with a window have."""
-    row = page["tool-eraser"].locator("xpath=..").bounding_box()
-    boxes = [tool.bounding_box() for tool in page.page.locator("[data-testid^=tool-]").all()]
-    right = max(box["x"] + box["width"] for box in boxes)
-    return len({box["y"] for box in boxes}) == 1 and right <= row["x"] + row["width"] - SCROLL_BAR_PX
+    # Measured at once: what stands above them may grow by a line at any time.
+    row_right, *boxes = (
+        page["tool-eraser"]
+        .locator("xpath=..")
+        .evaluate(
+            """row => [row.getBoundingClientRect().right, ...[...row.children].map(tool => {
+            const box = tool.getBoundingClientRect(); return [box.top, box.right];
+        })]"""
+        )
+    )
+    return len({top for top, _ in boxes}) == 1 and max(right for _, right in boxes) <= row_right - SCROLL_BAR_PX

@@ -126,7 +126,7 @@ def test_the_page_suggests_a_closer_look_at_the_selected_structure(
         add_structure(app, positive=True)
         first, second = app.session.classes
         assert app.server.state.settings["close_up_hint"] == ""
-        words = {"large corrections": "Large corrections so far. ", "short diameter": "The diameter is shorter than four cells"}
+        words = {"large corrections": "Large corrections so far. ", "small drawing": "What you drew is smaller than four cells"}
         for reason, beginning in words.items():
             reasons = {first.id: None, second.id: reason}
             monkeypatch.setattr(SceneSession, "reason_to_look_closer", lambda self, state, reasons=reasons: reasons[state.id])

@@ -152,7 +152,7 @@ def test_a_diameter_that_is_short_for_the_cells_suggests_a_closer_look_until_it_
     half = np.array([0.0, 1.5 * spheres[0].geometry.extent_mm.max() / GRID, 0.0])
     session.regions.add_diameter(session.selected_class.id, centre_ras(spheres, 1) + np.stack([-half, half]))
     wait_until(lambda: session.up_to_date and not session.busy)
-    assert "The diameter is shorter than four cells" in suggestion(clicked)
+    assert "What you drew is smaller than four cells" in suggestion(clicked)
     assert clicked.ui.lookCloserButton.font().bold()
     clicked.ui.undoButton.click()
     assert (suggestion(clicked), clicked.ui.lookCloserButton.font().bold()) == ("", False)
