@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -117,18 +118,8 @@ def outline(data: Path, out: Path) -> Dice:
     """A cerebellum by one click, and by a line dragged around it."""
     desk, (*_, cerebellum) = _ready_desk(BRAIN, "brain_mr.json", data)
     desk.look = OUTLINE_LOOK
-    desk.look_at(CEREBELLUM_CLICK)
-    size = STEP_VIEW
-    id_ = desk.add_structure(cerebellum)
-    desk.click(id_, CEREBELLUM_CLICK, positive=True)
-    desk.settle()
-    clicked = captioned("One click", desk.view("axial", size, size))
-    desk.session.annotations.remove_last_point(id_)
-    desk.settle()
-    dragged = captioned("Instead: its outline, dragged around", desk.drag_outline(id_, "axial", size, size, CEREBELLUM_OUTLINE))
-    desk.settle()
-    found = captioned("What that finds", desk.view("axial", size, size))
-    save_small(row(clicked, dragged, found), out / "outline.png")
+    draw = partial(desk.drag_outline, outline_ras=CEREBELLUM_OUTLINE)
+    _click_or_draw(desk, cerebellum, CEREBELLUM_CLICK, "its outline, dragged around", draw, out / "outline.png")
     return _finish(desk, BRAIN, data)
 
 
@@ -136,19 +127,31 @@ def diameter(data: Path, out: Path) -> Dice:
     """A gallbladder by one click, and by a line dragged across it."""
     desk, (gallbladder, *_) = _ready_desk(ABDOMEN_CT, "amos_0336_closer.json", data)
     desk.look = DIAMETER_LOOK
-    desk.look_at(GALLBLADDER_CLICK)
-    size = STEP_VIEW
-    id_ = desk.add_structure(gallbladder)
-    desk.click(id_, GALLBLADDER_CLICK, positive=True)
+    draw = partial(desk.drag_diameter, ends_ras=GALLBLADDER_ENDS)
+    _click_or_draw(desk, gallbladder, GALLBLADDER_CLICK, "its diameter, dragged across", draw, out / "diameter.png")
+    return _finish(desk, ABDOMEN_CT, data)
+
+
+def _click_or_draw(
+    desk: Desk,
+    given: AnnotatedClass,
+    click_ras: Sequence[float],
+    drawing: str,
+    draw: Callable[[str, str, int, int], np.ndarray],
+    path: Path,
+) -> None:
+    """Three axial views of a structure: what one click finds, how it is drawn instead, and what that finds."""
+    view = ("axial", STEP_VIEW, STEP_VIEW)
+    desk.look_at(click_ras)
+    id_ = desk.add_structure(given)
+    desk.click(id_, click_ras, positive=True)
     desk.settle()
-    clicked = captioned("One click", desk.view("axial", size, size))
+    clicked = captioned("One click", desk.view(*view))
     desk.session.annotations.remove_last_point(id_)
     desk.settle()
-    dragged = captioned("Instead: its diameter, dragged across", desk.drag_diameter(id_, "axial", size, size, GALLBLADDER_ENDS))
+    drawn = captioned(f"Instead: {drawing}", draw(id_, *view))
     desk.settle()
-    found = captioned("What that finds", desk.view("axial", size, size))
-    save_small(row(clicked, dragged, found), out / "diameter.png")
-    return _finish(desk, ABDOMEN_CT, data)
+    save_small(row(clicked, drawn, captioned("What that finds", desk.view(*view))), path)
 
 
 def estimate(data: Path, out: Path) -> Dice:
