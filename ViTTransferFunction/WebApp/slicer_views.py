@@ -14,6 +14,7 @@ from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.patient_sides import sides
 from ..Logic.scene.slice_tools import SliceTools
+from ..Logic.scene.view_sight import look_at
 from ..Logic.scene.volume import numpy_matrix
 from .data_probe import DataProbe
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
@@ -23,8 +24,6 @@ from .view_steps import take_steps
 VIEWS = {"Red": "Axial", "ThreeD": "3D", "Green": "Coronal", "Yellow": "Sagittal"}
 """What users call the views, by their names, in the order of the page: row by row."""
 BACKGROUND_3D = "#0b0d0f"
-NEARER = 1.4
-"""VTK leaves room for the sphere about a volume; bodies fill less of it."""
 
 
 class SlicerViews:
@@ -94,10 +93,8 @@ class SlicerViews:
         if self._volume is not None:
             self._volume.GetRASBounds(bounds)
         if bounds[0] < bounds[1]:
-            self.view_3d.renderer().ResetCamera(bounds)
             self.view_3d.rotate_to_view_direction(ViewDirection.ANTERIOR)
-            self.view_3d.get_camera_node().GetCamera().Dolly(NEARER)
-            self.view_3d.renderer().ResetCameraClippingRange(bounds)
+            look_at(self.view_3d.renderer(), bounds)
         self.view_3d.schedule_render()
         self.settle()
 

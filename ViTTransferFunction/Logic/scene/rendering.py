@@ -17,6 +17,7 @@ from .observers import SceneObservers
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
+from .view_sight import look_at, sees
 from .volume import own_copy, take_image
 
 VOLUME_NAME = "Structure rendering"
@@ -36,7 +37,8 @@ class ClassRendering:
     Args:
         scene: where views and volumes are.
         app_logic: of the application, which knows the logic of the module Volume Rendering.
-        windows: the vtkRenderWindows of the 3D views that are shown: while the look is being changed, they are drawn quickly.
+        windows: the vtkRenderWindows of the 3D views that are shown: while the look is being changed, they are drawn quickly,
+            and the first structures of a scan are brought into their pictures.
     """
 
     def __init__(
@@ -49,9 +51,11 @@ class ClassRendering:
         self._app_logic = app_logic
         self._nodes = DerivedNodes(scene)
         self._smoothing = SurfaceSmoothing(scene)
+        self._windows = windows
         self._quick = QuickPictures(windows)
         self._observers = SceneObservers()
         self._cut_by: Any = None
+        self._looked_at: Any = None
 
     def show(
         self,
@@ -89,6 +93,20 @@ class ClassRendering:
         self._display_by(display, volume, material, shader)
         self._observers.observe(self._scene, [(slicer.vtkMRMLScene.EndBatchProcessEvent, self._on_batch_end)])
         self._smoothing.switch_on()
+        if self._looked_at is not volume_node:
+            self._looked_at = volume_node
+            self._bring_into_sight(volume_node, volume)
+
+    def _bring_into_sight(self, volume_node: Any, volume: Any) -> None:
+        """Have those 3D views look at the scan that would not show its structures; others stay as the user has them."""
+        structures, scan = [0.0] * 6, [0.0] * 6
+        volume.GetRASBounds(structures)
+        volume_node.GetRASBounds(scan)
+        middle = [(low + high) / 2.0 for low, high in zip(structures[::2], structures[1::2], strict=True)]
+        for window in self._windows():
+            renderer = window.GetRenderers().GetFirstRenderer()
+            if not sees(renderer, middle):
+                look_at(renderer, scan)
 
     def _display_by(self, display: Any, volume: Any, material: Any, shader: Any) -> None:
         """Have one node alone render the structures."""
@@ -200,6 +218,7 @@ class ClassRendering:
         """Hide the structures, and take their nodes out of the scene."""
         self.hide()
         self._nodes.remove()
+        self._looked_at = None
 
     def _add_display(self) -> Any:
         logic = self._app_logic.GetModuleLogic("VolumeRendering")

@@ -35,6 +35,7 @@ LEFT_KJI, RIGHT_KJI = (7.5, 9.5, 6.0), (7.5, 9.5, 17.0)
 LEFT, RIGHT = GRID.ijk_to_ras_points(np.array([LEFT_KJI[::-1], RIGHT_KJI[::-1]]))
 MIDDLE = GRID.ijk_to_ras_points(np.array([[11.5, 9.5, 7.5]]))[0]
 DISTANCE_MM = 130.0
+BESIDE, IN_FRONT = MIDDLE + np.array([500.0, 0.0, 0.0]), MIDDLE + np.array([0.0, 500.0, 0.0])
 
 
 NOTHING = Surroundings()
@@ -66,7 +67,7 @@ class Stage:
         self.views = Views(slicer_app, grid.shape, grid.ijk_to_ras)
         self.scene = self.views.scene
         self.view = self.views.view_3d()
-        self.rendering = ClassRendering(self.scene, slicer_app.app_logic)
+        self.rendering = ClassRendering(self.scene, slicer_app.app_logic, lambda: [self.view.render_window()])
         self.grid = grid
         look_from(self.view, middle, DISTANCE_MM)
 
@@ -127,6 +128,33 @@ def test_classes_show_in_their_colours_where_they_are(stage: Stage) -> None:
     assert hue(shown[right]) == pytest.approx([0, 1, 0], abs=0.05)
     assert shown[left].max() > 120
     assert (shown[middle] == 0).all()
+
+
+def test_a_view_that_looks_elsewhere_is_turned_to_the_scan_by_its_first_structures(stage: Stage) -> None:
+    look_from(stage.view, BESIDE, DISTANCE_MM)
+    stage.show(two_balls(), [RED, GREEN])
+    left, right = stage.at(LEFT, RIGHT)
+    shown = stage.picture()
+    assert hue(shown[left]) == pytest.approx([1, 0, 0], abs=0.05)
+    assert hue(shown[right]) == pytest.approx([0, 1, 0], abs=0.05)
+
+
+def test_a_view_that_looks_away_from_the_scan_is_turned_too(stage: Stage) -> None:
+    look_from(stage.view, IN_FRONT, DISTANCE_MM, (0.0, -1.0, 0.0))
+    stage.show(two_balls(), [RED, GREEN])
+    (left,) = stage.at(LEFT)
+    assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
+
+
+def test_a_view_stays_as_the_user_has_it_once_structures_were_in_sight(stage: Stage) -> None:
+    camera = stage.view.get_camera_node()
+    before = camera.GetPosition()
+    stage.show(two_balls(), [RED, GREEN])
+    assert camera.GetPosition() == before
+    look_from(stage.view, BESIDE, DISTANCE_MM)
+    away = camera.GetPosition()
+    stage.show(two_balls()[:1], [RED])
+    assert camera.GetPosition() == away
 
 
 def test_twelve_classes_show_at_once(slicer_app: Any) -> None:

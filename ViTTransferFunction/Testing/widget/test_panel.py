@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QProgressBar,
+    QScrollArea,
     QWidget,
 )
 
@@ -103,6 +104,21 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert text(widget.ui.classTable, 0, 1) == "liver"
     widget.ui.classTable.item(0, 1).setText("spleen")
     assert not widget.ui.messageFrame.isVisible()
+
+
+def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: Any) -> None:
+    host.window.resize(host.window.width(), 400)
+    slicer.app.processEvents()
+    area = host.window.centralWidget()
+    assert isinstance(area, QScrollArea)
+    bar = area.verticalScrollBar()
+    bar.setValue(bar.maximum())
+    assert bar.value() > 400
+    add_class(widget, "liver")
+    widget.ui.classTable.item(0, 1).setText(" ")
+    slicer.app.processEvents()
+    assert "needs a name" in widget.ui.messageLabel.text()
+    assert not widget.ui.messageLabel.visibleRegion().isEmpty()
 
 
 def test_problems_that_come_together_are_all_shown(widget: Any) -> None:

@@ -1,0 +1,33 @@
+"""What a 3D view has in its picture, and having it look at a scan: Slicer's views stay where they are when one is loaded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+NEARER = 1.4
+"""VTK leaves room for the sphere about a volume; bodies fill less of it."""
+
+
+def sees(renderer: Any, point_ras: Sequence[float]) -> bool:
+    """Whether a point (3,), RAS millimetres, lies within a view's picture; something may hide it.
+
+    Args:
+        renderer: the vtkRenderer of the view.
+        point_ras: the point.
+    """
+    to_picture = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1.0, 1.0)
+    x, y, _, w = to_picture.MultiplyPoint((*point_ras, 1.0))
+    return bool(w > 0.0 and max(abs(x), abs(y)) <= w)
+
+
+def look_at(renderer: Any, bounds_ras: Sequence[float]) -> None:
+    """Have a view look at a scan, from the direction that it looks in.
+
+    Args:
+        renderer: the vtkRenderer of the view.
+        bounds_ras: (6,) of the scan, RAS millimetres, as VTK orders them.
+    """
+    renderer.ResetCamera(bounds_ras)
+    renderer.GetActiveCamera().Dolly(NEARER)
+    renderer.ResetCameraClippingRange(bounds_ras)
