@@ -11,7 +11,7 @@ from slicer.i18n import tr as _
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.feature_wording import estimate_text, point_warnings, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume_in_slices import show_in_slices
+from ViTTransferFunction.Logic.scene.volume_in_slices import fit_in_slices, show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
 from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow
@@ -86,9 +86,12 @@ class VolumeSection(Section):
     def _on_volume_selected(self) -> None:
         node = self.ui.volumeSelector.currentNode()
         if self.session is not None:
+            before = self.session.parameters.volume
             self.session.set_volume(node)
             if node is not None:
                 show_in_slices(slicer.mrmlScene, slicer.app.applicationLogic(), node)
+            if node is not None and before is not None and before is not node:
+                fit_in_slices(slicer.mrmlScene, slicer.app.applicationLogic(), node)
 
     def _on_extract(self) -> None:
         if self.session is not None:

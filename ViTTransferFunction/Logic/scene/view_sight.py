@@ -8,9 +8,12 @@ from typing import Any
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
 
+EDGE = 0.75
+"""Of the way from the middle of a picture to its edge: what has its own middle beyond lies to a good part outside of it."""
+
 
 def sees(renderer: Any, point_ras: Sequence[float]) -> bool:
-    """Whether a point (3,), RAS millimetres, lies within a view's picture; something may hide it.
+    """Whether a point (3,), RAS millimetres, lies well within a view's picture; something may hide it.
 
     Args:
         renderer: the vtkRenderer of the view.
@@ -18,7 +21,7 @@ def sees(renderer: Any, point_ras: Sequence[float]) -> bool:
     """
     to_picture = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1.0, 1.0)
     x, y, _, w = to_picture.MultiplyPoint((*point_ras, 1.0))
-    return bool(w > 0.0 and max(abs(x), abs(y)) <= w)
+    return bool(w > 0.0 and max(abs(x), abs(y)) <= EDGE * w)
 
 
 def look_at(renderer: Any, bounds_ras: Sequence[float]) -> None:

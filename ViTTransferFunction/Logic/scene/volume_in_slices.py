@@ -10,6 +10,9 @@ import slicer
 from .nodes import nodes_of_class
 from .slice_layer import COMPOSITE_CLASS
 
+ROOM = 1.1
+"""How many times the size of a volume a view shows at least, where the volume is small in it."""
+
 
 def is_in_slices(
     scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic, volume: slicer.vtkMRMLScalarVolumeNode
@@ -42,6 +45,27 @@ def show_in_slices(
             logic.FitSliceToBackground()
 
 
+def fit_in_slices(
+    scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic, volume: slicer.vtkMRMLScalarVolumeNode
+) -> None:
+    """Have slice views that show a volume alone, and smaller than they could, show it as large as they can.
+
+    When Slicer loads a scan, it fits views to all that they show, the overlay of the scan before among it. Views stay on the
+    slice that they are on, unless the volume is not there.
+    """
+    for logic, composite in _views(scene, app_logic):
+        slice_node = logic.GetSliceNode()
+        alone = composite.GetForegroundVolumeID() is None and composite.GetLabelVolumeID() is None
+        if not alone or not _shows(composite, volume) or not _is_small_in(logic, volume):
+            continue
+        offset = slice_node.GetSliceOffset()
+        logic.FitSliceToVolume(volume, *slice_node.GetDimensions()[:2])
+        fitted = slice_node.GetSliceOffset()
+        slice_node.SetSliceOffset(offset)
+        if not _is_on(slice_node, volume):
+            slice_node.SetSliceOffset(fitted)
+
+
 def _views(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> Iterator[tuple[Any, Any]]:
     """Of each slice view its logic, and the node that says which volumes it shows."""
     for composite in nodes_of_class(scene, COMPOSITE_CLASS):
@@ -53,6 +77,13 @@ def _views(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic
 def _shows(composite: slicer.vtkMRMLSliceCompositeNode, volume: slicer.vtkMRMLScalarVolumeNode) -> bool:
     in_foreground = composite.GetForegroundVolumeID() == volume.GetID() and composite.GetForegroundOpacity() > 0.0
     return in_foreground or composite.GetBackgroundVolumeID() == volume.GetID()
+
+
+def _is_small_in(logic: slicer.vtkMRMLSliceLogic, volume: slicer.vtkMRMLScalarVolumeNode) -> bool:
+    """Whether a slice view has room around a volume on all sides."""
+    size_mm, _centre = [0.0] * 3, [0.0] * 3
+    logic.GetVolumeSliceDimensions(volume, size_mm, _centre)
+    return all(seen > ROOM * size for seen, size in zip(logic.GetSliceNode().GetFieldOfView()[:2], size_mm[:2], strict=True))
 
 
 def _is_on(slice_node: slicer.vtkMRMLSliceNode, volume: slicer.vtkMRMLScalarVolumeNode) -> bool:

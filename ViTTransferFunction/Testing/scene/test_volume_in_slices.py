@@ -10,7 +10,7 @@ import pytest
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Logic.scene.volume_in_slices import is_in_slices, show_in_slices
+from ViTTransferFunction.Logic.scene.volume_in_slices import fit_in_slices, is_in_slices, show_in_slices
 from ViTTransferFunction.Testing.support.views import BACKGROUND_GRAY, Views, pixels
 
 WHITE = 255
@@ -115,3 +115,35 @@ def test_without_slice_views_there_is_nothing_to_do(views: Views) -> None:
     scan = add_scan(views)
     show_in_slices(views.scene, views.app_logic, scan)
     assert is_in_slices(views.scene, views.app_logic, scan)
+
+
+def test_a_scan_that_is_small_in_views_is_shown_as_large_as_can_be_on_the_slices_that_they_are_on(
+    views: Views, in_layout: list[Any]
+) -> None:
+    for view in in_layout:
+        views.app_logic.GetSliceLogicByLayoutName(view.get_view_node().GetLayoutName()).FitSliceToBackground()
+    fitted = [view.get_view_node().GetFieldOfView()[0] for view in in_layout]
+    offsets = []
+    for view in in_layout:
+        node = view.get_view_node()
+        offsets.append(node.GetSliceOffset() + 1.0)
+        node.SetSliceOffset(offsets[-1])
+        node.SetFieldOfView(*(3.0 * size for size in node.GetFieldOfView()[:2]), node.GetFieldOfView()[2])
+    fit_in_slices(views.scene, views.app_logic, views.volume)
+    assert [view.get_view_node().GetFieldOfView()[0] for view in in_layout] == pytest.approx(fitted)
+    assert [view.get_view_node().GetSliceOffset() for view in in_layout] == pytest.approx(offsets)
+
+
+@pytest.mark.parametrize(("zoom", "fused"), [(0.5, False), (3.0, True)])
+def test_a_view_that_is_near_or_shows_another_scan_as_well_stays_as_it_is(
+    views: Views, in_layout: list[Any], zoom: float, fused: bool
+) -> None:
+    other = add_scan(views)
+    for view, composite in zip(in_layout, nodes_of_class(views.scene, COMPOSITE_CLASS), strict=True):
+        node = view.get_view_node()
+        views.app_logic.GetSliceLogicByLayoutName(node.GetLayoutName()).FitSliceToBackground()
+        node.SetFieldOfView(*(zoom * size for size in node.GetFieldOfView()[:2]), node.GetFieldOfView()[2])
+        composite.SetForegroundVolumeID(other.GetID() if fused else None)
+    places = [where(view) for view in in_layout]
+    fit_in_slices(views.scene, views.app_logic, views.volume)
+    assert [where(view) for view in in_layout] == places

@@ -17,6 +17,8 @@ from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
 from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_volume
@@ -101,6 +103,18 @@ def shown_elsewhere(slicer_app: Any) -> Any:
     view = Views(slicer_app).slice_view()
     view.get_view_node().SetMappedInLayout(True)
     return view
+
+
+def test_another_scan_that_is_chosen_does_not_stay_small_in_the_views(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    seen, other = shown_elsewhere(slicer_app).get_view_node(), add_volume(slicer_app.scene, spheres[0])
+    for composite in nodes_of_class(slicer_app.scene, COMPOSITE_CLASS):
+        composite.SetBackgroundVolumeID(other.GetID())
+    seen.SetFieldOfView(5000.0, 5000.0, 1.0)
+    widget.ui.volumeSelector.setCurrentNode(other)
+    assert seen.GetFieldOfView()[0] < 500.0
 
 
 def test_a_name_with_which_slicer_opens_no_saved_scene_is_told_once_until_it_is_another(widget: Any, volume: Any) -> None:
