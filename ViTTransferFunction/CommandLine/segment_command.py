@@ -68,7 +68,7 @@ def add_arguments(subparsers: Subparsers) -> None:
         metavar="NAME=L.mrk.json",
         action="append",
         default=[],
-        help="a Slicer point list on a structure, or a line across it; again for each",
+        help="a Slicer point list on a structure, a line across it, or a closed curve around it; again for each",
     )
     parser.add_argument("--negative", metavar="NAME=N.mrk.json", action="append", default=[], help="a Slicer point list off it")
     parser.add_argument(

@@ -10,7 +10,7 @@ from typing import Any
 
 from trame.ui.html import DivLayout
 
-from ..Logic.scene.annotation_tool import TOOLS
+from ..Logic.scene.annotation_tool import TOOL_ICONS
 from ..Logic.scene.choices import choices
 from ..Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
 from ..Logic.scene.wording import context_words, style_words
@@ -40,7 +40,7 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
-        "tools": [{"name": tool, "icon": tool[0].upper() + tool[1:]} for tool in TOOLS],
+        "tools": [{"name": tool, "icon": icon} for tool, icon in TOOL_ICONS.items()],
         "form": form,
         "choices": choices(),
         "preset_meanings": PRESET_MEANINGS,

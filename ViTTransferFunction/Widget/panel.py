@@ -10,6 +10,7 @@ from typing import Any
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.scene.annotation_tool import TOOL_ICONS, TOOLS
 from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
@@ -39,20 +40,7 @@ CLICK_POLL_MS = 2
 IDLE_POLL_MS = 500
 """And while nothing does: soon enough to tell that the compute process was lost."""
 
-_TOOLS = (
-    "PointOn",
-    "PointOff",
-    "BrushOn",
-    "BrushOff",
-    "LassoOn",
-    "LassoOff",
-    "BoxOn",
-    "BoxOff",
-    "Outline",
-    "Diameter",
-    "Eraser",
-)
-ICONS = (*_TOOLS, "Undo", "Redo", "RemoveLast")
+ICONS = (*TOOL_ICONS.values(), "Undo", "Redo", "RemoveLast")
 """Of the buttons that have one, by the names of their files."""
 
 
@@ -209,17 +197,7 @@ class Panel:
     def _actions(self) -> dict[str, Any]:
         tools = self.tools
         return {
-            "pointOn": lambda: tools.toggle("pointOn"),
-            "pointOff": lambda: tools.toggle("pointOff"),
-            "brushOn": lambda: tools.toggle("brushOn"),
-            "brushOff": lambda: tools.toggle("brushOff"),
-            "lassoOn": lambda: tools.toggle("lassoOn"),
-            "lassoOff": lambda: tools.toggle("lassoOff"),
-            "boxOn": lambda: tools.toggle("boxOn"),
-            "boxOff": lambda: tools.toggle("boxOff"),
-            "outline": lambda: tools.toggle("outline"),
-            "diameter": lambda: tools.toggle("diameter"),
-            "eraser": lambda: tools.toggle("eraser"),
+            **{tool: partial(tools.toggle, tool) for tool in TOOLS},
             "putDown": self._put_down,
             "undo": tools.undo,
             "redo": tools.redo,

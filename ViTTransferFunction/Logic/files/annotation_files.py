@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..core.annotated_class import AnnotatedClass
 from ..core.atomic_file import replacing
 from ..core.class_request import ClassRequest, as_points, check_name, no_points
 from ..core.close_up import CloseUp
+from ..core.closed_curve import closed_curve_through
 from ..core.colors import Color, default_color
 from ..core.diameter_points import points_of_diameter
 from ..core.errors import InputError, shown
@@ -144,17 +144,10 @@ def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarr
         if kind == _LINE:
             return points_of_diameter(points_ras)
         if kind == _CURVE:
-            return points_of_outline(_curve_through(points_ras))
+            return points_of_outline(closed_curve_through(points_ras))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return points_ras, no_points()
-
-
-def _curve_through(points_ras: np.ndarray) -> np.ndarray:
-    """A smooth closed curve through control points (N, 3), as Slicer draws it, by a few places between each two, (10 N, 3)."""
-    closed = np.concatenate([points_ras, points_ras[:1]])
-    places: np.ndarray = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")(np.arange(0.0, len(points_ras), 0.1))
-    return places
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:

@@ -21,6 +21,8 @@ Tool = Literal[
 ]
 TOOLS: tuple[Tool, ...] = get_args(Tool)
 """In the order in which front ends show them."""
+TOOL_ICONS: dict[Tool, str] = {tool: tool[0].upper() + tool[1:] for tool in TOOLS}
+"""The names of their icons' files, without the ending."""
 
 _SHAPES: dict[Tool, tuple[Shape, bool]] = {
     "lassoOn": ("lasso", True),

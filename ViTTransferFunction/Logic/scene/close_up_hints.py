@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import get_args
 
@@ -174,13 +174,13 @@ class CloseUpHints:
             return "small drawing"
         return None
 
-    def _is_small(self, state: ClassState, gross: Collection[Placed]) -> bool:
+    def _is_small(self, state: ClassState, gross: Set[Placed]) -> bool:
         """Whether a class's last diameter or outline is there and small, and all points since are `gross` corrections."""
         cells, drawn, placed = self._proxy.low_maps.get(state.id), self._drawn.get(state.id), set(_placed(state))
         if cells is None or drawn is None or not drawn.points <= placed:
             return False
         is_small = drawn.size_mm < SMALL_CELLS * cells.geometry.spacing_mm.max()
-        return is_small and placed - drawn.before - drawn.points <= set(gross)
+        return is_small and placed - drawn.before - drawn.points <= gross
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""

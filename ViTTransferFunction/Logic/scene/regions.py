@@ -95,16 +95,18 @@ class SceneRegions:
             self.add_region(id_, _corners(node), positive)
 
     def _add(self, id_: str, points_ras: np.ndarray, positive: bool) -> None:
-        points_ras = points_ras[self._in_volume(points_ras)]
-        if not len(points_ras):
-            raise InputError("No part of the region lies in the volume, so no points were added. Draw it on the volume.")
-        self._annotations.add_points(id_, points_ras, positive)
+        self._annotations.add_points(id_, self._within(points_ras, "region"), positive)
 
     def _add_both(self, id_: str, inside_ras: np.ndarray, outside_ras: np.ndarray, what: str) -> None:
-        inside, outside = (points[self._in_volume(points)] for points in (inside_ras, outside_ras))
-        if not len(inside):
+        outside = outside_ras[self._in_volume(outside_ras)]
+        self._annotations.add_points_of_both(id_, self._within(inside_ras, what), outside)
+
+    def _within(self, points_ras: np.ndarray, what: str) -> np.ndarray:
+        """The points (N, 3) that lie in the volume. Raises InputError where none does."""
+        within = points_ras[self._in_volume(points_ras)]
+        if not len(within):
             raise InputError(f"No part of the {what} lies in the volume, so no points were added. Draw it on the volume.")
-        self._annotations.add_points_of_both(id_, inside, outside)
+        return within
 
 
 def _ends(node: slicer.vtkMRMLMarkupsLineNode) -> np.ndarray:

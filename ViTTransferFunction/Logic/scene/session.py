@@ -460,9 +460,8 @@ class SceneSession:
         return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
 
     def _tell_of_nothing_hit(self) -> None:
-        self._problems.solve(
-            "placing"
-        )  # Each click is answered, also where somebody has closed what was said to the one before.
+        # Each click is answered, also where somebody has closed what was said to the one before.
+        self._problems.solve("placing")
         self._problems.put("placing", nothing_hit_text())
         self._notices.tell()
 

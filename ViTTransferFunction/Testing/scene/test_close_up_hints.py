@@ -426,17 +426,17 @@ def test_what_was_drawn_is_small_no_longer_when_a_point_of_it_was_moved(correcte
     assert corrected.reason() is None
 
 
-@pytest.mark.parametrize("shape", [(1.0, 1.0), (1.0, 0.7)])
-def test_an_outline_is_as_small_as_it_is_long(corrected: Corrected, shape: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("length_mm", "width", "reason"),
+    [(LARGE_MM + 1.0, 1.0, None), (SMALL_MM - 1.0, 1.0, "small drawing"), (SMALL_MM - 1.0, 0.7, "small drawing")],
+)
+def test_an_outline_is_as_small_as_it_is_long(
+    corrected: Corrected, length_mm: float, width: float, reason: CloserLookReason | None
+) -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
-    for length_mm, reason in ((LARGE_MM + 1.0, None), (SMALL_MM - 1.0, "small drawing")):
-        around = MIDDLE + 0.5 * length_mm * np.stack(
-            [shape[0] * np.cos(angles), shape[1] * np.sin(angles), 0.0 * angles], axis=1
-        )
-        if shape[1] == 1.0 or reason:
-            corrected.draw_points(*points_of_outline(around))
-            assert corrected.reason() == reason
-            corrected.annotations.undo()
+    around = MIDDLE + 0.5 * length_mm * np.stack([np.cos(angles), width * np.sin(angles), 0.0 * angles], axis=1)
+    corrected.draw_points(*points_of_outline(around))
+    assert corrected.reason() == reason
 
 
 def test_a_small_drawing_suggests_nothing_before_anything_is_shown_or_where_no_box_is_possible(corrected: Corrected) -> None:

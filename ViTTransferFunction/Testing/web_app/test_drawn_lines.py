@@ -22,17 +22,22 @@ NO_KEYS = [False, False, False]
 SCROLL_BAR_PX = 11
 
 
+def draw(app: WebApp, tool: str, way: list[list[float]]) -> None:
+    """Draw in the axial view, through places in it; there are no points before the button is released."""
+    app.views.slices[0].reset_view()
+    app.actions("addClass")
+    app.actions(tool)
+    app.views.use("Red", [["move", way[0], NO_KEYS], ["press", way[0], NO_KEYS, "left"]])
+    app.views.use("Red", [["move", place, NO_KEYS] for place in way[1:]])
+    assert app.session.classes[0].positive == ()
+    app.views.use("Red", [["release", way[-1], NO_KEYS, "left"], ["leave", way[-1], NO_KEYS]])
+
+
 def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         view = app.views.slices[0]
         view.render_window().SetSize(300, 200)
-        view.reset_view()
-        app.actions("addClass")
-        app.actions("diameter")
-        app.views.use("Red", [["move", [0.4, 0.5], NO_KEYS], ["press", [0.4, 0.5], NO_KEYS, "left"]])
-        app.views.use("Red", [["move", [0.5, 0.4], NO_KEYS], ["move", [0.6, 0.5], NO_KEYS]])
-        assert app.session.classes[0].positive == ()
-        app.views.use("Red", [["release", [0.6, 0.5], NO_KEYS, "left"], ["leave", [0.6, 0.5], NO_KEYS]])
+        draw(app, "diameter", [[0.4, 0.5], [0.5, 0.4], [0.6, 0.5]])
         to_ras = view.get_view_node().GetXYToRAS()
         ends = np.array([to_ras.MultiplyPoint((share * 300, 100.0, 0.0, 1.0))[:3] for share in (0.4, 0.6)])
         inside, outside = points_of_diameter(ends)
@@ -50,13 +55,8 @@ def test_an_outline_drawn_in_the_app_gives_points_inside_and_around_in_one_step(
     async def journey(app: WebApp) -> None:
         view = app.views.slices[0]
         view.render_window().SetSize(200, 200)
-        view.reset_view()
-        app.actions("addClass")
-        app.actions("outline")
         corners = [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]]
-        app.views.use("Red", [["move", corners[0], NO_KEYS], ["press", corners[0], NO_KEYS, "left"]])
-        app.views.use("Red", [["move", corner, NO_KEYS] for corner in corners[1:]])
-        app.views.use("Red", [["release", corners[-1], NO_KEYS, "left"], ["leave", corners[-1], NO_KEYS]])
+        draw(app, "outline", corners)
         to_ras = view.get_view_node().GetXYToRAS()
         outline = np.array([to_ras.MultiplyPoint((200 * x, 200 * (1 - y), 0.0, 1.0))[:3] for x, y in corners])
         inside, outside = points_of_outline(outline)

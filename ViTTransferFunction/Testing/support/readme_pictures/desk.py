@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import slicer
 from PySide6.QtGui import QImage
-from scipy.interpolate import CubicSpline
 from trame_slicer.core import SlicerApp
 from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
 
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.closed_curve import closed_curve_through
 from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.scene.annotation_tool import INSIDE_COLOR
@@ -114,8 +114,7 @@ class Desk:
 
         The hand goes smoothly through the corners that are given, (N, 3), and back to the first.
         """
-        corners_ras = np.array([*outline_ras, outline_ras[0]])
-        way_ras = CubicSpline(np.arange(len(corners_ras)), corners_ras, bc_type="periodic")(np.arange(0, len(outline_ras), 0.1))
+        way_ras = closed_curve_through(np.array(outline_ras))
         return self._drag("lasso", partial(self.session.regions.add_outline, id_), name, width, height, way_ras)
 
     def _drag(
