@@ -22,8 +22,8 @@ CASES.csv has a line for each case; relative paths begin at its folder:
   B,scans/b_dicom,scans/b.annotations.json
 
 A FOLDER has scan.nii.gz with scan.annotations.json beside it, or folders of
-DICOM files with annotations.json in them. vittf segment --help shows what is
-in an annotations file.
+DICOM files with annotations.json, or one file that Save points wrote, in each.
+vittf segment --help shows what is in an annotations file.
 """
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 import logging
 import platform
 from collections.abc import Callable, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
+from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
 from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
 from ViTTransferFunction.Logic.core.geometry import Geometry
@@ -123,7 +123,7 @@ def segmentation_report(
     import torch
 
     weights = session.provenance.weights
-    packages = ("torch", "numpy", "scipy", "SimpleITK", "vit-transfer-function")
+    packages = ("torch", "numpy", "scipy", "SimpleITK", THIS_PROGRAM)
     return {
         "versions": {"python": platform.python_version(), **{name: package_version(name) for name in packages}},
         "volume": {"name": session.volume.name, "size": session.volume.shape[::-1]},
@@ -147,11 +147,3 @@ def segmentation_report(
             for label, c in enumerate(segmentation.classes, start=1)
         ],
     }
-
-
-def package_version(package: str) -> str | None:
-    """The installed version of a package; None where it is not installed as one."""
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None

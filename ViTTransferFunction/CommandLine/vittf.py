@@ -95,6 +95,7 @@ def build_parser() -> argparse.ArgumentParser:
         segment_command,
         weights_command,
     )
+    from ViTTransferFunction.CommandLine.package_versions import ShowVersion
 
     parser = argparse.ArgumentParser(
         prog="vittf", description="Annotation-guided segmentation with vision transformer features."
@@ -112,6 +113,7 @@ def build_parser() -> argparse.ArgumentParser:
     subparsers = parser.add_subparsers(dest="command", required=True, metavar=names)
     for command in commands:
         command.add_arguments(subparsers)
+    parser.add_argument("--version", action=ShowVersion, help="show the version of this program, and of Python")
     _add_verbose(parser, False)
     for subparser in subparsers.choices.values():
         # Without a default of its own, it would overrule what stands before the command.

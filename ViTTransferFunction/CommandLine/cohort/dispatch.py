@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
-from ViTTransferFunction.CommandLine.segmenting import package_version
+from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
 from ViTTransferFunction.Logic.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -83,9 +83,9 @@ def check_workers(client: Client, address: str, patience_s: float) -> None:
         raise InputError(
             f"The scheduler {address} has no workers after {patience_s:.0f} s. Start some: dask worker {address} --nthreads 1"
         ) from error
-    here = package_version("vit-transfer-function")
+    here = package_version(THIS_PROGRAM)
     try:
-        versions = client.run(package_version, "vit-transfer-function")
+        versions = client.run(package_version, THIS_PROGRAM)
     except Exception as error:
         raise InputError(
             f"Workers of {address} cannot run this program ({type(error).__name__}: {error}). "

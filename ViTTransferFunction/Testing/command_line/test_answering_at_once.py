@@ -42,7 +42,9 @@ def python(code: str, environment: dict[str, str] | None = None) -> subprocess.C
     )
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"], ["segment", "--help"], ["segment", "scan.nrrd"], ["weights", "forget"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["--help"], ["--version"], ["segment", "--help"], ["segment", "scan.nrrd"], ["weights", "forget"]]
+)
 def test_help_and_mistakes_in_the_arguments_are_answered_before_anything_slow_is_loaded(arguments: list[str]) -> None:
     answer = python(LOADED_AFTER_A_MISTAKE.format(arguments=arguments))
     loaded = set(answer.stdout.splitlines()[-1].split())

@@ -5,13 +5,15 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from ViTTransferFunction.CommandLine import package_versions
 from ViTTransferFunction.CommandLine.cohort.cases import read_cases
-from ViTTransferFunction.CommandLine.vittf import build_parser
+from ViTTransferFunction.CommandLine.vittf import build_parser, main
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 
@@ -57,3 +59,18 @@ def test_help_says_what_is_chosen_where_nothing_is_and_needs_no_other_file(parse
         if action.option_strings and action.default not in (None, False, [], argparse.SUPPRESS):
             assert "default" in (action.help or ""), action.option_strings
         assert action.help or isinstance(action, argparse._SubParsersAction), action.option_strings or action.dest
+
+
+def test_version_is_told_without_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["--version"])
+    assert re.match(rf"vittf {re.escape(metadata.version('vit-transfer-function'))}, Python 3\.", capsys.readouterr().out)
+
+
+def test_version_is_told_where_the_program_was_only_unpacked(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(package_versions, "THIS_PROGRAM", "a-package-that-nobody-has")
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["--version"])
+    assert capsys.readouterr().out.startswith("vittf (not installed as a package), Python 3.")
