@@ -17,12 +17,16 @@ from ..core.geometry import LPS_TO_RAS, Geometry
 from ..core.label_dtype import label_dtype
 from .image_headers import SEGMENTATION_ENDING, locate_voxels
 from .itk_errors import last_line
+from .label_map_check import MOST_LABELS, looks_like_labels
 from .volume_files import read_geometry, read_image
 
 LABEL_MAP_ENDINGS = (".nii.gz", ".nii", ".nrrd", ".mha")
 
 MOST_SEGMENTS = 1000
 """More different numbers than this are intensities, of a volume that was named by mistake."""
+
+FEW_LABELS = 32
+"""With more different numbers, a label map has parts large enough to tell it from a scan of eight bits."""
 
 LEAST_LABEL = -1
 """Numbers below are intensities, too, of a CT say; by this one, some programs mark what they leave out."""
@@ -234,4 +238,7 @@ def _numbered_segments(labels: np.ndarray, path: Path) -> dict[int, Segment]:
         raise InputError(f"{path} is no label map: it holds {len(values)} different numbers. Name a segmentation.")
     if values and values[0] < LEAST_LABEL:
         raise InputError(f"{path} is no label map: it holds numbers below zero, down to {values[0]}. Name a segmentation.")
+    # A scan of eight bits has no more numbers than a segmentation may have.
+    if FEW_LABELS < len(values) <= MOST_LABELS and not looks_like_labels(labels):
+        raise InputError(f"{path} is no label map: its {len(values)} numbers are strewn, as in a scan. Name a segmentation.")
     return {value: Segment(str(value), default_color(index)) for index, value in enumerate(values)}

@@ -226,6 +226,8 @@ def test_more_segments_than_can_be_drawn_are_refused_with_advice_that_one_can_fo
     scan[0], scan[1] = -1000, 1000
     labels = np.zeros(scan.shape, dtype=np.int16)
     labels.flat[-segments:] = np.arange(1, segments + 1)
+    # Of several voxels each: else it looks like a scan.
+    scan, labels = scan.repeat(4, axis=2), labels.repeat(4, axis=2)
     for name, array in (("scan.nrrd", scan), ("labels.nrrd", labels)):
         sitk.WriteImage(sitk.GetImageFromArray(array), str(tmp_path / name))
     files = [str(tmp_path / name) for name in ("scan.nrrd", "labels.nrrd", "p.png")]

@@ -251,6 +251,10 @@ def test_axes_that_lead_nowhere_are_refused(tmp_path: Path, vectors: str) -> Non
         (VOXELS / 2.0, "no whole numbers"),
         (np.where(VOXELS > 500, -31, 5), "numbers below zero, down to -31"),
         (np.arange(2000).reshape(20, 10, 10).astype(np.int16), "1999 different numbers"),
+        (
+            np.random.default_rng(0).normal(128, 20, (20, 10, 10)).clip(0, 255).astype(np.uint8),
+            "numbers are strewn, as in a scan",
+        ),
     ],
 )
 def test_what_is_no_label_map_is_refused_as_one(tmp_path: Path, labels: np.ndarray, message: str) -> None:
