@@ -10,6 +10,7 @@ import slicer
 from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactory
 from trame_slicer.views import ScheduledRenderStrategy
 
+from ..Logic.scene.software_drawing import draws_in_software
 from .pixel_density import follow_density
 
 PICTURES_PER_S = 30.0
@@ -20,7 +21,6 @@ QUALITY = 90
 """Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once."""
 SOFTWARE_PIXELS = 40_000
 """Of the 3D view, drawn by a processor, at most; the browser enlarges the picture."""
-SOFTWARE_NAMES = ("llvmpipe", "softpipe", "swiftshader", "software rasterizer")
 STEP_S = 0.02
 """How often a view asks whether nothing more urgent is under way; longer than a picture takes to be compressed and sent."""
 LONGEST_WAIT_S, LONGEST_WAIT_3D_S = 0.3, 5.0
@@ -151,7 +151,7 @@ def _spare_the_processor(created: Any) -> None:
     """Draw less where no graphics card does it."""
     view = created.slicer_view
     view.render_window().Render()
-    if any(name in view.render_window().ReportCapabilities().lower() for name in SOFTWARE_NAMES):
+    if draws_in_software(view.render_window()):
         created.view_adapter.max_pixel_count = SOFTWARE_PIXELS
         view.render_window().SetMultiSamples(0)
         # With a third of the steps; of our surfaces, the pictures are the same.

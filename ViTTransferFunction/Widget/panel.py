@@ -24,13 +24,14 @@ from ViTTransferFunction.Widget.copied_text import CopiedText
 from ViTTransferFunction.Widget.message_area import MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
-from ViTTransferFunction.Widget.pictures_section import PicturesSection, points_of_3d_views, view_windows
+from ViTTransferFunction.Widget.pictures_section import PicturesSection
 from ViTTransferFunction.Widget.points_section import PointsSection
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
 from ViTTransferFunction.Widget.pytorch_section import PyTorchSection
 from ViTTransferFunction.Widget.shortcut_help import ShortcutHelp
 from ViTTransferFunction.Widget.shortcuts import Shortcuts
 from ViTTransferFunction.Widget.size_controls import SizeControls
+from ViTTransferFunction.Widget.views import DrawingOrder, points_of_3d_views, view_windows
 from ViTTransferFunction.Widget.volume_section import VolumeSection
 
 POLL_MS = 10
@@ -94,6 +95,7 @@ class Panel:
         for name in ICONS:
             getattr(ui, f"{name[0].lower()}{name[1:]}Button").icon = qt.QIcon(str(icons / f"{name}.svg"))
         self._start_due = False
+        self._drawing = DrawingOrder()
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
         self.refresh()
@@ -103,7 +105,12 @@ class Panel:
         self.close()
         app_logic = slicer.app.applicationLogic()
         self.session = SceneSession(
-            slicer.mrmlScene, app_logic, parameter_node, windows_3d=view_windows, points_3d=points_of_3d_views
+            slicer.mrmlScene,
+            app_logic,
+            parameter_node,
+            windows_3d=view_windows,
+            points_3d=points_of_3d_views,
+            have_views_wait=self._drawing.have_wait,
         )
         self.session.add_observer(self.refresh)
         self._start_due = True
@@ -120,6 +127,7 @@ class Panel:
         if self.session is not None:
             self.session.close()
             self.session = None
+            self._drawing.draw()
             for section in self._sections:
                 section.session = None
             self.refresh()

@@ -18,10 +18,10 @@ from ViTTransferFunction.Logic.files.camera_files import read_camera, write_came
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
 from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
 from ViTTransferFunction.Logic.scene.png_file import save_png
-from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
+from ViTTransferFunction.Widget.views import view_windows
 
 
 class PicturesSection(Section):
@@ -131,23 +131,6 @@ def view_window() -> Any:
     if not shown:
         raise InputError(_("No 3D view is shown. Choose a layout that has one, by View, Layout."))
     return shown[0]
-
-
-def view_windows() -> list[Any]:
-    """The vtkRenderWindows of the 3D views that are shown."""
-    return [widget.threeDView().renderWindow() for widget in _widgets_3d() if widget.visible]
-
-
-def points_of_3d_views() -> list[Any]:
-    """What shows and moves points in the 3D views, of each that does, shown or not."""
-    managers = (widget.threeDView().displayableManagerByClassName(MARKUPS_MANAGER) for widget in _widgets_3d())
-    return [manager for manager in managers if manager is not None]
-
-
-def _widgets_3d() -> list[Any]:
-    manager = slicer.app.layoutManager()
-    widgets = [manager.threeDWidget(index) for index in range(manager.threeDViewCount)] if manager else []
-    return [widget for widget in widgets if widget is not None]
 
 
 def ask_path_to_write(title: str, name: str, kinds: str, parent: Any) -> str:

@@ -259,6 +259,12 @@ class SegmentationProxy:
         return self._pending.has(ComputeMaps)
 
     @property
+    def awaits_views(self) -> bool:
+        """Whether the answer to a click is under way, or what 3D views show of it, unless that has to wait for other work."""
+        rendering_next = self._rendering_wanted and not self._pending.has_other_than(MeasureMaps)
+        return self.awaits_maps or rendering_next or self._pending.has(Render)
+
+    @property
     def pid(self) -> int | None:
         """The number of the compute process; None where none runs."""
         return self._pending.pid

@@ -53,19 +53,24 @@ class SceneDisplay:
         shown: Sequence[ShownMap],
         overlaid: str | None,
         overlay_opacity: float,
-    ) -> None:
+    ) -> bool:
         """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
         The overlay is there at once; contours follow by `advance`, first that of the same class.
+
+        Returns:
+            Whether it is another overlay than before.
         """
         self._follow(volume)
         first = sorted(shown, key=lambda of_class: of_class.class_id != overlaid)
         self._shown = {of_class.class_id: of_class for of_class in first}
+        overlay_before = self._overlaid
         self._show_overlay(self._shown.get(overlaid or ""), overlay_opacity)
         if self._moved or self._outlined.keys() - self._shown.keys():
             self._moved = False
             self._outlined = {id_: outlined for id_, outlined in self._outlined.items() if id_ in self._shown}
             self._show_contours()
+        return self._overlaid is not overlay_before
 
     def show_proposals(self, volume: slicer.vtkMRMLScalarVolumeNode, proposals: Proposals | None) -> None:
         """Show the outlines of a class's other proposals, when everything else is shown; None: of no class."""

@@ -54,6 +54,9 @@ from .volume import matrix_to_world
 from .volume_content import Frame
 from .wording import CloserLookReason, nothing_hit_text, older_segments_text
 
+Waiting = Literal["none", "3D", "all"]
+"""Views that had better not be drawn for the moment: all, until the answer to a click is there; 3D views, until theirs is."""
+
 REACH_OF_STRUCTURE_MM = 3.0
 """How far beyond its border one still points at a structure: about as well as people aim."""
 
@@ -68,6 +71,7 @@ class SceneSession:
         python_executable: the Python that has PyTorch; the running one unless given.
         windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
         points_3d: the displayable managers of points of all 3D views; see `PointsIn3D`.
+        have_views_wait: called with the views that may wait, where drawing takes its time, so that an answer is seen sooner.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
@@ -87,9 +91,12 @@ class SceneSession:
         python_executable: str | Path | None = None,
         windows_3d: Callable[[], Iterable[Any]] = tuple,
         points_3d: Callable[[], Iterable[Any]] = tuple,
+        have_views_wait: Callable[[Waiting], None] = lambda which: None,
     ) -> None:
         self._scene = scene
         self._app_logic = app_logic
+        self._have_views_wait = have_views_wait
+        self._shown_at_once = False
         self._notices = Notices()
         self._problems = Problems()
         self.parameters = SceneParameters(parameter_node)
@@ -398,6 +405,7 @@ class SceneSession:
         elif self.views.pending and not self.awaits_maps:
             # What is left to show of maps that give way to others would keep these waiting.
             self.views.advance()
+        self._have_views_wait(self._waiting)
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
@@ -448,7 +456,10 @@ class SceneSession:
     def _follow(self) -> None:
         self._look_due = True
         self._maps.ask()
-        self._show()
+        self._shown_at_once = True  # Until it is known.
+        self._have_views_wait(self._waiting)
+        self._shown_at_once = self._show()
+        self._have_views_wait(self._waiting)
         self._notices.tell()
 
     def _settled(self, point_ras: np.ndarray) -> np.ndarray:
@@ -505,8 +516,15 @@ class SceneSession:
     def _on_segments(self) -> None:
         self._segments_changed = True  # For the next poll, since such calls come in storms.
 
-    def _show(self) -> None:
-        self.views.show(self.classes, self.selected_class, self._maps.requests, stale=self.volume_changed)
+    @property
+    def _waiting(self) -> Waiting:
+        if not self._proxy.awaits_views:
+            return "none"
+        return "3D" if self._proxy.first_up_to_date or self._shown_at_once else "all"
+
+    def _show(self) -> bool:
+        """Whether slice views have something else to show now."""
+        return self.views.show(self.classes, self.selected_class, self._maps.requests, stale=self.volume_changed)
 
     def _use_segment_points(self) -> None:
         """Use what is known of points in segments; what is not known yet is being searched for."""

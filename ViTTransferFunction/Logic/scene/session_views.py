@@ -24,6 +24,7 @@ from .class_state import ClassState
 from .context import OFF, context_names, named_surroundings
 from .contours import ShownMap
 from .display import SceneDisplay
+from .drawn_together import drawn_together
 from .nodes import name_for_scene
 from .parameters import SceneParameters
 from .problems import Problems
@@ -114,7 +115,7 @@ class SessionViews:
         middle: np.ndarray = transform_points(matrix_to_world(volume), middle_of(rendering.geometry, [inside])[None])[0]
         return middle
 
-    def show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> None:
+    def show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
         """Bring the views up to date with maps, classes and parameters.
 
         Args:
@@ -122,34 +123,17 @@ class SessionViews:
             selected: the one whose similarity is overlaid.
             requests: what was asked for last of the classes.
             stale: whether the volume has got other voxels than those that maps are of.
+
+        Returns:
+            Whether slice views have another overlay now.
         """
-        volume = self._parameters.volume
-        visible = {state.id: state for state in classes if state.visible}
-        rendered = {selected.id: selected} if selected and self._parameters.get("renderingSolo") else visible
-        self._ask_for_rendering(rendered)
-        maps = self._proxy.maps
-        if volume is None:
-            # What is hidden alone keeps its voxels.
-            self._display.remove()
-            return
-        if not maps or stale:
-            self._display.hide()
-            return
-        overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None
-        self._display.show_maps(
-            volume,
-            [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
-            overlaid,
-            self._parameters.get("overlayOpacity"),
-        )
-        self._display.show_proposals(volume, self._other_proposals(selected, requests))
-        cut = shown_cut(self._scene, self._parameters, volume)
-        looks = [self.look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
-        self._try_to(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), cut))
+        with drawn_together(self._app_logic):
+            return self._show(classes, selected, requests, stale)
 
     def advance(self) -> None:
         """Go on with what is still to be shown: some hundredths of a second of work."""
-        self._try_to(self._display.advance)
+        with drawn_together(self._app_logic):
+            self._try_to(self._display.advance)
 
     def export_rendering(self) -> bool:
         """Leave what 3D views show as ordinary nodes of the scene; whether they show something."""
@@ -161,6 +145,32 @@ class SessionViews:
     def remove(self) -> None:
         """Take all that is shown out of the scene."""
         self._display.remove()
+
+    def _show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
+        volume = self._parameters.volume
+        visible = {state.id: state for state in classes if state.visible}
+        rendered = {selected.id: selected} if selected and self._parameters.get("renderingSolo") else visible
+        self._ask_for_rendering(rendered)
+        maps = self._proxy.maps
+        if volume is None:
+            # What is hidden alone keeps its voxels.
+            self._display.remove()
+            return False
+        if not maps or stale:
+            self._display.hide()
+            return False
+        overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None
+        overlay_changed = self._display.show_maps(
+            volume,
+            [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
+            overlaid,
+            self._parameters.get("overlayOpacity"),
+        )
+        self._display.show_proposals(volume, self._other_proposals(selected, requests))
+        cut = shown_cut(self._scene, self._parameters, volume)
+        looks = [self.look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
+        self._try_to(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), cut))
+        return overlay_changed
 
     def _ask_for_rendering(self, rendered: dict[str, ClassState]) -> None:
         mode = self._parameters.rendering_mode()

@@ -632,3 +632,37 @@ def test_nothing_is_said_of_a_process_that_was_started_ahead_and_was_not_needed_
     client.alive = False
     proxy.poll()
     assert (proxy.take_error(), proxy.pid, proxy.phase) == (None, None, "no volume")
+
+
+def test_views_are_awaited_from_a_click_until_its_rendering_is_there(
+    ready: SegmentationProxy, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = time.monotonic()
+    monkeypatch.setattr(proxy_module, "RENDER_AFTER_S", 0.05)
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    ready.look("similarity", {})
+    assert not ready.awaits_views
+    ready.update([LIVER], None)
+    client.answer(ComputeMaps, Maps((MAP,)))
+    for wait_s in (0.0, 0.06):
+        assert ready.awaits_views
+        now += wait_s
+        ready.poll()
+    assert "Render" in client.kinds()
+    assert ready.awaits_views
+    client.answer(Render, RENDERING)
+    ready.poll()
+    assert not ready.awaits_views
+
+
+def test_views_are_not_awaited_where_the_rendering_waits_for_finer_features(proxy: SegmentationProxy, client: Client) -> None:
+    proxy.look("similarity", {})
+    proxy.update([LIVER], None)
+    proxy.extract()
+    client.answer(Extract, CoarseFeatures())
+    proxy.poll()
+    assert proxy.awaits_views
+    client.answer(ComputeMaps, Maps((MAP,)))
+    proxy.poll()
+    assert proxy.busy
+    assert not proxy.awaits_views

@@ -69,10 +69,10 @@ def add_parameter_node(scene: Any) -> Any:
     return added
 
 
-def open_spheres(app: Any, spheres: Spheres) -> SceneSession:
-    """A session on the spheres of conftest, ready for clicks."""
+def open_spheres(app: Any, spheres: Spheres, **of_front_end: Any) -> SceneSession:
+    """A session on the spheres of conftest, ready for clicks; `of_front_end`: see `SceneSession`."""
     cache_known_features(*spheres)
-    session = SceneSession(app.scene, app.app_logic, add_parameter_node(app.scene))
+    session = SceneSession(app.scene, app.app_logic, add_parameter_node(app.scene), **of_front_end)
     session.parameters.set("grid", GRID)
     session.set_volume(add_volume(app.scene, spheres[0]))
     session.wait()

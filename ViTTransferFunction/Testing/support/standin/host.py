@@ -143,6 +143,9 @@ class Application:
         self._app = app
         self._qt_application = qt_application
         self._layout_manager = LayoutManager(app.scene)
+        logic = app.app_logic
+        logic.AddObserver(logic.PauseRenderEvent, lambda *_: self._layout_manager.setRenderPaused(True))
+        logic.AddObserver(logic.ResumeRenderEvent, lambda *_: self._layout_manager.setRenderPaused(False))
         self._module_manager = ModuleManager()
         self._at_startup: list[Callable[[], None]] = []
 

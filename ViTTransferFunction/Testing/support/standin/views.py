@@ -2,16 +2,68 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import slicer
 import vtk
-from PySide6.QtCore import Property, QObject, Qt, Signal
+from PySide6.QtCore import Property, QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QVBoxLayout, QWidget
 from vtkmodules.vtkRenderingUI import vtkGenericRenderWindowInteractor
 
 SIZE_PIXELS = 200
 FIELD_OF_VIEW_MM = 200.0
+FRAME_S = 1.0 / 60.0
+
+
+class DrawnView(QWidget):
+    """A view, and when it is drawn: a sixtieth of a second after its first change, or with the next change once that is past.
+
+    Args:
+        drawn: gets the view each time that it is drawn.
+
+    Attributes:
+        pauses: how often it was paused and not resumed.
+    """
+
+    def __init__(self, drawn: list[DrawnView]) -> None:
+        super().__init__()
+        self.pauses = 0
+        self._drawn = drawn
+        self._changed_s: float | None = None
+        self._timer = QTimer(self)
+        self._timer.setInterval(int(1000.0 * FRAME_S))
+        self._timer.timeout.connect(self._draw_unless_paused)
+
+    def scheduleRender(self) -> None:  # noqa: N802
+        """It has changed."""
+        if self._changed_s is None:
+            self._changed_s = time.monotonic()
+            self._timer.start()
+        elif time.monotonic() - self._changed_s > FRAME_S:
+            self._draw_unless_paused()
+
+    def forceRender(self) -> None:  # noqa: N802
+        """Draw it, also where it is paused."""
+        self._timer.stop()
+        self._changed_s = None
+        self._drawn.append(self)
+
+    def pauseRender(self) -> None:  # noqa: N802
+        """Draw it no more by itself, until it was resumed as often as it was paused."""
+        self.pauses += 1
+
+    def resumeRender(self) -> None:  # noqa: N802
+        """See `pauseRender`. What should have been drawn in this moment is drawn with the next change only, as in Slicer."""
+        assert self.pauses > 0, "Cannot resume rendering, pause render count is already 0!"
+        self.pauses -= 1
+        if not self.pauses and self._changed_s is not None:
+            self.scheduleRender()
+
+    def _draw_unless_paused(self) -> None:
+        self._timer.stop()
+        if not self.pauses:
+            self.forceRender()
 
 
 class LayoutManager(QObject):
@@ -19,6 +71,9 @@ class LayoutManager(QObject):
 
     Args:
         scene: gets their slice nodes.
+
+    Attributes:
+        drawn: the views, each as often as it was drawn, in order.
     """
 
     layoutChanged = Signal(int)  # noqa: N815
@@ -26,9 +81,15 @@ class LayoutManager(QObject):
     def __init__(self, scene: Any) -> None:
         super().__init__()
         self._scene = scene
+        self.drawn: list[DrawnView] = []
         orientations = {"Red": "Axial", "Green": "Coronal", "Yellow": "Sagittal"}
-        self._widgets = {name: SliceWidget(scene, name, orientation) for name, orientation in orientations.items()}
-        self._three_d = ThreeDWidget()
+        self._widgets = {name: SliceWidget(scene, self.drawn, name, orientation) for name, orientation in orientations.items()}
+        self._three_d = ThreeDWidget(self.drawn)
+
+    def setRenderPaused(self, pause: bool) -> None:  # noqa: N802
+        """Pause all views, or resume them."""
+        for view in (*self._widgets.values(), self._three_d):
+            (view.pauseRender if pause else view.resumeRender)()
 
     def setViewport(self, window: QMainWindow) -> None:  # noqa: N802
         """Put the views into the main window, where tests do not look at them."""
@@ -68,7 +129,7 @@ class LayoutManager(QObject):
         self.layoutChanged.emit(0)
 
     def _add(self, name: str) -> SliceWidget:
-        self._widgets[name] = SliceWidget(self._scene, name, "Axial")
+        self._widgets[name] = SliceWidget(self._scene, self.drawn, name, "Axial")
         return self._widgets[name]
 
     def sliceViewNames(self) -> tuple[str, ...]:  # noqa: N802
@@ -90,11 +151,11 @@ class LayoutManager(QObject):
         return tuple(self._widgets.values())
 
 
-class ThreeDWidget(QWidget):
+class ThreeDWidget(DrawnView):
     """A 3D view, and the view in it."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, drawn: list[DrawnView]) -> None:
+        super().__init__(drawn)
         self._window = vtk.vtkRenderWindow()
         self._window.SetOffScreenRendering(True)
         self._window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
@@ -114,11 +175,11 @@ class ThreeDWidget(QWidget):
         return self.managers.get(name)
 
 
-class SliceWidget(QWidget):
+class SliceWidget(DrawnView):
     """A slice view, and the view in it."""
 
-    def __init__(self, scene: Any, name: str, orientation: str) -> None:
-        super().__init__()
+    def __init__(self, scene: Any, drawn: list[DrawnView], name: str, orientation: str) -> None:
+        super().__init__(drawn)
         node = slicer.vtkMRMLSliceNode()
         node.SetLayoutName(name)
         node.SetSingletonTag(name)
@@ -148,5 +209,6 @@ class SliceWidget(QWidget):
         """Sends what the mouse does."""
         return self._interactor
 
-    def scheduleRender(self) -> None:  # noqa: N802
-        """Would draw the view soon."""
+    def renderWindow(self) -> Any:  # noqa: N802
+        """What it is drawn in."""
+        return self._interactor.GetRenderWindow()
