@@ -9,7 +9,7 @@ application counts as one placed here.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -54,6 +54,7 @@ class SceneAnnotations:
         on_change: called after any class or point has changed.
         settle: says where a point that the user has just placed, (3,) RAS millimetres, is to lie: itself, or elsewhere.
         on_displayed: called with a list of points that is new, or displayed otherwise.
+        drawn_together: in which many nodes are changed; see the function of that name.
 
     Attributes:
         classes: as they are now, in order.
@@ -66,11 +67,13 @@ class SceneAnnotations:
         on_change: Callable[[], None],
         settle: Callable[[np.ndarray], np.ndarray] = lambda point_ras: point_ras,
         on_displayed: Callable[[slicer.vtkMRMLMarkupsFiducialNode], None] = lambda points: None,
+        drawn_together: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
         self._scene = scene
         self._parameter_node = parameter_node
         self._on_change = on_change
         self._settle = settle
+        self._drawn_together = drawn_together
         self._watch = PointListWatch(self._on_placed, self._on_step, self._on_passing, on_displayed)
         self._paused = 0
         self._order = PointOrder()
@@ -351,9 +354,10 @@ class SceneAnnotations:
         """Change nodes without reacting to every single step, then react once."""
         if not continued:
             self._history.seal()
-        with self._unheard():
-            yield
-        self._changed(kind)
+        with self._drawn_together():
+            with self._unheard():
+                yield
+            self._changed(kind)
 
     @contextmanager
     def _unheard(self) -> Iterator[None]:
@@ -372,12 +376,13 @@ class SceneAnnotations:
 
     def _restore(self, states: Classes) -> None:
         """Bring the scene's classes to `states`."""
-        with self._unheard():
-            write_classes(self._scene, self._parameter_node, states)
-        self.refresh()
-        # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
-        self._history.correct(self.classes)
-        self._on_change()
+        with self._drawn_together():
+            with self._unheard():
+                write_classes(self._scene, self._parameter_node, states)
+            self.refresh()
+            # Below a transform, points come back rounded otherwise: without this, the next look at them would be a new step.
+            self._history.correct(self.classes)
+            self._on_change()
 
     def _give_to_volume(self) -> None:
         """Have the chosen volume get the classes that belong to none yet."""

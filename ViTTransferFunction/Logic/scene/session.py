@@ -28,6 +28,7 @@ from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
 from .corrections import Corrections
+from .drawn_together import drawn_together
 from .file_classes import FileClasses
 from .former_model import FormerModel
 from .frame_segments import FrameSegments
@@ -120,7 +121,14 @@ class SceneSession:
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
-        self.annotations = SceneAnnotations(scene, parameter_node, self._on_annotations, self._settled, self._points_in_3d.hold)
+        self.annotations = SceneAnnotations(
+            scene,
+            parameter_node,
+            self._on_annotations,
+            self._settled,
+            self._points_in_3d.hold,
+            lambda: drawn_together(app_logic),
+        )
         self._selected = SelectedClass(self.parameters, self.annotations)
         self._scan_change = ScanChange(
             self.parameters, self.annotations, self._other_segments, self._problems, self._selected, self._notices

@@ -88,3 +88,20 @@ def test_3d_views_do_not_wait_where_they_show_nothing(session: SceneSession, sph
     while not session.up_to_date:
         session.poll()
     assert told[-1] == "none"
+
+
+def test_views_are_drawn_after_a_class_was_added_or_taken_back_and_not_amid_that(
+    session: SceneSession, slicer_app: Any
+) -> None:
+    pauses: list[str] = []
+    pauses_of_lists: list[int] = []
+    logic, scene = slicer_app.app_logic, slicer_app.scene
+    logic.AddObserver(logic.PauseRenderEvent, lambda *_: pauses.append("pause"))
+    logic.AddObserver(logic.ResumeRenderEvent, lambda *_: pauses.pop())
+    for event in (scene.NodeAddedEvent, scene.NodeRemovedEvent):
+        scene.AddObserver(event, lambda *_: pauses_of_lists.append(len(pauses)))
+    session.annotations.add_class()
+    session.annotations.undo()
+    assert pauses == []
+    assert len(pauses_of_lists) >= 4, "two lists, twice"
+    assert 0 not in pauses_of_lists
