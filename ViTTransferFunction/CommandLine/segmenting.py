@@ -65,7 +65,7 @@ def segment_classes(
         _warn_of_nothing_there(annotated.request, session.volume, on_warning)
     session.load_features(progress)
     on_features(session)
-    requests = requests_with_close_ups(session, classes, on_warning)
+    requests = requests_with_close_ups(session, classes, method, only_annotated_components, on_warning)
     session.look_closer(requests, progress)
     segmentation = session.segment(requests, method, only_annotated_components, progress, on_map)
     for request, result in zip(requests, segmentation.classes, strict=True):

@@ -32,16 +32,20 @@ class CloseUpControls(Section):
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
         reason = None if session is None or selected is None else session.reason_to_look_closer(selected)
-        self._suggest(closer_look_text(reason))
+        # In a close-up, what is said is why there is one.
+        self._suggest(closer_look_text(reason), press=not ui.lookAtWholeButton.enabled)
         self._progress.show(session.progress if session is not None and session.looks_closer else None)
 
-    def _suggest(self, words: str) -> None:
-        """Point at *Look closer*, or do not (""): a line below it, and nothing that has to be closed."""
-        ui, suggested = self.ui, bool(words)
+    def _suggest(self, words: str, press: bool) -> None:
+        """Say why a closer look helps, or say nothing (""): a line below *Look closer*, and nothing that has to be closed.
+
+        `press`: that is for the user to press.
+        """
+        ui, suggested = self.ui, bool(words) and press
         if suggested != self._suggested:
             self._suggested = suggested
             ui.lookCloserButton.styleSheet = SUGGESTED if suggested else ""
-        ui.closeUpHintLabel.visible = suggested
+        ui.closeUpHintLabel.visible = bool(words)
         ui.closeUpHintLabel.text = words
 
     def look_closer(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from .class_request import ClassRequest, check_share
 from .colors import Color
@@ -17,6 +19,7 @@ class AnnotatedClass:
         color: red, green, blue in [0, 1].
         opacity: of its rendering, in [0, 1].
         close_up_from_map: whether the request's close-up is still to be chosen, from the class's map.
+        outline_ras: (N, 3) RAS millimetres, its outline in a slice, which its points stand for; None: they are others.
 
     Raises:
         InputError: the opacity is out of range.
@@ -26,6 +29,7 @@ class AnnotatedClass:
     color: Color
     opacity: float = 1.0
     close_up_from_map: bool = False
+    outline_ras: np.ndarray | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         check_share(self.opacity, "opacity", self.request.name)

@@ -7,6 +7,7 @@ import numpy as np
 from .diameter_points import BEYOND, LEAST_BEYOND_MM
 from .errors import InputError
 from .geometry import transform_points
+from .outlines import distance_to, evenly, plane_through, winding
 from .spread_points import spread_points
 
 MOST_POINTS = 8
@@ -19,7 +20,6 @@ SHALLOWEST = 1 / 3
 MOST_AROUND = 6
 """So many points around an outline are enough: all say the same, that the structure ends there."""
 
-_CORNERS = 120
 _CANDIDATES = 40
 _CANDIDATES_3D = 12
 """Along each edge of a region: in the plane fine enough for narrow loops, and done in a few milliseconds."""
@@ -35,8 +35,8 @@ def points_within_outline(outline_ras: np.ndarray) -> np.ndarray:
     Returns:
         (M, 3) RAS millimetres, at most `MOST_POINTS`; none where the outline encloses no area.
     """
-    centre_ras, axes = _plane(outline_ras)
-    within: np.ndarray = centre_ras + _chosen(*_within(_evenly((outline_ras - centre_ras) @ axes.T))) @ axes
+    centre_ras, axes = plane_through(outline_ras)
+    within: np.ndarray = centre_ras + _chosen(*_within(evenly((outline_ras - centre_ras) @ axes.T))) @ axes
     return within
 
 
@@ -56,8 +56,8 @@ def points_of_outline(outline_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         InputError: the outline encloses no area.
     """
-    centre_ras, axes = _plane(outline_ras)
-    outline = _evenly((outline_ras - centre_ras) @ axes.T)
+    centre_ras, axes = plane_through(outline_ras)
+    outline = evenly((outline_ras - centre_ras) @ axes.T)
     inside, depth = _within(outline)
     if not len(inside):
         raise InputError("The outline encloses nothing. Drag once around the structure, along its edge, in one slice.")
@@ -88,8 +88,8 @@ def _within(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if (high - low).min() < 1e-6:
         return np.empty((0, 2)), np.empty(0)
     places = low + _grid(_CANDIDATES, 2) * (high - low)
-    inside = places[_winding(places, outline) != 0]
-    return inside, _distance(inside, outline)
+    inside = places[winding(places, outline) != 0]
+    return inside, distance_to(inside, outline)
 
 
 def _around(outline: np.ndarray, distance_mm: float) -> np.ndarray:
@@ -98,7 +98,7 @@ def _around(outline: np.ndarray, distance_mm: float) -> np.ndarray:
     across = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
     places: np.ndarray = np.concatenate([outline + side * distance_mm * across for side in (1.0, -1.0)])
     # Of a hollow, what lies nearer to its other side is left out.
-    places = places[(_winding(places, outline) == 0) & (_distance(places, outline) >= 0.99 * distance_mm)]
+    places = places[(winding(places, outline) == 0) & (distance_to(places, outline) >= 0.99 * distance_mm)]
     if not len(places):
         return places
     first = int(np.linalg.norm(places - outline.mean(axis=0), axis=1).argmax())
@@ -120,38 +120,3 @@ def _chosen(inside: np.ndarray, depth: np.ndarray) -> np.ndarray:
     inside, depth = inside[deep], depth[deep]
     chosen: np.ndarray = inside[spread_points(inside, [int(depth.argmax())], MOST_POINTS, CLOSEST_MM)]
     return chosen
-
-
-def _plane(points_ras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A point (3,) of the plane that is nearest to all points (N, 3), and two orthogonal unit vectors in it, (2, 3)."""
-    centre_ras = points_ras.mean(axis=0)
-    _, _, axes = np.linalg.svd(np.concatenate([points_ras - centre_ras, np.zeros((3, 3))]), full_matrices=False)
-    return centre_ras, axes[:2]
-
-
-def _evenly(outline: np.ndarray) -> np.ndarray:
-    """The closed outline (N, 2) by corners at equal distances along it, so that slow drawing costs no more than fast."""
-    closed = np.concatenate([outline, outline[:1]])
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
-    places = np.linspace(0.0, along[-1], _CORNERS, endpoint=False)
-    return np.stack([np.interp(places, along, closed[:, axis]) for axis in (0, 1)], axis=1)
-
-
-def _winding(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """(P,) how often the closed outline (N, 2) goes around each of the points (P, 2)."""
-    start, step = outline[None], np.roll(outline, -1, axis=0)[None] - outline[None]
-    offset = points[:, None] - start
-    left = step[..., 0] * offset[..., 1] - step[..., 1] * offset[..., 0] > 0.0
-    from_below, to_above = offset[..., 1] >= 0.0, offset[..., 1] < step[..., 1]
-    upward, downward = from_below & to_above & left, ~from_below & ~to_above & ~left
-    winding: np.ndarray = upward.sum(axis=1) - downward.sum(axis=1)
-    return winding
-
-
-def _distance(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """(P,) distance of each of the points (P, 2) to the closed outline (N, 2)."""
-    start, step = outline[None], np.roll(outline, -1, axis=0)[None] - outline[None]
-    offset = points[:, None] - start
-    share = (offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=2), 1e-12)
-    nearest: np.ndarray = np.linalg.norm(offset - np.clip(share, 0.0, 1.0)[..., None] * step, axis=2).min(axis=1)
-    return nearest

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,12 +101,23 @@ def _close_up_entry(annotated: AnnotatedClass) -> dict[str, Any] | bool | None:
     return None if close_up is None else {"center": close_up.centre_ras, "size_mm": close_up.size_mm}
 
 
-def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
+class Markups(NamedTuple):
+    """What markups stand for, RAS millimetres.
 
-    Returns:
-        Points (N, 3), and points (M, 3) outside: beyond the ends of lines, which are diameters of what they are about, and
-        around closed curves, which are outlines; RAS millimetres.
+    Attributes:
+        inside: points (N, 3).
+        outside: points (M, 3), beyond the ends of lines, which are diameters of what they are about, and around closed curves,
+            which are outlines.
+        outline: (P, 3), where a single closed curve is all there is.
+    """
+
+    inside: np.ndarray
+    outside: np.ndarray
+    outline: np.ndarray | None = None
+
+
+def read_markups(path: Path) -> Markups:
+    """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
 
     Raises:
         InputError: unreadable, not a markups file, or of boxes or planes.
@@ -126,11 +137,13 @@ def read_markups(path: Path) -> tuple[np.ndarray, np.ndarray]:
             f"{path} is not a Slicer markups file (.mrk.json), which has control points with their positions under 'markups'. "
             "Save the point list again in Slicer."
         ) from error
-    inside, outside = zip((no_points(), no_points()), *lists, strict=True)
-    return np.concatenate(inside), np.concatenate(outside)
+    if len(lists) == 1:
+        return lists[0]
+    inside, outside = ([no_points(), *(getattr(each, polarity) for each in lists)] for polarity in ("inside", "outside"))
+    return Markups(np.concatenate(inside), np.concatenate(outside))
 
 
-def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _points_of(markup: dict[str, Any], path: Path) -> Markups:
     points = as_points(_placed(markup["controlPoints"]), f"points of {path}")
     points_ras = transform_points(_markups_to_ras(markup, path), points)
     kind, count = markup.get("type"), len(points_ras)
@@ -142,12 +155,13 @@ def _points_of(markup: dict[str, Any], path: Path) -> tuple[np.ndarray, np.ndarr
         )
     try:
         if kind == _LINE:
-            return points_of_diameter(points_ras)
+            return Markups(*points_of_diameter(points_ras))
         if kind == _CURVE:
-            return points_of_outline(closed_curve_through(points_ras))
+            outline = closed_curve_through(points_ras)
+            return Markups(*points_of_outline(outline), outline)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return points_ras, no_points()
+    return Markups(points_ras, no_points())
 
 
 def _check_points(markups: list[dict[str, Any]], path: Path) -> None:
@@ -185,15 +199,15 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
         raise InputError(f"There are negative points for '{strangers[0]}' but no positive ones; give both for the class.")
     classes = []
     for index, (name, path) in enumerate(positive.items()):
-        inside, beyond = read_markups(path)
+        inside, beyond, outline = read_markups(path)
         off = _read_negative(negative[name]) if name in negative else no_points()
         outside = np.concatenate([off, beyond[geometry.contains(beyond)]])
-        classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index)))
+        classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index), outline_ras=outline))
     return classes
 
 
 def _read_negative(path: Path) -> np.ndarray:
-    points, beyond = read_markups(path)
+    points, beyond, _ = read_markups(path)
     if len(beyond):
         raise InputError(
             f"{path} holds a line or a closed curve, which is the diameter or the outline of a structure; expected a point "

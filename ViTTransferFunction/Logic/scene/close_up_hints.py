@@ -1,19 +1,24 @@
-"""Which structures a closer look may find better: those that needed large corrections in the whole scan, or are small in it."""
+"""Which structures a closer look may find better: those that needed large corrections in the whole scan, or are small in it.
+
+Of these, the ones that begin with an outline are looked at closely unasked, where the outline itself says that they should be.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 
 from ..compute.proxy import SegmentationProxy
 from ..core.class_map import ClassMap
+from ..core.class_request import ClassRequest
 from ..core.close_up_choice import close_up_of
-from ..core.diameter_points import BEYOND
 from ..core.errors import InputError
+from ..core.geometry import Geometry
 from ..core.gross_correction import corrects_grossly
+from ..core.small_outlines import asks_for_close_up, is_small
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
 from .class_state import ClassState, Polarity
@@ -25,10 +30,6 @@ from .wording import CloserLookReason
 
 ENOUGH = 2
 """Gross corrections of a class, from which on a box is worth it on average; see `Benchmarks/results/candidates.md`."""
-
-SMALL_CELLS = 4.0
-"""A diameter or an outline of fewer cells is small. Of such structures a box found more on average, but only the compact ones
-gained; see `Benchmarks/results/candidates.md`, from *A diameter instead of the first click* on."""
 
 Placed = tuple[Polarity, Point]
 """A point as a class has it."""
@@ -47,19 +48,26 @@ class Correction:
     gross: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Drawn:
     """A diameter or an outline of a class: what placed points on it and off it in one step.
 
     Attributes:
         points: of it.
         before: those that were there already.
-        size_mm: how long it is, about: what lies off the structure is so much farther apart.
+        outline: (N, 3) RAS millimetres in the scene; None: it is a diameter, or it is not known.
+        judged: whether the outline was compared with what is shown, which is done once.
     """
 
     points: frozenset[Placed]
     before: frozenset[Placed]
-    size_mm: float
+    outline: np.ndarray | None = None
+    judged: bool = False
+
+    @property
+    def begins(self) -> bool:
+        """Whether it is the outline that a structure begins with."""
+        return self.outline is not None and not self.before
 
 
 class CloseUpHints:
@@ -90,6 +98,7 @@ class CloseUpHints:
         self._known: dict[str, dict[Placed, Correction | None]] = {}
         self._drawn: dict[str, Drawn] = {}
         self._looked_at: set[str] = set()
+        self._unasked: dict[str, frozenset[Placed]] = {}  # By class: the points that it had then.
         self._boxes: dict[str, tuple[ClassMap, bool]] = {}
         self._step = 0
 
@@ -100,6 +109,7 @@ class CloseUpHints:
         for state in self._annotations.classes:
             self._known.setdefault(state.id, {}).update(dict.fromkeys(_placed(state)))
         self._drawn = {}
+        self._unasked = {}
         self._looked_at = {state.id for state in self._annotations.classes if state.close_up is not None}
         self._boxes = {}
 
@@ -113,20 +123,51 @@ class CloseUpHints:
                 self._looked_at.add(state.id)
             self._note_points(before.get(state.id), state)
 
+    def note_outline(self, id_: str, outline_ras: np.ndarray) -> None:
+        """What was drawn last of a class was its outline, (N, 3) RAS millimetres in the scene."""
+        if id_ in self._drawn:
+            self._drawn[id_] = replace(self._drawn[id_], outline=outline_ras)
+
+    def take_unasked(self, requests: ClassRequests) -> list[str]:
+        """The classes that are to be looked at closely now, though nobody asked for it.
+
+        Each outline is judged once, by the first refined map that follows from it; and a class that was looked at closely
+        before is not again, since its user may have gone back to the whole. What was undone can still be redone: a closer look
+        is a step of its own, and would put an end to that.
+
+        Args:
+            requests: what was asked for last of the classes.
+        """
+        if self._proxy.phase != "ready" or not self._proxy.up_to_date or self._volume.changed or self._annotations.can_redo:
+            return []
+        refined = {id_ for id_, is_refined in zip(self._proxy.maps, self._proxy.refined, strict=True) if is_refined}
+        unasked = [
+            state
+            for state in self._annotations.classes
+            if state.id in refined - self._looked_at and self._is_unlike_its_outline(state, requests)
+        ]
+        self._unasked |= {state.id: frozenset(_placed(state)) for state in unasked}
+        return [state.id for state in unasked]
+
     def of(self, state: ClassState, requests: ClassRequests) -> CloserLookReason | None:
         """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
 
-        Whether it is small, thin or compact, its user knows. Either reason holds only before its first close-up, and until a
+        "small outline": it is, without having been asked for; until the class gets other points.
+
+        Whether it is small, thin or compact, its user knows. The other reasons hold only before its first close-up, and until a
         correction that is not gross:
 
         - "large corrections": from its second gross one on, one of which was off the structure: else it may be several like
           objects, clicked one after the other.
-        - "small drawing": its last diameter or outline is smaller than `SMALL_CELLS`.
+        - "small drawing": its last diameter or outline is small, and is not the outline that it begins with: whether a closer
+          look is worth it then, is judged without the user.
 
         Args:
             state: of the class.
             requests: what was asked for last of the classes.
         """
+        if state.close_up is not None and self._unasked.get(state.id) == frozenset(_placed(state)):
+            return "small outline"
         if self._proxy.phase != "ready" or state.id in self._looked_at:
             return None
         reason = self._reason(state)
@@ -177,10 +218,24 @@ class CloseUpHints:
     def _is_small(self, state: ClassState, gross: Set[Placed]) -> bool:
         """Whether a class's last diameter or outline is there and small, and all points since are `gross` corrections."""
         cells, drawn, placed = self._proxy.low_maps.get(state.id), self._drawn.get(state.id), set(_placed(state))
-        if cells is None or drawn is None or not drawn.points <= placed:
+        if cells is None or drawn is None or drawn.begins or not drawn.points <= placed:
             return False
-        is_small = drawn.size_mm < SMALL_CELLS * cells.geometry.spacing_mm.max()
-        return is_small and placed - drawn.before - drawn.points <= gross
+        points = np.array([point for _, point in drawn.points])
+        return is_small(points, cells.geometry.spacing_mm.max()) and placed - drawn.before - drawn.points <= gross
+
+    def _is_unlike_its_outline(self, state: ClassState, requests: ClassRequests) -> bool:
+        """Whether a class begins with an outline that is small, and is shown as something else, of which there is a box."""
+        volume, content, request = self._parameters.volume, self._volume.content, requests.of(state.id)
+        drawn = self._drawn.get(state.id)
+        if volume is None or content is None or request is None or drawn is None or not drawn.begins or drawn.judged:
+            return False
+        if not drawn.points <= set(_placed(state)):
+            return False
+        self._drawn[state.id] = replace(drawn, judged=True)
+        assert drawn.outline is not None
+        shown, cell_mm = self._proxy.maps[state.id], self._proxy.low_maps[state.id].geometry.spacing_mm.max()
+        outline = world_to_local(volume, drawn.outline)
+        return asks_for_close_up(shown, outline, cell_mm) and _has_box(shown, request, content.geometry)
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
@@ -189,13 +244,18 @@ class CloseUpHints:
             return False
         judged, has_box = self._boxes.get(id_, (None, False))
         if judged is not cells and self._proxy.up_to_date:
-            try:
-                close_up_of(cells, request.positive, content.geometry)
-                has_box = True
-            except InputError:
-                has_box = False
+            has_box = _has_box(cells, request, content.geometry)
             self._boxes[id_] = cells, has_box
         return has_box
+
+
+def _has_box(class_map: ClassMap, request: ClassRequest, geometry: Geometry) -> bool:
+    """Whether the box that a class would be looked at in by this map is small enough."""
+    try:
+        close_up_of(class_map, request.positive, geometry)
+    except InputError:
+        return False
+    return True
 
 
 def _needed_large_corrections(corrections: Mapping[Placed, Correction], gross: Collection[int]) -> bool:
@@ -209,10 +269,8 @@ def _needed_large_corrections(corrections: Mapping[Placed, Correction], gross: C
 
 def _drawn(was: ClassState, added: Mapping[Polarity, Sequence[Point]]) -> Drawn:
     """What added points on and off a class in one step."""
-    points = np.array([point for points in added.values() for point in points])
-    farthest_mm = float(np.linalg.norm(points[:, None] - points, axis=-1).max())
     placed = frozenset((polarity, point) for polarity, points in added.items() for point in points)
-    return Drawn(placed, frozenset(_placed(was)), farthest_mm / (1.0 + 2.0 * BEYOND))
+    return Drawn(placed, frozenset(_placed(was)))
 
 
 def _placed(state: ClassState) -> Iterator[Placed]:

@@ -27,14 +27,20 @@ class SceneRegions:
         scene: has the markups.
         annotations: get the points.
         in_volume: tells which of some points (N, 3), RAS millimetres in the scene, lie in the volume; the others are dropped.
+        on_outline: is told of each outline whose points were added: the class's id, and (N, 3) RAS millimetres in the scene.
     """
 
     def __init__(
-        self, scene: slicer.vtkMRMLScene, annotations: SceneAnnotations, in_volume: Callable[[np.ndarray], np.ndarray]
+        self,
+        scene: slicer.vtkMRMLScene,
+        annotations: SceneAnnotations,
+        in_volume: Callable[[np.ndarray], np.ndarray],
+        on_outline: Callable[[str, np.ndarray], None],
     ) -> None:
         self._scene = scene
         self._annotations = annotations
         self._in_volume = in_volume
+        self._on_outline = on_outline
 
     def markups(self, positive: bool) -> dict[str, str]:
         """The markups in the scene that are drawn to the end and can give such points: their names by their node IDs.
@@ -67,6 +73,7 @@ class SceneRegions:
             InputError: it encloses no area, or no point within it lies in the volume.
         """
         self._add_both(id_, *points_of_outline(outline_ras), what="outline")
+        self._on_outline(id_, outline_ras)
 
     def add_diameter(self, id_: str, ends_ras: np.ndarray) -> None:
         """Add points to a class whose structure begins and ends where a line does, (2, 3) RAS millimetres.

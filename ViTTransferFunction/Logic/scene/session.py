@@ -146,10 +146,10 @@ class SceneSession:
             self._notices,
             on_model=self._on_model,
         )
-        self.regions = SceneRegions(scene, self.annotations, self._volume.contains)
         self.other_scans = OtherScans(self.parameters, self.annotations, self._volume.contains)
         self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
         self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
+        self.regions = SceneRegions(scene, self.annotations, self._volume.contains, self._hints.note_outline)
         self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
         self._look_due = True
         self._watch = SceneWatch(
@@ -320,7 +320,7 @@ class SceneSession:
         return self._close_ups.size_mm(state, self._maps.requests)
 
     def reason_to_look_closer(self, state: ClassState) -> CloserLookReason | None:
-        """Why a closer look may find a class better; None where no reason is known. See `CloseUpHints`."""
+        """Why a closer look may find a class better, or has begun unasked; None: no reason is known. See `CloseUpHints`."""
         return self._hints.of(state, self._maps.requests)
 
     def is_on_selected(self, point_ras: np.ndarray) -> bool:
@@ -413,6 +413,9 @@ class SceneSession:
         elif self.views.pending and not self.awaits_maps:
             # What is left to show of maps that give way to others would keep these waiting.
             self.views.advance()
+        if "refined" in events:
+            for id_ in self._hints.take_unasked(self._maps.requests):
+                self._close_ups.look_closer(id_, self._maps.requests)
         self._have_views_wait(self._waiting)
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False

@@ -12,8 +12,8 @@ from .context import OFF
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
-CloserLookReason = Literal["large corrections", "small drawing"]
-"""Why a closer look may help; see `CloseUpHints`."""
+CloserLookReason = Literal["large corrections", "small drawing", "small outline"]
+"""Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
 
 _MOST_NAMES = 5
 """In one message."""
@@ -57,7 +57,7 @@ def close_up_text(edges_mm: EdgesMm | None) -> str:
 
 
 def closer_look_text(reason: CloserLookReason | None) -> str:
-    """That a closer look may help with a structure, and why; "" where no reason is known."""
+    """That a closer look may help with a structure, or has begun by itself, and why; "" where no reason is known."""
     if reason is None:
         return ""
     key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
@@ -65,6 +65,9 @@ def closer_look_text(reason: CloserLookReason | None) -> str:
         "large corrections": _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.'),
         "small drawing": _(
             'What you drew is smaller than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
+        ),
+        "small outline": _(
+            'Small, and in the whole scan unlike your outline: so it is looked at closely. "Look at whole" leads back.'
         ),
     }
     return words[reason].format(key=key)

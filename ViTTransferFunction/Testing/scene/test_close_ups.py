@@ -231,6 +231,80 @@ def test_a_closer_look_is_suggested_after_a_diameter_that_is_short_for_the_cells
     assert said == {0.9: "small drawing", 1.1: None}
 
 
+@pytest.fixture
+def unasked(session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> SceneSession:
+    """A session in which a close-up has just begun unasked: all of a sphere was shown where half of it was outlined."""
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    id_ = session.annotations.add_class("half a sphere").id
+    session.regions.add_outline(id_, outline_in_sphere(spheres, 0.5))
+    until = time.monotonic() + 30.0
+    while session.classes[0].close_up is None and time.monotonic() < until:
+        session.poll()
+    return session
+
+
+def outline_in_sphere(spheres: Spheres, share: float) -> np.ndarray:
+    """A circle around the middle of the first sphere, so much as wide as the sphere; (60, 3) RAS millimetres, in a slice."""
+    geometry, labels = spheres[0].geometry, spheres[1]
+    radius_mm = (0.75 / np.pi * np.count_nonzero(labels == 1) * geometry.voxel_volume_mm3) ** (1.0 / 3.0)
+    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    ijk = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1) * share * radius_mm / geometry.spacing_mm
+    middle = geometry.ras_to_ijk(centre_ras(spheres, 1))
+    return geometry.ijk_to_ras_points(middle + ijk)
+
+
+def test_a_small_outline_of_what_is_shown_as_something_else_is_looked_at_closely_unasked(
+    unasked: SceneSession, spheres: Spheres
+) -> None:
+    know_close_up(unasked, spheres)
+    assert unasked.reason_to_look_closer(unasked.classes[0]) == "small outline"
+    unasked.wait()
+    assert unasked.close_up_mm(unasked.classes[0]) is not None
+    assert unasked.volume_ml(unasked.classes[0].id) is not None
+    assert unasked.take_error() is None
+
+
+def test_undo_takes_the_close_up_back_then_the_outline_and_neither_begins_again(
+    unasked: SceneSession, spheres: Spheres
+) -> None:
+    know_close_up(unasked, spheres)
+    unasked.wait()
+    box, points = unasked.classes[0].close_up, unasked.classes[0].positive
+    steps = [unasked.annotations.undo, unasked.annotations.undo, unasked.annotations.redo, unasked.annotations.redo]
+    found = []
+    for step in steps:
+        step()
+        unasked.wait()
+        found.append((unasked.classes[0].close_up, unasked.classes[0].positive))
+    assert found == [(None, points), (None, ()), (None, points), (box, points)]
+    assert unasked.take_error() is None
+
+
+@pytest.mark.parametrize("cancelled", [True, False])
+def test_a_close_up_that_began_unasked_is_cancelled_or_left_and_does_not_begin_again(
+    unasked: SceneSession, spheres: Spheres, cancelled: bool
+) -> None:
+    if cancelled:
+        cancel_looking(unasked)
+    else:
+        unasked.look_at_whole(unasked.classes[0].id)
+    unasked.wait()
+    unasked.annotations.add_points(unasked.classes[0].id, centre_ras(spheres, 1) + 1.0, positive=True)
+    unasked.wait()
+    assert (unasked.classes[0].close_up, unasked.reason_to_look_closer(unasked.classes[0])) == (None, None)
+    assert unasked.take_error() is None
+
+
+def test_a_small_outline_of_what_is_shown_so_stays_in_the_whole(
+    session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    id_ = session.annotations.add_class("sphere").id
+    session.regions.add_outline(id_, outline_in_sphere(spheres, 1.0))
+    session.wait()
+    assert (session.classes[0].close_up, session.reason_to_look_closer(session.classes[0])) == (None, None)
+
+
 def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
     slicer_app: Any, session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
