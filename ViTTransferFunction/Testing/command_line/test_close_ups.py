@@ -1,4 +1,4 @@
-"""Close-ups that an annotation file asks for: boxes that it names, and boxes that are chosen from maps."""
+"""Close-ups that an annotation file asks for, boxes that it names or that are chosen from maps; and those that come unasked."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
 
+from ViTTransferFunction.CommandLine.close_ups import requests_with_close_ups
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
@@ -23,6 +24,8 @@ from ViTTransferFunction.Logic.core.bounding_box import bounding_box
 from ViTTransferFunction.Logic.core.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.close_up import CloseUp
 from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.region_points import points_of_outline
+from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation import ClassResult, Segmentation
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -120,6 +123,35 @@ def test_a_box_that_holds_one_of_the_points_is_accepted(listener: Listener, sphe
     points = np.concatenate([centre_ras(spheres, 1), centre_ras(spheres, 3)])
     given = CloseUp(tuple(points[0]), (30.0, 30.0, 30.0))
     assert listener.ask(annotated([ClassRequest("two", points, close_up=given)])) == [given]
+
+
+def outlined(spheres: Spheres, share: float) -> AnnotatedClass:
+    """A class of what a circle around the middle of the second sphere encloses, so much as wide as that."""
+    (volume, labels), middle = spheres, centre_ras(spheres, 2)
+    radius_mm = (0.75 / np.pi * np.count_nonzero(labels == 2) * volume.geometry.voxel_volume_mm3) ** (1.0 / 3.0)
+    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    in_slice = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1) * share * radius_mm / volume.geometry.spacing_mm
+    outline = volume.geometry.ijk_to_ras_points(volume.geometry.ras_to_ijk(middle) + in_slice)
+    return AnnotatedClass(ClassRequest("outlined", *points_of_outline(outline)), RED, outline_ras=outline)
+
+
+@pytest.mark.parametrize(
+    ("share", "method", "unasked"), [(0.5, "bilateral", True), (1.0, "bilateral", False), (0.5, "none", False)]
+)
+def test_what_is_small_and_unlike_its_outline_in_the_whole_is_looked_at_closely_with_a_warning(
+    spheres: Spheres, monkeypatch: pytest.MonkeyPatch, share: float, method: RefinementMethod, unasked: bool
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    cache_known_features(*spheres)
+    session = open_session(spheres[0], SessionSettings(grid=GRID))
+    session.load_features()
+    warnings: list[str] = []
+    first, *_ = requests_of(spheres)
+    classes = [AnnotatedClass(first, RED), outlined(spheres, share)]
+    clicked, drawn = requests_with_close_ups(session, classes, method, True, warnings.append)
+    assert (clicked.close_up, drawn.close_up is not None) == (None, unasked)
+    said = [warning.startswith("outlined: small, and in the whole scan unlike its outline") for warning in warnings]
+    assert said == [True] * unasked
 
 
 @pytest.fixture

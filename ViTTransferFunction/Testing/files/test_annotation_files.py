@@ -377,6 +377,8 @@ def test_a_closed_curve_around_a_structure_is_its_outline(tmp_path: Path) -> Non
     (found,) = classes_from_markups({"lesion": path}, {}, GEOMETRY)
     inside, outside = points_of_outline(circle)
     middle = circle.mean(axis=0)
+    assert found.outline_ras is not None
+    np.testing.assert_allclose(found.outline_ras[::10], circle[::20])
     for points, expected in ((found.request.positive, inside), (found.request.negative, outside)):
         assert len(points) == len(expected)
         # Between its few control points the curve bulges as a circle does.

@@ -140,6 +140,19 @@ def test_the_page_suggests_a_closer_look_at_the_selected_structure(
     ready(journey)
 
 
+def test_the_page_says_that_a_closer_look_began_unasked(
+    ready: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        add_structure(app, positive=True)
+        monkeypatch.setattr(SceneSession, "reason_to_look_closer", lambda self, state: "small outline")
+        app.actions("lookCloser")
+        assert app.server.state.settings["close_up_hint"].startswith("Small, and in the whole scan unlike your outline")
+        assert shown(app) == (True, True, WORDS)
+
+    ready(journey)
+
+
 def test_without_a_structure_nothing_happens(ready: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("lookCloser")

@@ -158,6 +158,23 @@ def test_a_diameter_that_is_short_for_the_cells_suggests_a_closer_look_until_it_
     assert (suggestion(clicked), clicked.ui.lookCloserButton.font().bold()) == ("", False)
 
 
+def test_a_close_up_that_began_unasked_says_so_and_one_press_leads_back(
+    clicked: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 1.0)
+    ui, session = clicked.ui, clicked.panel.session
+    add_class(clicked, "half a sphere")
+    angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    circle = 0.5 * spheres[0].geometry.extent_mm.max() / GRID * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    session.regions.add_outline(session.selected_class.id, centre_ras(spheres, 1) + circle)
+    wait_until(lambda: close_up(clicked) is not None)
+    assert suggestion(clicked).startswith("Small, and in the whole scan unlike your outline")
+    assert not ui.lookCloserButton.font().bold()
+    assert enabled(clicked) == (True, True)
+    ui.lookAtWholeButton.click()
+    assert (close_up(clicked), suggestion(clicked), ui.closeUpLabel.text()) == (None, "", WHOLE)
+
+
 def add_row(widget: Any) -> int:
     """Add a class; returns its row."""
     add_class(widget, "other")
