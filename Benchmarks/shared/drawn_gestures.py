@@ -60,12 +60,17 @@ def drawn_outline(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int
     Returns:
         Its points; what is beyond the volume is left out. None where the structure has a hole in the slice, as a ring has.
     """
+    outline = outline_mm(structure, spacing_mm, *seed)
+    return None if outline is None else _clicks(points_of_outline(outline), structure.shape, spacing_mm)
+
+
+def outline_mm(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -> np.ndarray | None:
+    """The outline itself, (N, 3) millimetres along (K, J, I) from the middle of the first voxel; see `drawn_outline`."""
     random = np.random.default_rng(seed)
     k, shown = _shown(structure, random)
     if ndimage.binary_fill_holes(shown).sum() > (1.0 + LARGEST_HOLE) * shown.sum():
         return None
-    outline = _outline_by_hand(shown, np.asarray(spacing_mm)[1:], random)
-    return _clicks(points_of_outline(_in_volume(outline, k, spacing_mm)), structure.shape, spacing_mm)
+    return _in_volume(_outline_by_hand(shown, np.asarray(spacing_mm)[1:], random), k, spacing_mm)
 
 
 def _shown(structure: np.ndarray, random: np.random.Generator) -> tuple[int, np.ndarray]:
