@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .class_map import ClassMap, is_inside
+from .class_map import ClassMap, in_units_of
 from .diameter_points import BEYOND
+from .geometry import Geometry
 from .outlines import evenly, plane_through, winding
 from .region_points import points_of_outline
 
@@ -20,10 +21,10 @@ LEAST_AGREEMENT = 0.8
 """Below this Dice in the slice of its outline, a structure is shown as something else: chosen on AMOS 336 and the brain, see
 `Benchmarks/results/candidates.md`, *Looked at closely without being asked*."""
 
-_WINDOW = 3.0
-"""Edge of the square around an outline in which it is compared, in sizes of the outline: enough to see a flood."""
-_PLACES = 96
-"""Along each edge of the square."""
+_PLACES = 32
+"""Along an outline: where it is compared with what is shown."""
+_MOST_PLACES = 1_000_000
+"""In all, where what is shown is very much larger than the outline."""
 
 
 def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float) -> bool:
@@ -46,19 +47,34 @@ def is_small(points_ras: np.ndarray, cell_mm: float) -> bool:
 
 
 def agreement(shown: ClassMap, outline_ras: np.ndarray) -> float:
-    """Dice of what a map shows and what an outline encloses, in the outline's plane, in a square around it.
+    """Dice of what a map shows and what an outline encloses, in all of the outline's plane.
 
     Args:
-        shown: beyond its grid, nothing is.
+        shown: of a segment, of whose voxels those above the iso value are (`SegmentCrops`); beyond its grid, nothing is.
         outline_ras: (N, 3) RAS millimetres in the map's frame; encloses an area.
     """
     centre_ras, axes = plane_through(outline_ras)
     outline = evenly((outline_ras - centre_ras) @ axes.T)
     low, high = outline.min(axis=0), outline.max(axis=0)
-    steps = ((np.arange(_PLACES) + 0.5) / _PLACES - 0.5) * _WINDOW * (high - low).max()
-    places = (low + high) / 2.0 + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    enclosed = winding(places, outline) != 0
+    places = _places(low, high, (_corners_ras(shown.geometry) - centre_ras) @ axes.T)
+    enclosed = ((places >= low) & (places <= high)).all(axis=1)
+    enclosed[enclosed] = winding(places[enclosed], outline) != 0
     places_ras = centre_ras + places @ axes
     inside = shown.geometry.contains(places_ras)
-    inside[inside] = is_inside(shown, places_ras[inside])
+    k, j, i = shown.geometry.nearest_voxels(places_ras[inside]).T
+    inside[inside] = shown.array[k, j, i] >= in_units_of(shown.array, shown.iso)
     return float(2.0 * (enclosed & inside).sum() / max(enclosed.sum() + inside.sum(), 1))
+
+
+def _places(low: np.ndarray, high: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """A grid in a plane, (N, 2), from the corners of an outline's box, and as far as a map may reach."""
+    first, last = np.minimum(low, corners.min(axis=0)), np.maximum(high, corners.max(axis=0))
+    step = max((high - low).max() / _PLACES, float(np.sqrt(np.prod(last - first) / _MOST_PLACES)))
+    along = [np.arange(start + step / 2.0, stop, step) for start, stop in zip(first, last, strict=True)]
+    return np.stack(np.meshgrid(*along), axis=-1).reshape(-1, 2)
+
+
+def _corners_ras(geometry: Geometry) -> np.ndarray:
+    """(8, 3)."""
+    sides = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1]), axis=-1).reshape(-1, 3)
+    return geometry.ijk_to_ras_points(sides * geometry.shape[::-1] - 0.5)

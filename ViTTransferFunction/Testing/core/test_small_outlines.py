@@ -46,6 +46,16 @@ def test_a_flood_a_miss_and_a_part_disagree_as_dice_says(subtests: pytest.Subtes
     assert agreement(shown, circle(6.0, 45.0)) == 0.0
 
 
+def test_what_is_shown_elsewhere_in_the_plane_counts_and_what_is_beside_it_does_not() -> None:
+    shown = ball(6.0)
+    other = np.zeros(shown.array.shape, dtype=np.float32)
+    k, j, i = np.ogrid[:20, :60, :60]
+    for middle_k, expected in ((0, 1.0), (10, 2 * 36 / (36 + 36 + 64))):
+        disc = (np.abs(k - middle_k) < 1) & ((j - 10) ** 2 + (i - 10) ** 2 <= 8.0**2)
+        both = ClassMap(np.maximum(shown.array, other + disc), shown.geometry, 0.5)
+        assert agreement(both, circle(6.0)) == pytest.approx(expected, abs=0.06)
+
+
 @pytest.mark.parametrize(
     ("radius_mm", "cell_mm", "asks"), [(6.0, 4.0, True), (6.0, 2.5, False), (12.0, 8.0, False), (11.0, 8.0, False)]
 )
