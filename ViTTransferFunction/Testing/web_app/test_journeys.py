@@ -474,6 +474,10 @@ def test_a_closer_look_is_suggested_below_its_button_without_a_message(at_app: A
     assert "suggested" in page["look-closer"].get_attribute("class")
     assert page["look-closer"].bounding_box() == before
     assert page["message"].count() == 0
+    # In a close-up that began unasked, there is nothing to press.
+    page.page.evaluate("trame.state.set('settings', { ...trame.state.get('settings'), can_look_at_whole: true })")
+    page["look-at-whole"].and_(page.page.locator(":enabled")).wait_for()
+    assert "suggested" not in page["look-closer"].get_attribute("class")
     page.page.evaluate(show, "")
     page["close-up-hint"].wait_for(state="detached")
 
