@@ -69,44 +69,45 @@ def requests_with_close_ups(
             else annotated.request
             for annotated, similarity in zip(classes, maps, strict=True)
         ]
-    outlined = [annotated.outline_ras is not None and annotated.request.refine for annotated in classes]
-    if method == "none" or not any(outlined):
-        return requests
     outlines = [annotated.outline_ras for annotated in classes]
-    return _with_unasked(session, requests, outlines, method, only_annotated_components, on_warning)
-
-
-def _with_unasked(
-    session: SegmentationSession,
-    requests: list[ClassRequest],
-    outlines: Sequence[np.ndarray | None],
-    method: RefinementMethod,
-    only_annotated_components: bool,
-    on_warning: Callable[[str], None],
-) -> list[ClassRequest]:
-    """The requests, with close-ups of those that are small and unlike their outlines in the whole volume."""
-    geometry, whole, crops = session.volume.geometry, _in_whole(requests), SegmentCrops()
-    cell_mm = float(session.low_resolution_maps(whole)[0].geometry.spacing_mm.max())
-    if not any(outline is not None and is_small(np.concatenate(points_of_outline(outline)), cell_mm) for outline in outlines):
+    small = [outline is not None and _is_small(outline, session) for outline in outlines]
+    if method == "none" or not any(small):
         return requests
-    labels = session.segment(whole, method, only_annotated_components, on_map=crops.take).labels
-    looked_at = []
-    for request, outline, crop in zip(requests, outlines, crops.of(labels), strict=True):
-        shown = crop.on(geometry)
-        if outline is None or request.close_up is not None or not asks_for_close_up(shown, outline, cell_mm):
-            looked_at.append(request)
-            continue
-        try:
-            close_up = close_up_of(shown, request.positive, geometry)
-        except InputError:
-            looked_at.append(request)
-            continue
-        edges = " × ".join(f"{edge:.0f}" for edge in close_up.size_mm)
-        on_warning(
-            f"{request.name}: small, and in the whole scan unlike its outline: looked at closely, in a box of {edges} mm."
-        )
-        looked_at.append(replace(request, close_up=close_up))
-    return looked_at
+    crops = SegmentCrops()
+    labels = session.segment(_in_whole(requests), method, only_annotated_components, on_map=crops.take).labels
+    shown = [crop.on(session.volume.geometry) for crop in crops.of(labels)]
+    return [
+        request if outline is None else _with_unasked_close_up(session, request, similarity, outline, on_warning)
+        for request, similarity, outline in zip(requests, shown, outlines, strict=True)
+    ]
+
+
+def _with_unasked_close_up(
+    session: SegmentationSession,
+    request: ClassRequest,
+    shown: ClassMap,
+    outline_ras: np.ndarray,
+    on_warning: Callable[[str], None],
+) -> ClassRequest:
+    """The request with a close-up, where it is small and unlike its outline in the whole, and its box is not too large."""
+    if request.close_up is not None or not asks_for_close_up(shown, outline_ras, _cell_mm(session)):
+        return request
+    try:
+        close_up = close_up_of(shown, request.positive, session.volume.geometry)
+    except InputError:
+        return request
+    box = " × ".join(f"{edge:.0f}" for edge in close_up.size_mm)
+    on_warning(f"{request.name}: small, and in the whole scan unlike its outline: looked at closely, in a box of {box} mm.")
+    return replace(request, close_up=close_up)
+
+
+def _is_small(outline_ras: np.ndarray, session: SegmentationSession) -> bool:
+    return is_small(np.concatenate(points_of_outline(outline_ras)), _cell_mm(session))
+
+
+def _cell_mm(session: SegmentationSession) -> float:
+    """The longest edge of the whole volume's cells."""
+    return float(session.features.source.cells.spacing_mm.max())
 
 
 def _in_whole(requests: Sequence[ClassRequest]) -> list[ClassRequest]:
