@@ -11,7 +11,7 @@ from ..Logic.scene.cache_contents import CacheContents
 from ..Logic.scene.class_size import stepped
 from ..Logic.scene.class_state import ClassState
 from ..Logic.scene.exported_renderings import exported_renderings
-from ..Logic.scene.feature_wording import estimate_text, point_warnings, status_text
+from ..Logic.scene.feature_wording import cost_text, point_warnings, status_text
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.wording import (
     close_up_text,
@@ -62,7 +62,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "busy": session.busy,
         "up_to_date": session.up_to_date,
         "volume_name": volume.GetName() if volume else "",
-        "estimate": estimate_text(session.estimate, session.frame) if session.phase == "no features" else "",
+        "estimate": cost_text(session) if session.phase == "no features" else "",
         "status": "\n".join([*filter(None, [status_text(session, session.phase)]), *point_warnings(session)]),
         "progress": _progress(session),
         "looks_closer": session.looks_closer,

@@ -76,7 +76,7 @@ class Panel:
         self.size = SizeControls(ui, report)
         self.close_up = CloseUpControls(ui, report)
         self._sections = (
-            PyTorchSection(ui, report, on_installed=self.refresh),
+            PyTorchSection(ui, report, on_change=self._on_pytorch),
             VolumeSection(ui, report),
             self._table,
             self._class_actions,
@@ -111,6 +111,7 @@ class Panel:
             windows_3d=view_windows,
             points_3d=points_of_3d_views,
             have_views_wait=self._drawing.have_wait,
+            may_compute=pytorch_is_installed,
         )
         self.session.add_observer(self.refresh)
         self._start_due = True
@@ -189,8 +190,14 @@ class Panel:
         """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""
         if self.session is not None and self._start_due:
             self._start_due = False
-            if pytorch_is_installed():
-                self.session.start_computing()
+            self.session.start_computing()
+
+    def _on_pytorch(self) -> None:
+        """PyTorch is being installed, or is there: the volume that was chosen without it is taken up."""
+        session = self.session
+        if session is not None and session.estimate is None and not session.busy and pytorch_is_installed():
+            session.estimate_again()
+        self.refresh()
 
     def _on_class_added(self) -> None:
         """The next click in a view is the first point."""

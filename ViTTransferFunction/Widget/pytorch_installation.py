@@ -86,10 +86,12 @@ def install_pytorch(installer: Callable[[], Any]) -> None:
 
 
 def _not_installed(error: Exception) -> str:
+    # Of a program that failed, only the number is known with which it ended, and that tells nobody anything.
+    reason = "" if isinstance(error, subprocess.CalledProcessError) else f" ({error})"
     return _(
-        "PyTorch was not installed: {reason}. Check the network and the space on the disk, restart Slicer, and try again; the "
-        "Python console shows what happened."
-    ).format(reason=error)
+        "PyTorch was not installed{reason}. Check the network and the space on the disk, and try again. If that does not help, "
+        "restart Slicer before you try again; its Python console (menu View) shows what happened."
+    ).format(reason=reason)
 
 
 def _extension_installer() -> Callable[[], Any] | None:

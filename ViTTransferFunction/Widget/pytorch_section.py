@@ -31,13 +31,14 @@ class PyTorchSection(Section):
     Args:
         ui: the widgets of the panel, by name.
         report: shows an error to the user.
-        on_installed: called after the installation.
+        on_change: called when an installation begins, and when it has ended.
     """
 
-    def __init__(self, ui: Any, report: Report, on_installed: Callable[[], None]) -> None:
+    def __init__(self, ui: Any, report: Report, on_change: Callable[[], None]) -> None:
         super().__init__(ui, report)
-        self._on_installed = on_installed
+        self._on_change = on_change
         self._installing = False
+        self._attempts = 0
         ui.installPyTorchButton.clicked.connect(self._on_install)
 
     def refresh(self) -> None:
@@ -57,20 +58,22 @@ class PyTorchSection(Section):
             if slicer.util.confirmOkCancelDisplay(installation_question(installed_version()), _("Install PyTorch?")):
                 self._install(installer)
         except InputError as error:
-            self.report(str(error), solved=pytorch_is_installed)
+            attempt = self._attempts
+            self.report(str(error), solved=lambda: pytorch_is_installed() or self._attempts > attempt)
 
     def _install(self, installer: Callable[[], Any]) -> None:
         self._installing = True
-        self.refresh()
+        self._attempts += 1
+        self._on_change()
         try:
             with slicer.util.WaitCursor(), _lines_told(self._show_line):
                 install_pytorch(installer)
         finally:
             self._installing = False
-            self._on_installed()
+            self._on_change()
 
     def _show_line(self, line: str) -> None:
-        self.ui.pytorchProgressLabel.text = line[:LINE_LENGTH]
+        self.ui.pytorchProgressLabel.text = line if len(line) <= LINE_LENGTH else f"{line[:LINE_LENGTH]}…"
         slicer.app.processEvents()
 
 

@@ -9,7 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.feature_wording import estimate_text, point_warnings, status_text
+from ViTTransferFunction.Logic.scene.feature_wording import cost_text, point_warnings, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume_in_slices import fit_in_slices, show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
@@ -65,7 +65,7 @@ class VolumeSection(Section):
             "Compute the features, which tell the structures apart: once for each volume, then kept in the cache. "
             "You can go on working meanwhile."
         )
-        ui.estimateLabel.text = obstacle or (estimate_text(session.estimate, session.frame) if session else "")
+        ui.estimateLabel.text = obstacle or (cost_text(session) if session else "")
 
     def _show_point_warnings(self, session: SceneSession | None) -> None:
         lines = point_warnings(session) if session else []

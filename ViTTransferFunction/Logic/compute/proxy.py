@@ -76,6 +76,7 @@ class SegmentationProxy:
 
     Args:
         start_client: starts the compute process.
+        may_start: whether that would be of any use; as long as it is not, nothing is started, and nobody told of it.
 
     Attributes:
         phase: how far the volume is.
@@ -89,8 +90,9 @@ class SegmentationProxy:
         labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
     """
 
-    def __init__(self, start_client: Callable[[], ComputeClient]) -> None:
+    def __init__(self, start_client: Callable[[], ComputeClient], may_start: Callable[[], bool] = lambda: True) -> None:
         self._pending = PendingRequests(start_client)
+        self._may_start = may_start
         self._volume: TakeVolume | None = None
         self._settings = SessionSettings()
         self._classes: tuple[ClassRequest, ...] = ()
@@ -137,8 +139,9 @@ class SegmentationProxy:
 
     def start(self) -> None:
         """Start the compute process, so that it is ready when a volume is opened. Where that fails, `open` tells why."""
-        with suppress(InputError):
-            self._pending.start()
+        if self._may_start():
+            with suppress(InputError):
+                self._pending.start()
 
     def open(self, volume: TakeVolume | None, settings: SessionSettings) -> None:
         """Take up a volume, or none. Cached features load at once."""
@@ -294,11 +297,12 @@ class SegmentationProxy:
         self._reset()
 
     def _started(self) -> bool:
-        """Whether there is a process; if not yet, it is started now."""
-        try:
-            self._pending.start()
-        except InputError as error:
-            self._error = str(error)
+        """Whether there is a process; if not yet, it is started now, where it may be."""
+        if self._may_start():
+            try:
+                self._pending.start()
+            except InputError as error:
+                self._error = str(error)
         return self._pending.started
 
     def _send_due(self) -> None:

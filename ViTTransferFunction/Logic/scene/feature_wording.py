@@ -15,10 +15,15 @@ if TYPE_CHECKING:
     from .session import SceneSession
 
 
-def estimate_text(estimate: FeatureEstimate | None, frame: Frame | None = None) -> str:
-    """What the features will cost, in a few words."""
-    if estimate is None:
-        return _("Estimating…")
+def cost_text(session: SceneSession) -> str:
+    """What the features will cost, in a few words; "" where that cannot be said: messages tell why."""
+    if session.estimate is None:
+        return _("Estimating…") if session.busy else ""
+    return estimate_text(session.estimate, session.frame)
+
+
+def estimate_text(estimate: FeatureEstimate, frame: Frame | None = None) -> str:
+    """What an estimate says, of a frame where the volume is a sequence."""
     if estimate.cached:
         return _("Computed before: ready at once.")
     parts = [_("{memory} of memory").format(memory=size(estimate.memory_bytes))]

@@ -73,6 +73,7 @@ class SceneSession:
         windows_3d: the vtkRenderWindows of the 3D views that are shown; those are drawn quickly while their look is changed.
         points_3d: the displayable managers of points of all 3D views; see `PointsIn3D`.
         have_views_wait: called with the views that may wait, where drawing takes its time, so that an answer is seen sooner.
+        may_compute: whether that Python has PyTorch; until then, nothing is computed, and `estimate_again` begins with it.
 
     Attributes:
         parameters: the module's settings; writing one takes effect at once.
@@ -93,6 +94,7 @@ class SceneSession:
         windows_3d: Callable[[], Iterable[Any]] = tuple,
         points_3d: Callable[[], Iterable[Any]] = tuple,
         have_views_wait: Callable[[Waiting], None] = lambda which: None,
+        may_compute: Callable[[], bool] = lambda: True,
     ) -> None:
         self._scene = scene
         self._app_logic = app_logic
@@ -101,7 +103,7 @@ class SceneSession:
         self._notices = Notices()
         self._problems = Problems()
         self.parameters = SceneParameters(parameter_node)
-        self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable))
+        self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable), may_compute)
         self._former_model = FormerModel(self.parameters, self._problems)
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)

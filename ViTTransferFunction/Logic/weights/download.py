@@ -8,6 +8,7 @@ import http.client
 import os
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -106,7 +107,7 @@ def _open(url: str) -> Iterator[http.client.HTTPResponse]:
     try:
         response = urllib.request.build_opener(_CheckedRedirects).open(request, timeout=_TIMEOUT_S)
     except (OSError, http.client.HTTPException) as error:
-        reason = str(error).strip("<>")
+        reason = _words(error)
         if sys.platform == "darwin" and "CERTIFICATE_VERIFY_FAILED" in reason:
             reason += "; Python from python.org needs 'Install Certificates.command' of its folder in Applications once"
         raise DownloadFailed(f"{url} could not be opened ({reason})") from error
@@ -115,6 +116,13 @@ def _open(url: str) -> Iterator[http.client.HTTPResponse]:
         if response.headers.get_content_type() == "text/html":
             raise DownloadFailed(f"{url} answered with a web page instead of the file; is there a login or a proxy in between?")
         yield response
+
+
+def _words(error: Exception) -> str:
+    """What the system says, such as "Name or service not known", without what Python puts around it."""
+    wraps = isinstance(error, urllib.error.URLError) and not isinstance(error, urllib.error.HTTPError)
+    cause = error.reason if wraps else error
+    return getattr(cause, "strerror", None) or str(cause)
 
 
 class _CheckedRedirects(urllib.request.HTTPRedirectHandler):

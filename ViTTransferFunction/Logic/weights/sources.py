@@ -122,7 +122,7 @@ def fetch_weights(
     try:
         return _download(model, model.url, target, expected, trust, progress)
     except DownloadFailed as error:
-        raise _unavailable(model, target, str(error)) from error
+        raise _unavailable(model, target, f"{error}; check the network, and try again") from error
 
 
 def identify_model(path: str | Path | None = None) -> str | None:
@@ -258,13 +258,13 @@ def _download(
 
 def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUnavailable:
     if model.request_page is not None:
-        how = f"Ask for {model.file_name} at {model.request_page} ({model.licence}, {model.size_mb} MB), and copy it"
+        how = f"Ask for {model.file_name} at {model.request_page} ({model.licence}, {model.size_mb} MB)"
     elif model.url is None:
-        how = f"On a computer with a network, run 'vittf weights get {model.name}', and copy the file"
+        how = f"Run 'vittf weights get {model.name}' on a computer with a network"
     else:
-        how = f"On a computer with a network, get {model.url} ({model.licence}, {model.size_mb} MB) and copy it"
+        how = f"Get {model.url} ({model.licence}, {model.size_mb} MB) on a computer with a network"
     return WeightsUnavailable(
         f"There are no weights of '{model.name}' on this computer, and they could not be fetched: {reason}. "
-        f"{how} to {target}; or copy it anywhere on this computer and name it under Advanced, Weights, by --weights, or "
-        f"in {WEIGHTS_VARIABLE}."
+        f"{how}. Put the file anywhere on this computer, and name it under Advanced, Weights, by --weights, or in "
+        f"{WEIGHTS_VARIABLE}; or copy it to {target}."
     )

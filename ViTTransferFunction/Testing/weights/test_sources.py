@@ -248,8 +248,12 @@ class TestDownload:
         with pytest.raises(WeightsUnavailable) as error:
             find_weights(NAME, trust=trusting)
 
-        for part in (model.url, "Apache-2.0", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS"):
+        for part in (model.url, "Apache-2.0", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS", "try again"):
             assert str(part) in str(error.value)
+
+    def test_a_host_that_is_not_found_is_told_in_the_system_s_words(self, tmp_path: Path) -> None:
+        with pytest.raises(DownloadFailed, match=r"could not be opened \([^<\[]*\)"):
+            download("https://nobody.invalid/weights.pth", tmp_path / "weights.pth")
 
     @pytest.mark.parametrize("allow_download", [True, False])
     def test_where_one_has_to_agree_to_a_licence_the_message_says_which_and_where(

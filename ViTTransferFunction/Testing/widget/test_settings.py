@@ -259,7 +259,6 @@ def test_the_estimate_is_shown_in_a_few_words(host: Host) -> None:
     from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
     from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
 
-    assert estimate_text(None) == "Estimating…"
     assert estimate_text(FeatureEstimate(cached=True, seconds=None, memory_bytes=1)) == "Computed before: ready at once."
     costly = FeatureEstimate(cached=False, seconds=125.0, memory_bytes=1_230_000_000, download=DOWNLOAD)
     assert estimate_text(costly) == "About 2 min, 1.2 GB of memory, 88 MB to download."

@@ -248,7 +248,9 @@ def test_after_weights_were_refused_the_button_looks_for_them_again(
     assert "There is no weights file" in ui.messageLabel.text()
     ui.extractButton.click()
     assert not ui.messageFrame.isVisible()
+    assert ui.extractionStartRow.isHidden()
     wait_until(lambda: ui.messageFrame.isVisible() and ui.extractionStartRow.isVisible())
+    assert ui.estimateLabel.text() == "", "nothing is being estimated"
     missing.mkdir()
     ui.extractButton.click()
     wait_until(lambda: ui.messageFrame.isVisible() and "holds no weights" in ui.messageLabel.text())

@@ -21,8 +21,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 
 from ViTTransferFunction.Testing.support.imports import SHIPPED_WITH_SLICER, imports_at_file_scope
+from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.programs import OPEN, run
-from ViTTransferFunction.Testing.support.widgets import add_class
+from ViTTransferFunction.Testing.support.widgets import add_class, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -80,6 +81,23 @@ def test_features_cannot_be_computed_before_pytorch_is_there(missing: set[str], 
     assert not widget.ui.extractButton.isEnabled()
     assert widget.ui.extractButton.toolTip() == "Install PyTorch first."
     assert add_class(widget).name
+
+
+def test_the_missing_pytorch_is_told_once_and_the_volume_is_taken_up_when_it_is_there(
+    missing: set[str], widget: Any, volume: Any, extension: Callable[..., None], questions: list[str]
+) -> None:
+    """Not by the compute process as well, which would have found the same out."""
+    session, ui = widget.panel.session, widget.ui
+    session.parameters.set("grid", GRID)
+    ui.volumeSelector.setCurrentNode(volume)
+    session.wait()
+    assert session.compute_pid is None
+    assert ui.messageFrame.isHidden()
+    assert ui.estimateLabel.text() == "Install PyTorch first."
+    extension(lambda: missing.remove("torch"))
+    ui.installPyTorchButton.click()
+    wait_until(lambda: session.phase == "ready")
+    assert ui.messageFrame.isHidden()
 
 
 def test_without_any_installer_the_panel_says_what_to_install(missing: set[str], widget: Any) -> None:
@@ -179,29 +197,36 @@ def test_slicer_itself_installs_it_where_the_extension_is_missing(
 
 
 @pytest.mark.parametrize(
-    "error",
+    ("error", "told"),
     [
-        RuntimeError("no space left"),
-        ImportError("DLL load failed"),
-        OSError("access denied"),
-        subprocess.CalledProcessError(1, "pip"),
+        (RuntimeError("no space left"), "PyTorch was not installed (no space left). Check"),
+        (ImportError("DLL load failed"), "PyTorch was not installed (DLL load failed). Check"),
+        (OSError("access denied"), "PyTorch was not installed (access denied). Check"),
+        (subprocess.CalledProcessError(1, ["PythonSlicer", "-m", "pip"]), "PyTorch was not installed. Check"),
     ],
-    ids=lambda error: type(error).__name__,
+    ids=lambda value: type(value).__name__,
 )
 def test_a_failed_installation_is_reported_until_it_succeeds(
-    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str], error: Exception
+    missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str], error: Exception, told: str
 ) -> None:
     def fail() -> None:
         raise error
 
     extension(fail)
     widget.ui.installPyTorchButton.click()
-    assert str(error) in widget.ui.messageLabel.text()
+    assert told in widget.ui.messageLabel.text()
     assert widget.ui.pytorchFrame.isVisible()
     widget.ui.addClassButton.click()
     assert widget.ui.messageFrame.isVisible()
-    extension(lambda: missing.remove("torch"))
+    visible_meanwhile = []
+
+    def succeed() -> None:
+        visible_meanwhile.append(widget.ui.messageFrame.isVisible())
+        missing.remove("torch")
+
+    extension(succeed)
     widget.ui.installPyTorchButton.click()
+    assert visible_meanwhile == [False]
     assert not widget.ui.messageFrame.isVisible()
 
 
