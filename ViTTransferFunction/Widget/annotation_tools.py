@@ -106,9 +106,12 @@ class AnnotationTools(Section):
         return None if in_view else volume
 
     def _connect(self, tool: Tool, button: Any) -> None:
-        button.styleSheet = IN_HAND
         button.clicked.connect(lambda: self.toggle(tool))
 
     def _check_buttons(self) -> None:
         for tool, button in self._buttons.items():
             button.checked = tool == self.tool
+            # The others have none: where Slicer goes from its light style to its dark one, text under a style sheet stays as it was.
+            style = IN_HAND if tool == self.tool else ""
+            if button.styleSheet != style:
+                button.styleSheet = style

@@ -541,3 +541,21 @@ def test_the_tool_in_hand_is_seen_in_dark_colours_as_well(in_dark_colours: Any) 
     assert buttons[0].sizeHint().height() == height
     buttons[1].click()
     assert are_framed() == [False, True]
+
+
+def test_the_tools_follow_when_slicer_goes_from_its_light_style_to_its_dark_one(widget: Any) -> None:
+    light, dark = QApplication.palette(), QApplication.palette()
+    dark.setColor(QPalette.ColorRole.ButtonText, QColor("white"))
+    ui = widget.ui
+    add_class(widget)
+    buttons = (ui.pointOffButton, ui.lassoOnButton, ui.eraserButton)
+    for button in buttons:
+        button.click()
+    ui.eraserButton.click()
+    QApplication.setPalette(dark)
+    QApplication.processEvents()
+    try:
+        assert ui.undoButton.palette().buttonText().color().name() == "#ffffff"
+        assert [button.palette().buttonText().color().name() for button in buttons] == 3 * ["#ffffff"]
+    finally:
+        QApplication.setPalette(light)
