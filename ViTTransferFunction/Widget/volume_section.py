@@ -59,7 +59,7 @@ class VolumeSection(Section):
         ui.extractionStatusLabel.visible = bool(status)
         ui.extractionStatusLabel.text = status
         self._progress.show(_extraction_progress(session.progress) if session and phase == "extracting" else None)
-        obstacle = _obstacle(phase)
+        obstacle = _obstacle(session, phase)
         ui.extractButton.enabled = not obstacle
         ui.extractButton.toolTip = obstacle or _(
             "Compute the features, which tell the structures apart: once for each volume, then kept in the cache. "
@@ -133,8 +133,9 @@ def _extraction_progress(progress: WorkProgress | None) -> WorkProgress:
     return progress or WorkProgress(0, 0, _("Starting"), None)
 
 
-def _obstacle(phase: str) -> str:
+def _obstacle(session: SceneSession | None, phase: str) -> str:
     """Why features cannot be computed now, or ""."""
     if phase == "no volume":
-        return _("Select a volume first.")
+        refused = session is not None and session.parameters.volume is not None
+        return _("This volume cannot be used as it is.") if refused else _("Select a volume first.")
     return "" if pytorch_is_installed() else _("Install PyTorch first.")

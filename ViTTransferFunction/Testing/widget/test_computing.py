@@ -73,6 +73,7 @@ def test_an_error_is_shown_once_in_the_panel(widget: Any, slicer_app: Any, spher
     widget.ui.volumeSelector.setCurrentNode(constant)
     wait_until(lambda: widget.ui.messageFrame.isVisible())
     assert "is constant: every finite voxel is 7" in widget.ui.messageLabel.text()
+    assert widget.ui.estimateLabel.text() == "This volume cannot be used as it is."
     widget.ui.messageCloseButton.click()
     widget.panel.refresh()
     assert not widget.ui.messageFrame.isVisible()
