@@ -17,7 +17,7 @@ from .observers import SceneObservers
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
-from .view_sight import look_at, sees
+from .view_sight import keep_whole, look_at, sees
 from .volume import own_copy, take_image
 
 VOLUME_NAME = "Structure rendering"
@@ -93,20 +93,20 @@ class ClassRendering:
         self._display_by(display, volume, material, shader)
         self._observers.observe(self._scene, [(slicer.vtkMRMLScene.EndBatchProcessEvent, self._on_batch_end)])
         self._smoothing.switch_on()
-        if self._looked_at is not volume_node:
-            self._looked_at = volume_node
-            self._bring_into_sight(volume_node, volume)
+        self._bring_into_sight(volume_node, volume)
 
     def _bring_into_sight(self, volume_node: Any, volume: Any) -> None:
-        """Have those 3D views look at the scan that would not show its structures; others stay as the user has them."""
+        """Have those 3D views look at the scan that would not show its first structures; others stay as the user has them."""
+        first, self._looked_at = self._looked_at is not volume_node, volume_node
         structures, scan = [0.0] * 6, [0.0] * 6
         volume.GetRASBounds(structures)
         volume_node.GetRASBounds(scan)
         middle = [(low + high) / 2.0 for low, high in zip(structures[::2], structures[1::2], strict=True)]
         for window in self._windows():
             renderer = window.GetRenderers().GetFirstRenderer()
-            if not sees(renderer, middle):
+            if first and not sees(renderer, middle):
                 look_at(renderer, scan)
+            keep_whole(renderer, structures)
 
     def _display_by(self, display: Any, volume: Any, material: Any, shader: Any) -> None:
         """Have one node alone render the structures."""

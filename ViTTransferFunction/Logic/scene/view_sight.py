@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from vtkmodules.vtkCommonDataModel import vtkBoundingBox
+
 NEARER = 1.4
 """VTK leaves room for the sphere about a volume; bodies fill less of it."""
 
@@ -34,3 +36,19 @@ def look_at(renderer: Any, bounds_ras: Sequence[float]) -> None:
     renderer.ResetCamera(bounds_ras)
     renderer.GetActiveCamera().Dolly(NEARER)
     renderer.ResetCameraClippingRange(bounds_ras)
+
+
+def keep_whole(renderer: Any, bounds_ras: Sequence[float]) -> None:
+    """Have the camera cut nothing off of what lies within some bounds, nor of what is shown besides.
+
+    Slicer sets the planes before and behind which nothing is drawn when the view is turned, not when something is added to it.
+
+    Args:
+        renderer: the vtkRenderer of the view.
+        bounds_ras: (6,), RAS millimetres, as VTK orders them.
+    """
+    box = vtkBoundingBox(bounds_ras)
+    box.AddBounds(renderer.ComputeVisiblePropBounds())
+    together = [0.0] * 6
+    box.GetBounds(together)
+    renderer.ResetCameraClippingRange(together)

@@ -157,6 +157,14 @@ def test_a_view_stays_as_the_user_has_it_once_structures_were_in_sight(stage: St
     assert camera.GetPosition() == away
 
 
+def test_nothing_of_a_structure_is_cut_off_that_lies_nearer_than_what_was_shown_before(stage: Stage) -> None:
+    """As in Slicer, where a scene is opened, or a structure added, and the view is not turned."""
+    stage.view.renderer().GetActiveCamera().SetClippingRange(1.0, 2.0)
+    stage.show(two_balls(), [RED, GREEN])
+    (left,) = stage.at(LEFT)
+    assert hue(pixels(stage.view).astype(int)[left]) == pytest.approx([1, 0, 0], abs=0.05)
+
+
 def test_twelve_classes_show_at_once(slicer_app: Any) -> None:
     grid = Geometry((20, 8, 30), np.diag([2.0, 2.0, 2.0, 1.0]))
     stage = Stage(slicer_app, grid, grid.ijk_to_ras_points(np.array([[14.5, 3.5, 9.5]]))[0])
