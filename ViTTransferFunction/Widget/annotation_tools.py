@@ -111,7 +111,7 @@ class AnnotationTools(Section):
     def _check_buttons(self) -> None:
         for tool, button in self._buttons.items():
             button.checked = tool == self.tool
-            # The others have none: where Slicer goes from its light style to its dark one, text under a style sheet stays as it was.
+            # The others have none: when Slicer goes from its light style to its dark one, text under a style sheet stays black.
             style = IN_HAND if tool == self.tool else ""
             if button.styleSheet != style:
                 button.styleSheet = style

@@ -26,7 +26,8 @@ def choose_device(name: str) -> torch.device:
         import torch
     except ImportError as error:
         raise InputError(
-            f"PyTorch, which computes the features, cannot be loaded ({error}). Install PyTorch and try again."
+            f"PyTorch, which computes the features, cannot be loaded ({error}). Install it; where it is there already, "
+            "install it anew, in Slicer with the module PyTorch Utils after a restart. Then try again."
         ) from error
 
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
