@@ -204,7 +204,7 @@ def test_slicer_itself_installs_it_where_the_extension_is_missing(
         (OSError("access denied"), "PyTorch was not installed (access denied). Check"),
         (subprocess.CalledProcessError(1, ["PythonSlicer", "-m", "pip"]), "PyTorch was not installed. Check"),
     ],
-    ids=lambda value: type(value).__name__,
+    ids=["RuntimeError", "ImportError", "OSError", "CalledProcessError"],
 )
 def test_a_failed_installation_is_reported_until_it_succeeds(
     missing: set[str], widget: Any, extension: Callable[..., None], questions: list[str], error: Exception, told: str
