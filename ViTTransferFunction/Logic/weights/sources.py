@@ -262,7 +262,8 @@ def _unavailable(model: PretrainedModel, target: Path, reason: str) -> WeightsUn
     elif model.url is None:
         how = f"Run 'vittf weights get {model.name}' on a computer with a network"
     else:
-        how = f"Get {model.url} ({model.licence}, {model.size_mb} MB) on a computer with a network"
+        file = "that file" if model.url in reason else model.url
+        how = f"Get {file} ({model.licence}, {model.size_mb} MB) on a computer with a network"
     return WeightsUnavailable(
         f"There are no weights of '{model.name}' on this computer, and they could not be fetched: {reason}. "
         f"{how}. Put the file anywhere on this computer, and name it under Advanced, Weights, by --weights, or in "

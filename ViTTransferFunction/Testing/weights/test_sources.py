@@ -250,6 +250,7 @@ class TestDownload:
 
         for part in (model.url, "Apache-2.0", str(folder / model.file_name), "--weights", "VITTF_WEIGHTS", "try again"):
             assert str(part) in str(error.value)
+        assert str(error.value).count(str(model.url)) == 1
 
     def test_a_host_that_is_not_found_is_told_in_the_system_s_words(self, tmp_path: Path) -> None:
         with pytest.raises(DownloadFailed, match=r"could not be opened \([^<\[]*\)"):
