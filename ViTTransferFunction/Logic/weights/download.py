@@ -120,9 +120,9 @@ def _open(url: str) -> Iterator[http.client.HTTPResponse]:
 
 def _words(error: Exception) -> str:
     """What the system says, such as "Name or service not known", without what Python puts around it."""
-    wraps = isinstance(error, urllib.error.URLError) and not isinstance(error, urllib.error.HTTPError)
-    cause = error.reason if wraps else error
-    return getattr(cause, "strerror", None) or str(cause)
+    if isinstance(error, urllib.error.URLError) and not isinstance(error, urllib.error.HTTPError):
+        return getattr(error.reason, "strerror", None) or str(error.reason)
+    return str(error)
 
 
 class _CheckedRedirects(urllib.request.HTTPRedirectHandler):
