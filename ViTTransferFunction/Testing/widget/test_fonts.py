@@ -37,7 +37,7 @@ def in_large_letters(host: Host, request: pytest.FixtureRequest) -> Iterator[Any
 
 def fit(host: Host) -> None:
     """As Slicer's module panel does (qSlicerModulePanel)."""
-    host.window.resize(max(PANEL_WIDTH, host.representation.minimumSizeHint().width() + 20), 2000)
+    host.window.resize(max(PANEL_WIDTH, host.wanted_width + 20), 2000)
     QTest.qWait(10)
 
 

@@ -33,8 +33,7 @@ LARGEST_SCALE = 3
 def width(host: Host) -> int:
     """What the panel wants at least, as qSlicerModulePanel asks it."""
     slicer.app.processEvents()
-    wanted: int = host.representation.minimumSizeHint().width()
-    return wanted
+    return host.wanted_width
 
 
 def test_the_panel_gets_no_wider_when_its_sections_are_opened(widget: Any, host: Host) -> None:

@@ -16,7 +16,7 @@ import shiboken6
 import slicer
 import slicer.util
 from PySide6.QtCore import Property, Qt
-from PySide6.QtWidgets import QApplication, QMainWindow, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QMainWindow, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from ViTTransferFunction.Testing.support.standin import (
     ctk,
@@ -95,7 +95,13 @@ class Host:
         area = QScrollArea()
         area.setWidgetResizable(True)
         area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        area.setWidget(self.representation)
+        contents = QWidget()
+        layout = QVBoxLayout(contents)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.representation)
+        # What the module would like to have is the least that it gets: the panel is made wider for it.
+        self.representation.setSizePolicy(QSizePolicy.Policy.Minimum, self.representation.sizePolicy().verticalPolicy())
+        area.setWidget(contents)
         self.window.setCentralWidget(area)
         self.window.resize(PANEL_WIDTH, 1200)
         self.window.show()
@@ -103,6 +109,12 @@ class Host:
         self.selectModule(NAME)
         slicer.app.processEvents()
         return self.representation.python_widget
+
+    @property
+    def wanted_width(self) -> int:
+        """How wide Slicer makes the panel at least, but for its scroll bar; 0 where it is not open."""
+        contents = self.representation.parentWidget()
+        return contents.minimumSizeHint().width() if contents is not None else 0
 
     def close(self) -> None:
         """End the application, and leave Python as it was."""
