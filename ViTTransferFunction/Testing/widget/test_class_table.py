@@ -86,6 +86,16 @@ def test_structures_are_reordered_and_stay_selected(widget: Any) -> None:
     assert names(widget) == ["aorta", "liver", "spleen"]
 
 
+def test_after_an_undone_structure_the_one_before_is_selected_again_for_the_next_point(widget: Any) -> None:
+    add_class(widget, "liver")
+    spleen = add_class(widget, "spleen")
+    widget.ui.addClassButton.click()
+    widget.ui.addClassButton.click()
+    widget.ui.undoButton.click()
+    widget.ui.undoButton.click()
+    assert widget.panel.session.selected_class.id == spleen.id
+
+
 def test_the_next_structure_is_selected_when_one_is_removed(widget: Any) -> None:
     for name in ("liver", "spleen", "aorta"):
         add_class(widget, name)
