@@ -66,7 +66,7 @@ def check_length(path: Path, further: int = 0) -> None:
     length = len(str(path.absolute())) + further
     if length > LONGEST_ON_WINDOWS and not _long_paths_are_enabled():
         raise InputError(
-            f"{path} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the most that it "
+            f"{str(path)[:200]} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the most that it "
             "opens. Use a folder with a shorter path, C:\\scans say."
         )
 
@@ -74,7 +74,10 @@ def check_length(path: Path, further: int = 0) -> None:
 def _long_paths_are_enabled() -> bool:
     import ctypes
 
-    enabled = ctypes.windll.ntdll.RtlAreLongPathsEnabled  # type: ignore[attr-defined,unused-ignore]
+    # Windows 8 has no such function, and no such paths.
+    enabled = getattr(ctypes.windll.ntdll, "RtlAreLongPathsEnabled", None)  # type: ignore[attr-defined,unused-ignore]
+    if enabled is None:
+        return False
     # A byte; what lies beside it in a larger number may be anything.
     enabled.restype = ctypes.c_ubyte
     return bool(enabled())

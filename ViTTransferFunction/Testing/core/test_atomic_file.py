@@ -105,7 +105,8 @@ def test_on_windows_a_name_that_would_be_that_of_a_part_of_a_file_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "CT 12:30.nii.gz"
-    check_writable(path)
+    if os.name != "nt":
+        check_writable(path)
     monkeypatch.setattr(sys, "platform", "win32")
     for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
         with pytest.raises(InputError, match=r"a colon \(:\)"):
@@ -137,7 +138,7 @@ def test_on_windows_a_folder_that_may_not_be_written_to_is_told_at_once(
         ("Case 1.5 T.NII.GZ", ".nii.gz"),
         ("a.b.c.Seg.Nrrd", ".seg.nrrd"),
         ("report", ""),
-        (f"{'x' * 100}.{'y' * 140}.nrrd", ".nrrd"),
+        (f"{'x' * 40}.{'y' * 60}.nrrd", ".nrrd"),
     ],
 )
 def test_the_temporary_file_has_the_ending_in_lower_case_and_a_name_that_is_not_too_long(
@@ -180,6 +181,10 @@ def test_a_write_protected_file_is_not_replaced(tmp_path: Path) -> None:
 def test_a_name_that_no_file_can_have_is_refused_beforehand(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         check_writable(tmp_path / ("a" * 300))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets few users make links")
+def test_a_name_below_a_loop_of_links_is_refused_beforehand(tmp_path: Path) -> None:
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
     with pytest.raises(InputError):

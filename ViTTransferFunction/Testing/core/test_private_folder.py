@@ -104,7 +104,7 @@ def left(place: Path, name: str = "vittf-0123abcd") -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", ["vittf-0123abcd.d", "vittf-attack-weights-1", "tmp01234567", "Vittf-0123abcd"])
+@pytest.mark.parametrize("name", ["vittf-0123abcd.d", "vittf-attack-weights-1", "tmp01234567", "Vittf-76543210"])
 def test_folders_of_other_names_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     folder, ours = left(tmp_path, name), left(tmp_path)
     start_again(tmp_path, monkeypatch)

@@ -9,9 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from ViTTransferFunction.Logic.core import regular_file
 from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.regular_file import LONGEST_ON_WINDOWS, check_regular_file, mode_of
+from ViTTransferFunction.Logic.core.regular_file import check_regular_file, mode_of
 
 
 @pytest.mark.parametrize("name", ["\udcff.nii.gz", "scans \udcff/scan.nrrd"])
@@ -23,16 +24,20 @@ def test_names_that_are_no_text_are_refused_for_reading_and_writing(tmp_path: Pa
     assert not list(tmp_path.iterdir())
 
 
-def on_windows(monkeypatch: pytest.MonkeyPatch, long_paths: bool) -> None:
-    """Pretend to be on a Windows that opens longer paths, or does not."""
+def on_windows(monkeypatch: pytest.MonkeyPatch, long_paths: bool | None, longest: int) -> None:
+    """Pretend to be on a Windows that opens paths longer than `longest`, does not, or cannot be asked (None).
+
+    Longer than on Windows itself they cannot be for a test that is to run there.
+    """
 
     class AreEnabled:
         def __call__(self) -> int:
             # Windows answers by a byte; the other three of a number are left from something else.
             return int(long_paths) if vars(self)["restype"] is ctypes.c_ubyte else 0x7FFF00 + long_paths
 
-    windll = SimpleNamespace(ntdll=SimpleNamespace(RtlAreLongPathsEnabled=AreEnabled()))
-    monkeypatch.setattr(ctypes, "windll", windll, raising=False)
+    functions = {} if long_paths is None else {"RtlAreLongPathsEnabled": AreEnabled()}
+    monkeypatch.setattr(ctypes, "windll", SimpleNamespace(ntdll=SimpleNamespace(**functions)), raising=False)
+    monkeypatch.setattr(regular_file, "LONGEST_ON_WINDOWS", longest)
     monkeypatch.setattr(sys, "platform", "win32")
 
 
@@ -47,16 +52,17 @@ def path_of(length: int, folder: Path, name: str = "scan.nrrd") -> Path:
 
 
 @pytest.mark.parametrize("further", [0, 1])
-@pytest.mark.parametrize("long_paths", [False, True])
+@pytest.mark.parametrize("long_paths", [False, True, None])
 def test_a_path_that_windows_does_not_open_is_told_from_one_with_nothing_there(
-    further: int, long_paths: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    further: int, long_paths: bool | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = path_of(LONGEST_ON_WINDOWS + further, tmp_path)
+    longest = len(str(tmp_path)) + 60
+    path = path_of(longest + further, tmp_path)
     path.write_text("voxels")
     assert mode_of(path)
-    on_windows(monkeypatch, long_paths)
+    on_windows(monkeypatch, long_paths, longest)
     if further and not long_paths:
-        with pytest.raises(InputError, match="260 characters, and 259 are the most"):
+        with pytest.raises(InputError, match=f"{longest + 1} characters, and {longest} are the most"):
             check_regular_file(path)
     else:
         check_regular_file(path)
@@ -65,9 +71,17 @@ def test_a_path_that_windows_does_not_open_is_told_from_one_with_nothing_there(
 def test_an_output_whose_temporary_file_windows_could_not_open_is_refused_beforehand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = path_of(LONGEST_ON_WINDOWS, tmp_path, "a.nii")
+    longest = len(str(tmp_path)) + 60
+    path = path_of(longest, tmp_path, "a.nii")
     check_writable(path)
-    on_windows(monkeypatch, long_paths=False)
+    on_windows(monkeypatch, False, longest)
     for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
         with pytest.raises(InputError, match="too long a path"):
             attempt()
+
+
+def test_of_a_path_that_is_far_too_long_for_windows_the_beginning_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    on_windows(monkeypatch, False, 259)
+    with pytest.raises(InputError, match=r"^a.a.* is too long a path") as refused:
+        mode_of(Path("a/" * 3000))
+    assert len(str(refused.value)) < 400
