@@ -13,8 +13,8 @@ _NO_PIXELS = re.compile(
 def last_line(error: Exception) -> str:
     """SimpleITK's own sentence, without the C++ source lines above it, and a matrix of numbers below."""
     lines = [line.strip() for line in str(error).splitlines() if re.search("[A-Za-z]", line)]
-    # ITK names the object that complains, and where that is in memory.
-    line = re.sub(r"^ITK ERROR: \w+\(0x[0-9a-f]+\): *", "", lines[-1]) if lines else repr(error)
+    # ITK names the object that complains, and where that is in memory: 0x5633f3821b90, on Windows 00007F7CE1C2E600.
+    line = re.sub(r"^ITK ERROR: \w+\([0-9A-Fa-fx]+\): *", "", lines[-1]) if lines else repr(error)
     if _NO_PIXELS.match(line):
         return "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy or export it again."
     return line

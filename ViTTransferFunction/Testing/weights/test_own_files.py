@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import logging
+import re
 import shutil
 from pathlib import Path
 
@@ -112,10 +113,10 @@ def test_the_variables_folder_without_the_model_leaves_it_to_the_cache(
 def test_a_folder_that_has_another_model_is_said_to(own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(own, tmp_path / "dinov2_vits14_focus.pt")
     there = f"those of 'dinov2_vits14_focus' in {tmp_path}: to use them, choose that model"
-    with pytest.raises(InputError, match=there):
+    with pytest.raises(InputError, match=re.escape(there)):
         find_weights(NAME, tmp_path)
     monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path))
-    with pytest.raises(WeightsUnavailable, match=there):
+    with pytest.raises(WeightsUnavailable, match=re.escape(there)):
         find_weights(NAME, allow_download=False)
 
 
