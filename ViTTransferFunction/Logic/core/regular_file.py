@@ -66,8 +66,8 @@ def check_length(path: Path, further: int = 0) -> None:
     length = len(str(path.absolute())) + further
     if length > LONGEST_ON_WINDOWS and not _long_paths_are_enabled():
         raise InputError(
-            f"{str(path)[:200]} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the most that it "
-            "opens. Use a folder with a shorter path, C:\\scans say."
+            f"{str(path)[:200]} is too long a path for this Windows: {length} characters, and {LONGEST_ON_WINDOWS} are the "
+            "most that it opens. Use a folder with a shorter path, C:\\scans say."
         )
 
 
