@@ -36,7 +36,9 @@ class Volume:
 
     def __post_init__(self) -> None:
         self._check_shape()
-        object.__setattr__(self, "array", self.array.astype(_computable(self.array.dtype), copy=False))
+        computable = _computable(self.array.dtype)
+        # On Windows, NumPy takes extended precision for the same as double, and would keep it.
+        object.__setattr__(self, "array", self.array.astype(computable, copy=self.array.dtype.char != computable.char))
         self._check_values()
 
     @property
@@ -106,7 +108,8 @@ class Volume:
 
 def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
     """The dtype itself, or the nearest that everything computes with."""
-    if dtype.kind == "f" and dtype.itemsize not in (4, 8):
+    # On Windows, extended precision has no more bytes than double.
+    if dtype.kind == "f" and dtype.char not in "fd":
         return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
     native: np.dtype[Any] = dtype.newbyteorder("=")
     return native

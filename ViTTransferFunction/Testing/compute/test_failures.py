@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -166,6 +167,7 @@ def test_a_request_that_makes_no_sense_ends_the_process_and_the_reason_is_known(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="a process cannot be sent what ends it so")
 def test_a_library_that_stops_the_process_is_told_of(start: Callable[..., ComputeClient]) -> None:
     client = start()
     client.request(Prepare(SETTINGS))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from ViTTransferFunction.Logic.compute import client as client_module
@@ -25,7 +25,7 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.spheres import Spheres
-from ViTTransferFunction.Testing.support.stub_process import one_reply_of_labels, stub_executable
+from ViTTransferFunction.Testing.support.stub_process import ROOT, one_reply_of_labels, stub_executable
 
 # What Slicer's PythonSlicer does: it starts another program, waits, and complains if that did not end by itself.
 LAUNCHER = """
@@ -40,7 +40,12 @@ import json, os
 body = {"type": "Started", "values": {"pid": os.getpid()}}
 print(json.dumps({"content": {"number": 0, "body": body}}), flush=True)
 """
-BUSY = SAYS_ITS_NUMBER + "import ctypes\nctypes.PyDLL(None).sleep(600)\n"
+BUSY = f"""{SAYS_ITS_NUMBER}
+import sys
+sys.path.insert(0, {str(ROOT)!r})
+from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
+idle_with_the_lock(600.0)
+"""
 ANSWERS_AT_ONCE = """
 import json, sys
 for number, _ in enumerate(sys.stdin, 1):
@@ -57,8 +62,10 @@ def executable(tmp_path: Path) -> Callable[[str], Path]:
 
 def runs(pid: int) -> bool:
     """Whether a process does anything yet; one that has ended may still be listed."""
-    stat = Path(f"/proc/{pid}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def test_a_large_reply_comes_at_once_where_the_event_loop_holds_python_s_lock(
@@ -138,7 +145,7 @@ def test_what_the_launcher_says_of_a_killed_process_does_not_pass_for_its_reason
     client = start(executable(LAUNCHER))
     launcher = client.pid
     polls_until(lambda: bool(client.replies() or client.pid != launcher))
-    os.kill(client.pid, signal.SIGKILL)
+    psutil.Process(client.pid).kill()
     polls_until(lambda: bool(client.replies() or not client.alive))
     assert client.last_words() == ""
 

@@ -6,18 +6,22 @@ PySide's loop gives the lock back, and so hides whatever a thread cannot do in t
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Callable
 
 POLL_S, CLICK_POLL_S = 0.01, 0.002
 """How often the panel has Slicer's timer call it while something runs, and while the answer to a click is under way."""
 
-# Functions of a PyDLL, other than those of a CDLL, are called with the lock held.
-_usleep = ctypes.PyDLL(None).usleep
+_system = ctypes.PyDLL("kernel32" if sys.platform == "win32" else None)
+"""Its functions, other than those of a CDLL, are called with the lock held."""
 
 
 def idle_with_the_lock(seconds: float) -> None:
     """Wait as Slicer's event loop does."""
-    _usleep(int(1e6 * seconds))
+    if sys.platform == "win32":
+        _system.Sleep(int(1e3 * seconds))
+    else:
+        _system.usleep(int(1e6 * seconds))
 
 
 def polls_until(finished: Callable[[], bool], most: int = 3000) -> int:

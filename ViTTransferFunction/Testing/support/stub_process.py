@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ensurepip
+import io
 import sys
+import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
@@ -15,10 +18,25 @@ def stub_executable(folder: Path, program: str) -> Path:
         folder: gets its files.
         program: Python.
     """
+    if sys.platform == "win32":
+        return _windows_executable(folder, program)
     (folder / "program.py").write_text(program)
     path = folder / "PythonSlicer"
     path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{folder}/program.py" "$@"\n')
     path.chmod(0o700)
+    return path
+
+
+def _windows_executable(folder: Path, program: str) -> Path:
+    """As pip makes commands: a launcher that comes with every Python, the Python to start, and the program."""
+    (wheel,) = Path(ensurepip.__file__).parent.glob("_bundled/pip-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        launcher = archive.read("pip/_vendor/distlib/t64.exe")
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr("__main__.py", program)
+    path = folder / "PythonSlicer.exe"
+    path.write_bytes(launcher + f'#!"{sys.executable}"\r\n'.encode() + packed.getvalue())
     return path
 
 
