@@ -195,7 +195,8 @@ def test_features_without_cells_are_not_used(cache: FeatureCache) -> None:
 
 def test_an_entry_that_is_a_folder_or_leads_nowhere_counts_as_absent(cache: FeatureCache) -> None:
     (cache.folder / f"{key('a')}.npz").mkdir(parents=True)
-    (cache.folder / f"{key('b')}.npz").symlink_to("nowhere")
+    if os.name != "nt":  # Windows lets few users make links.
+        (cache.folder / f"{key('b')}.npz").symlink_to("nowhere")
     for name in ("a", "b"):
         assert cache.get(key(name)) is None
         assert key(name) not in cache
