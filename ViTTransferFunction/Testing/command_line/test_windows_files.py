@@ -21,10 +21,10 @@ from ViTTransferFunction.Logic.files.film import FilmPlan, write_film
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.store import file_names, remember, remove_weights, weights_folder
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
-from ViTTransferFunction.Testing.support.windows_files import HELD, as_on_windows
+from ViTTransferFunction.Testing.support.windows_files import HELD, NOT_NEEDED, as_on_windows
 from ViTTransferFunction.WebApp.packing import gzip_nrrd, zip_folder
 
-pytestmark = pytest.mark.skipif(not HELD.is_dir(), reason="only Linux tells what is open")
+pytestmark = pytest.mark.skipif(not NOT_NEEDED and not HELD.is_dir(), reason="only Linux tells what is open")
 
 
 @pytest.fixture
@@ -48,9 +48,7 @@ def scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("hold", [lambda path: path.open("rb"), lambda path: np.memmap(path, np.uint8, "r")])
-def test_the_stand_in_refuses_what_is_open_or_mapped(
-    hold: Callable[[Path], object], tmp_path: Path, refused: list[str]
-) -> None:
+def test_what_is_open_or_mapped_is_refused(hold: Callable[[Path], object], tmp_path: Path, refused: list[str]) -> None:
     for name in ("held", "other"):
         (tmp_path / name).write_bytes(b"voxels")
     held = hold(tmp_path / "held")
@@ -62,7 +60,7 @@ def test_the_stand_in_refuses_what_is_open_or_mapped(
     for attempt in attempts:
         with pytest.raises(PermissionError):
             attempt()
-    assert len(refused) == 3
+    assert NOT_NEEDED or len(refused) == 3
     del held
     (tmp_path / "other").replace(tmp_path / "held")
 
@@ -138,4 +136,4 @@ def test_the_lock_of_a_cohorts_folder_is_removed_once_it_is_closed(
         assert (tmp_path / LOCK).exists()
     assert not (tmp_path / LOCK).exists()
     # Before it is closed it cannot be, which is no matter.
-    assert len(refused) == 1
+    assert NOT_NEEDED or len(refused) == 1
