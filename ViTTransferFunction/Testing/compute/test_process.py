@@ -226,6 +226,7 @@ def test_relative_paths_begin_where_the_user_is(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows keeps the folder that a program is in")
 def test_a_working_folder_that_was_deleted_does_no_harm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
 ) -> None:
@@ -245,7 +246,8 @@ def test_only_the_user_can_read_the_arrays_and_closing_leaves_none(tmp_path: Pat
     monkeypatch.setattr(process_module, "ROOM_BYTES", 0)
     process = ComputeProcess()
     assert process.folder.parent == tmp_path
-    assert process.folder.stat().st_mode & 0o077 == 0
+    # Windows has other permissions.
+    assert os.name == "nt" or process.folder.stat().st_mode & 0o077 == 0
     process.end()
     process.clean_up()
     assert list(tmp_path.iterdir()) == []
