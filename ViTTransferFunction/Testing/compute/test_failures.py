@@ -22,12 +22,12 @@ from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Failed, GivenUp, Prepare, Progressed, Taken, TakeVolume
 from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
-from ViTTransferFunction.Logic.core.private_folder import LOCK
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 from ViTTransferFunction.Testing.support.stub_process import ROOT, stub_executable
+from ViTTransferFunction.Testing.support.windows_files import left_in
 
 SETTINGS = SessionSettings(grid=GRID, device="cpu")
 DONE = '{"content": {"number": 1, "body": {"type": "Done", "values": {}}}}'
@@ -228,13 +228,6 @@ def busy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ComputePro
     yield process
     process.end()
     process.clean_up()
-
-
-def left_in(folder: Path) -> list[Path]:
-    """What is there; Windows keeps the lock, and the folder around it, as long as this process has it."""
-    if os.name == "nt":
-        return [path for path in folder.rglob("*") if path.is_file() and path.name != LOCK]
-    return list(folder.iterdir())
 
 
 def test_a_process_that_is_computing_ends_with_its_input_and_leaves_nothing(busy: ComputeProcess, tmp_path: Path) -> None:

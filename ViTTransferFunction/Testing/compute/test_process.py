@@ -26,6 +26,7 @@ from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.stub_process import ROOT, one_reply_of_labels, stub_executable
+from ViTTransferFunction.Testing.support.windows_files import left_in
 
 # What Slicer's PythonSlicer does: it starts another program, waits, and complains if that did not end by itself.
 LAUNCHER = """
@@ -320,7 +321,7 @@ def test_nothing_is_left_where_the_program_that_started_it_just_ended(tmp_path: 
     (process.folder / "1-0").write_bytes(b"voxels")
     process.requests.close()
     polls_until(lambda: not process.runs)
-    assert list(tmp_path.iterdir()) == []
+    assert left_in(tmp_path) == []
     process.end()
     process.clean_up()
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from ViTTransferFunction.Logic.core.private_folder import LOCK
+
 HELD = Path("/proc/self")
 """Where Linux tells what this process has open and mapped."""
 
@@ -27,6 +29,13 @@ def as_on_windows(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     for name in ("unlink", "remove", "rename", "replace"):
         monkeypatch.setattr(os, name, _strict(name, getattr(os, name), refused))
     return refused
+
+
+def left_in(folder: Path) -> list[Path]:
+    """What compute processes left there; Windows keeps the lock, and the folder around it, as long as this process has it."""
+    if NOT_NEEDED:
+        return [path for path in folder.rglob("*") if path.is_file() and path.name != LOCK]
+    return list(folder.iterdir())
 
 
 def _strict(name: str, does: Any, refused: list[str]) -> Any:
