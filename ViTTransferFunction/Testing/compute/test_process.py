@@ -327,6 +327,7 @@ def test_nothing_is_left_where_the_program_that_started_it_just_ended(tmp_path: 
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows removes no folder with a lock that is held")
 def test_where_the_temporary_folder_has_no_room_the_reason_is_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, start: Callable[..., ComputeClient]
 ) -> None:
