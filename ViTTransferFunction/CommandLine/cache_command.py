@@ -16,11 +16,19 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
+    from ViTTransferFunction.Logic.core.errors import InputError
     from ViTTransferFunction.Logic.features.cache import FeatureCache
 
     cache = FeatureCache()
     if args.action == "clear":
-        print(f"Removed {cache.clear() / 1e6:.0f} MB from {cache.folder}")
+        try:
+            freed = cache.clear()
+        except OSError as error:
+            raise InputError(
+                f"Cannot remove all features from {cache.folder}: {error.strerror or error}. Close other programs that have "
+                "them open, and try again."
+            ) from error
+        print(f"Removed {freed / 1e6:.0f} MB from {cache.folder}")
         return 0
     limit_mb = cache.limit_bytes / 1e6
     print(f"{cache.folder}: {len(cache.entries())} volumes, {cache.size_bytes() / 1e6:.0f} MB of at most {limit_mb:.0f} MB")

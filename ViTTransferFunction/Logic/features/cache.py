@@ -128,8 +128,16 @@ class FeatureCache:
         """Remove all features, and leftovers of interrupted writes; returns the bytes that were freed.
 
         Whatever else lies in the folder stays.
+
+        Raises:
+            OSError: some may not be removed, since another program has them open on Windows, say; all others are.
         """
-        return sum(self._remove(entry) for entry in map(self._entry, self._files()) if entry)
+        entries = [entry for entry in map(self._entry, self._files()) if entry]
+        freed = sum(self._remove(entry) for entry in entries)
+        for entry in entries:
+            # What stands in the way of one that is still there, trying again tells.
+            self._path(entry.key).unlink(missing_ok=True)
+        return freed
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npz"

@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.files.film import FilmPlan, write_film
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.store import file_names, remember, remove_weights, weights_folder
+from ViTTransferFunction.Testing.features.test_cache import features_named
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 from ViTTransferFunction.Testing.support.windows_files import HELD, NOT_NEEDED, as_on_windows
 from ViTTransferFunction.WebApp.packing import gzip_nrrd, zip_folder
@@ -75,6 +76,21 @@ def test_a_scan_is_segmented_twice_and_its_features_are_removed(scan: Path, outp
     assert main(["cache", "clear"]) == 0
     assert FeatureCache().entries() == []
     assert refused == []
+
+
+def test_features_that_another_program_has_open_stay_and_that_is_said(
+    refused: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    cache = FeatureCache()
+    for name in "ab":
+        cache.put(features_named(name))
+    (held, *_) = cache.entries()
+    with (cache.folder / f"{held.key}.npz").open("rb"):
+        assert main(["cache", "clear"]) == 2
+        assert "Close other programs that have them open" in capsys.readouterr().err
+        assert [entry.key for entry in cache.entries()] == [held.key]
+    assert main(["cache", "clear"]) == 0
+    assert cache.entries() == []
 
 
 def test_damaged_features_are_replaced(scan: Path, refused: list[str]) -> None:
