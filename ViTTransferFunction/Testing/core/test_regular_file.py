@@ -30,10 +30,12 @@ def on_windows(monkeypatch: pytest.MonkeyPatch, long_paths: bool | None, longest
     Longer than on Windows itself they cannot be for a test that is to run there.
     """
 
+    enabled = bool(long_paths)
+
     class AreEnabled:
         def __call__(self) -> int:
             # Windows answers by a byte; the other three of a number are left from something else.
-            return int(long_paths) if vars(self)["restype"] is ctypes.c_ubyte else 0x7FFF00 + long_paths
+            return int(enabled) if vars(self)["restype"] is ctypes.c_ubyte else 0x7FFF00 + enabled
 
     functions = {} if long_paths is None else {"RtlAreLongPathsEnabled": AreEnabled()}
     monkeypatch.setattr(ctypes, "windll", SimpleNamespace(ntdll=SimpleNamespace(**functions)), raising=False)

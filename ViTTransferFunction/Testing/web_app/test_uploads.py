@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -116,6 +117,7 @@ def test_nothing_is_overwritten_and_slices_of_equal_names_all_arrive(send: Send,
     assert [(folder / name).read_bytes()[-1:] for name in ("IM1", "IM1-2", "IM1-3")] == [b"1", b"2", b"3"]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows lets few users make links")
 def test_a_link_at_the_place_of_a_file_is_not_followed(send: Send, folder: Path, tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.write_bytes(b"mine")
@@ -193,12 +195,15 @@ def test_a_disk_that_is_nearly_full_stays_as_it_is(send: Send, folder: Path, mon
 
 def test_where_files_cannot_be_kept_that_is_said(send: Send, folder: Path) -> None:
     folder.rmdir()
-    assert "cannot be kept: No such file" in str(send(("scan.raw", b"voxels")))
+    # The reason that follows is worded by the system.
+    assert "The files cannot be kept: " in str(send(("scan.raw", b"voxels")))
 
 
-@pytest.mark.parametrize("voxels", ["/etc/hostname", "../secret.raw"])
-def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: Path, voxels: str) -> None:
-    (folder.parent / "secret.raw").write_bytes(b"secrets!")
+@pytest.mark.parametrize("absolute", [True, False])
+def test_a_header_cannot_name_another_file_of_the_computer(send: Send, folder: Path, absolute: bool) -> None:
+    secret = folder.parent / "secret.raw"
+    secret.write_bytes(b"secrets!")
+    voxels = secret if absolute else "../secret.raw"
     header = f"ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = {voxels}\n".encode()
     assert "names a file elsewhere" in refused(send(("scan.mhd", header)), folder)
 
