@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import slicer
 
 from ..Logic.core.errors import InputError, shown
+from ..Logic.core.file_names import kept_name
 from ..Logic.core.regular_file import check_regular_file
 
 MODULE = "ViTTransferFunction"
@@ -92,7 +93,7 @@ def stage_session(scene: Any, folder: Path) -> None:
         InputError: it cannot be written.
     """
     folder.mkdir()
-    with _uncompressed(_storage_nodes(scene)) as ids:
+    with _uncompressed(_storage_nodes(scene)) as ids, _names_for_windows(scene):
         if not scene.SaveSceneToSlicerDataBundleDirectory(folder.as_posix(), None):
             raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
     for scene_file in folder.glob("*.mrml"):
@@ -113,10 +114,34 @@ def stage_segmentation(segmentation: Any, path: Path) -> None:
         raise InputError("The segments could not be written. Make room on the disk of temporary files, and try again.")
 
 
+@contextmanager
+def _names_for_windows(scene: Any) -> Iterator[None]:
+    """Name files within as any system takes them: Slicer names them after nodes, and leaves a < or a CON, say, as they are.
+
+    Files of one name get numbers from Slicer.
+    """
+    storages = [
+        (node.GetStorageNode(), kept_name(node.GetName()))
+        for node in _storable_nodes(scene)
+        if node.GetStorageNode() is not None and not node.GetStorageNode().GetFileName()
+    ]
+    for storage, stem in storages:
+        storage.SetFileName(f"{stem}.{storage.GetDefaultWriteFileExtension()}")
+    try:
+        yield
+    finally:
+        for storage, _ in storages:
+            storage.SetFileName(None)
+
+
+def _storable_nodes(scene: Any) -> list[Any]:
+    count = scene.GetNumberOfNodesByClass("vtkMRMLStorableNode")
+    return [scene.GetNthNodeByClass(index, "vtkMRMLStorableNode") for index in range(count)]
+
+
 def _storage_nodes(scene: Any) -> list[Any]:
     """All that will write the scene's data, made where they are missing."""
-    count = scene.GetNumberOfNodesByClass("vtkMRMLStorableNode")
-    storable = [scene.GetNthNodeByClass(index, "vtkMRMLStorableNode") for index in range(count)]
+    storable = _storable_nodes(scene)
     for node in storable:
         if node.GetSaveWithScene() and node.GetStorageNode() is None:
             node.AddDefaultStorageNode()

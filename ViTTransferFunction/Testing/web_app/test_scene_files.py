@@ -34,6 +34,30 @@ def reopened(app: Any, path: Path, folder: Path) -> SceneSession:
     return SceneSession(app.scene, app.app_logic, scene_files.parameter_node(app.scene))
 
 
+def file_names(scene: Any) -> list[str | None]:
+    """Of all that can be stored."""
+    count = scene.GetNumberOfNodesByClass("vtkMRMLStorageNode")
+    return [scene.GetNthNodeByClass(index, "vtkMRMLStorageNode").GetFileName() for index in range(count)]
+
+
+def test_a_session_holds_no_file_whose_name_windows_refuses(slicer_app: Any, tmp_path: Path) -> None:
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, scene_files.parameter_node(slicer_app.scene))
+    names = ["a:b", "q?", "q*", "p|e", "b\\s", 'qu"ote', "<5 mm>", "L/2", "100 %", "CON", "dot.", "肝 ü"]
+    for name in names:
+        added = session.annotations.add_class(name)
+        session.annotations.add_points(added.id, np.zeros((1, 3)), positive=True)
+    session.close()
+    scene_files.stage_session(slicer_app.scene, tmp_path / "session")
+    assert set(file_names(slicer_app.scene)) == {None}
+    written = [path.name for path in (tmp_path / "session" / "Data").iterdir()]
+    assert len(written) >= len(names)
+    assert [name for name in written if set(name) & set('<>:"|?*\\') or name.startswith("CON.")] == []
+    packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+    again = reopened(slicer_app, tmp_path / "session.mrb", tmp_path / "unpacked")
+    assert [state.name for state in again.classes] == names
+    assert all(len(state.positive) == 1 for state in again.classes)
+
+
 def test_a_saved_session_comes_back_with_its_volume_structures_and_settings(
     slicer_app: Any, spheres: Spheres, tmp_path: Path
 ) -> None:
