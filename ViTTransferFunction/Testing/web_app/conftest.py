@@ -11,6 +11,11 @@ from typing import Any
 
 import pytest
 
+from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
+
+# As `vittf app` does.
+take_utf8_file_names()
+
 BROWSER_IS_REQUIRED = os.environ.get("VITTF_REQUIRE_BROWSER") == "1"
 PICTURES = os.environ.get("VITTF_APP_PICTURES")
 """Folder for a picture of each step of the tests; else pytest's temporary folder."""

@@ -24,6 +24,7 @@ import numpy as np
 from aiohttp import web
 
 from ViTTransferFunction.Logic.core.file_names import kept_name
+from ViTTransferFunction.Logic.core.private_folder import PREFIX
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.written_segments import WrittenSegments
@@ -206,10 +207,10 @@ def test_several_series_that_were_sent_are_kept_until_one_of_them_is_chosen(
         async with browser_of(app) as browser:
             sending = asyncio.create_task(browser.post("/upload", data=form))
             await until(lambda: app.server.state.series_offered)
-            assert any((tmp_path / "temporary").iterdir())
+            assert any((tmp_path / "temporary").glob(f"{PREFIX}*"))
             app.actions("series", answer)
             assert (await sending).status == 200
-        assert not any((tmp_path / "temporary").iterdir())
+        assert not any((tmp_path / "temporary").glob(f"{PREFIX}*"))
         assert app.server.state.volume_name == ("DICOM series" if answer else "spheres")
 
     opened(journey)
@@ -286,7 +287,7 @@ def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
     async def journey(app: WebApp) -> None:
         async with browser_of(app) as browser:
             async with browser.post(f"/upload{folder}", data=form) as response:
-                assert response.status == 200
+                assert response.status == 200, await response.text()
             async with browser.get("/download/session") as response:
                 assert f"''{quote(name)}.mrb" in response.headers["Content-Disposition"]
         assert app.server.state.volume_name == name
