@@ -275,7 +275,13 @@ def test_files_are_downloaded_under_the_name_of_the_scan_that_was_sent(
 
 
 @pytest.mark.parametrize(
-    ("folder", "name"), [("", "DICOM series"), ("?folder=Müller%20CT%202", "Müller CT 2"), ("?folder=..%2F..", ".._..")]
+    ("folder", "name"),
+    [
+        ("", "DICOM series"),
+        ("?folder=Müller%20CT%202", "Müller CT 2"),
+        ("?folder=..%2F..", ".._"),
+        ("?folder=CT%20o.B.", "CT o.B"),
+    ],
 )
 def test_a_series_that_was_sent_and_what_is_saved_of_it_have_a_name_for_people(
     in_app: Callable[[Journey], None], tmp_path: Path, folder: str, name: str
