@@ -161,7 +161,11 @@ def test_a_file_that_cannot_be_read_leaves_what_is_open(opened: Callable[[Journe
 
 @pytest.mark.parametrize(
     ("typed", "why"),
-    [("/nowhere/scan.nrrd", "no file"), ("/nowhere/scan.mrb", "no file"), ("~no such user/scan.nrrd", "no such home folder")],
+    [
+        ("/nowhere/scan.nrrd", "no file"),
+        ("/nowhere/scan.mrb", "no file"),
+        ("~no such user/scan.nrrd", "no file" if os.name == "nt" else "no such home folder"),
+    ],
 )
 def test_a_path_that_leads_nowhere_is_answered(opened: Callable[[Journey], None], typed: str, why: str) -> None:
     async def journey(app: WebApp) -> None:
@@ -182,7 +186,8 @@ def test_where_temporary_files_cannot_be_kept_the_page_says_so_and_stays_usable(
             there.setattr(tempfile, "tempdir", str(tmp_path / "removed"))
             await app.opening.open([file.rename(file.with_name("again.nrrd"))])
         state = app.server.state
-        assert "No temporary files can be kept: No such file" in state.message
+        # The reason that follows is worded by the system.
+        assert "No temporary files can be kept: " in state.message
         assert (state.volume_name, state.opening) == ("spheres", "")
 
     opened(journey)
@@ -556,7 +561,7 @@ def test_another_attempt_takes_the_place_of_what_the_earlier_one_said(opened: Ca
         app.refresh()
         first, second = state.message.split("\n\n")
         assert "got 300" in first
-        assert "/nowhere/c.nrrd" in second
+        assert str(Path("/nowhere/c.nrrd")) in second
         app.actions("parameter", "grid", 0)
         assert state.message == second
 
