@@ -69,7 +69,7 @@ class Routes:
             with private_folder() as private:
                 # What a series in it will be called, and its segments, and what is saved of them. Windows finds no folder again
                 # whose name ends in dots.
-                folder = Path(private, kept_name(request.query.get("folder") or SERIES).rstrip(". "))
+                folder = Path(private, kept_name(request.query.get("folder") or SERIES).rstrip(". ") or SERIES)
                 folder.mkdir()
                 await self._app.opening.open(await receive_files(request, folder))
         except InputError as error:
