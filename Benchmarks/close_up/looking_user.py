@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -44,13 +45,14 @@ class LookingUser:
     Args:
         session: on the volume, with features and a source of further ones.
         presses: names of the structures that are to be looked at closely.
+        reach_mm: as for `close_up_of`.
 
     Attributes:
         pressed: what became of each press, once there were clicks.
     """
 
-    def __init__(self, session: SegmentationSession, presses: Collection[str]) -> None:
-        self._session, self._presses = session, presses
+    def __init__(self, session: SegmentationSession, presses: Collection[str], reach_mm: float = math.inf) -> None:
+        self._session, self._presses, self._reach_mm = session, presses, reach_mm
         self._close_ups: dict[str, CloseUp] | None = None
         self.pressed: list[Press] = []
 
@@ -73,7 +75,7 @@ class LookingUser:
             if request.name not in self._presses:
                 continue
             try:
-                close_up = close_up_of(shown, request.positive, geometry)
+                close_up = close_up_of(shown, request.positive, geometry, self._reach_mm)
             except InputError:
                 self.pressed.append(Press(request.name))
                 continue

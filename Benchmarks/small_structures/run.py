@@ -37,7 +37,7 @@ from Benchmarks.shared.regions import largest_component
 from Benchmarks.shared.simulated_clicker import Gesture
 from Benchmarks.small_structures.report import CLOSELY, MUCH, SLICES, WAYS, write_report
 from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.core.small_outlines import agreement, is_small
+from ViTTransferFunction.Logic.core.small_outlines import agreement, is_small, reach_mm
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.settings import grid_shape
 from ViTTransferFunction.Logic.session.opening import open_session
@@ -112,7 +112,7 @@ def _run(
     (shown,) = shown_maps(session, classes_of(alone.names, [clicks], alone.volume.geometry))
     run = {**said, "agreement": round(agreement(shown, outline_ras), 3)}
     for way in WAYS:
-        user = LookingUser(session, alone.names if way == CLOSELY else ())
+        user = LookingUser(session, alone.names if way == CLOSELY else (), reach_mm(outline_ras))
         rounds, _ = run_with_own_clicks(alone, user, ROUNDS, True, [aim], [[clicks]])
         run[way] = {count: structures[alone.names[0]]["dice"] for count, structures in rounds.items()}
     return run

@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.core.small_outlines import asks_for_close_up, is_small
+from ViTTransferFunction.Logic.core.small_outlines import asks_for_close_up, is_small, reach_mm
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -93,7 +93,7 @@ def _with_unasked_close_up(
     if request.close_up is not None or not asks_for_close_up(shown, outline_ras, _cell_mm(session)):
         return request
     try:
-        close_up = close_up_of(shown, request.positive, session.volume.geometry)
+        close_up = close_up_of(shown, request.positive, session.volume.geometry, reach_mm(outline_ras))
     except InputError:
         return request
     box = " × ".join(f"{edge:.0f}" for edge in close_up.size_mm)

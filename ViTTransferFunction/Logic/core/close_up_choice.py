@@ -25,24 +25,28 @@ What loses is mostly what the whole shows well already, which its box does not t
 _NEIGHBOURS = np.ones((3, 3, 3), dtype=bool)
 
 
-def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry) -> CloseUp:
+def close_up_of(similarity: ClassMap, points_ras: np.ndarray, geometry: Geometry, reach_mm: float = math.inf) -> CloseUp:
     """A close-up of a structure as far as its map and its points show where it is, with a margin around.
 
     Args:
         similarity: the structure's map, of the volume's cells or voxels or of a part of them.
         points_ras: its positive points (N, 3), N ≥ 1.
         geometry: of the volume.
+        reach_mm: how far the structure is taken to reach beyond the box of its points at most, whatever its map shows.
 
     Raises:
         InputError: the structure fills so much of the volume that its box shows little else.
     """
     points = geometry.ras_to_ijk(points_ras)[:, ::-1] + 0.5
     low, high = points.min(axis=0), points.max(axis=0)
+    reach = reach_mm / geometry.spacing_mm[::-1]
+    lowest, highest = low - reach, high + reach
     box = _clicked_part(similarity, points_ras)
     if box is not None:
         corners = np.array([[extent.start - 0.5, extent.stop - 0.5] for extent in box[::-1]]).T
         ends = geometry.ras_to_ijk(similarity.geometry.ijk_to_ras_points(corners))[:, ::-1] + 0.5
         low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+        low, high = np.maximum(low, lowest), np.minimum(high, highest)
     margin = MARGIN * geometry.extent_mm.max() / geometry.spacing_mm[::-1]
     voxels = box_of_voxels(low - margin, high + margin, geometry.shape)
     share = math.prod(extent.stop - extent.start for extent in voxels) / math.prod(geometry.shape)

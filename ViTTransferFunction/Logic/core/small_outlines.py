@@ -21,6 +21,10 @@ LEAST_AGREEMENT = 0.8
 """Below this Dice in the slice of its outline, a structure is shown as something else: chosen on AMOS 336 and the brain, see
 `Benchmarks/results/candidates.md`, *Looked at closely without being asked*."""
 
+REACH = 0.5
+"""Of an outline's length, how far the structure is taken to reach beyond it where its box is chosen: what is shown is wrong
+there, and often a flood. A smaller box has smaller cells, and less of elsewhere. Chosen on AMOS 336."""
+
 _PLACES = 32
 """Along an outline: where it is compared with what is shown."""
 _MOST_PLACES = 250_000
@@ -41,9 +45,12 @@ def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float) 
 
 def is_small(points_ras: np.ndarray, cell_mm: float) -> bool:
     """Whether a diameter or an outline is small for the cells, by the points (N, 3) that it stands for, RAS millimetres."""
-    farthest_mm = float(np.linalg.norm(points_ras[:, None] - points_ras, axis=-1).max())
-    # What lies off the structure is so much farther apart than the structure is long.
-    return farthest_mm / (1.0 + 2.0 * BEYOND) < SMALL_CELLS * cell_mm
+    return _length_mm(points_ras) < SMALL_CELLS * cell_mm
+
+
+def reach_mm(outline_ras: np.ndarray) -> float:
+    """How far a structure that begins with an outline (N, 3) and is shown as something else may reach (`close_up_of`)."""
+    return REACH * _length_mm(np.concatenate(points_of_outline(outline_ras)))
 
 
 def agreement(shown: ClassMap, outline_ras: np.ndarray) -> float:
@@ -64,6 +71,12 @@ def agreement(shown: ClassMap, outline_ras: np.ndarray) -> float:
     k, j, i = shown.geometry.nearest_voxels(places_ras[inside]).T
     inside[inside] = shown.array[k, j, i] >= in_units_of(shown.array, shown.iso)
     return float(2.0 * (enclosed & inside).sum() / max(enclosed.sum() + inside.sum(), 1))
+
+
+def _length_mm(points_ras: np.ndarray) -> float:
+    farthest_mm = float(np.linalg.norm(points_ras[:, None] - points_ras, axis=-1).max())
+    # What lies off the structure is so much farther apart than the structure is long.
+    return farthest_mm / (1.0 + 2.0 * BEYOND)
 
 
 def _places(low: np.ndarray, high: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ Of these, the ones that begin with an outline are looked at closely unasked, whe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import get_args
@@ -18,7 +19,7 @@ from ..core.close_up_choice import close_up_of
 from ..core.errors import InputError
 from ..core.geometry import Geometry
 from ..core.gross_correction import corrects_grossly
-from ..core.small_outlines import asks_for_close_up, is_small
+from ..core.small_outlines import asks_for_close_up, is_small, reach_mm
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
 from .class_state import ClassState, Polarity
@@ -128,8 +129,8 @@ class CloseUpHints:
         if id_ in self._drawn:
             self._drawn[id_] = replace(self._drawn[id_], outline=outline_ras)
 
-    def take_unasked(self, requests: ClassRequests) -> list[str]:
-        """The classes that are to be looked at closely now, though nobody asked for it.
+    def take_unasked(self, requests: ClassRequests) -> dict[str, float]:
+        """The classes that are to be looked at closely now, though nobody asked for it, and how far they may reach, mm.
 
         Each outline is judged once, by the first refined map that follows from it; and a class that was looked at closely
         before is not again, since its user may have gone back to the whole. What was undone can still be redone: a closer look
@@ -139,15 +140,15 @@ class CloseUpHints:
             requests: what was asked for last of the classes.
         """
         if self._proxy.phase != "ready" or not self._proxy.up_to_date or self._volume.changed or self._annotations.can_redo:
-            return []
+            return {}
         refined = {id_ for id_, is_refined in zip(self._proxy.maps, self._proxy.refined, strict=True) if is_refined}
-        unasked = [
-            state
-            for state in self._annotations.classes
-            if state.id in refined - self._looked_at and self._is_unlike_its_outline(state, requests)
-        ]
-        self._unasked |= {state.id: frozenset(_placed(state)) for state in unasked}
-        return [state.id for state in unasked]
+        reaches: dict[str, float] = {}
+        for state in self._annotations.classes:
+            reach = self._reach_unlike_shown(state, requests) if state.id in refined - self._looked_at else None
+            if reach is not None:
+                reaches[state.id] = reach
+                self._unasked[state.id] = frozenset(_placed(state))
+        return reaches
 
     def of(self, state: ClassState, requests: ClassRequests) -> CloserLookReason | None:
         """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
@@ -223,19 +224,21 @@ class CloseUpHints:
         points = np.array([point for _, point in drawn.points])
         return is_small(points, cells.geometry.spacing_mm.max()) and placed - drawn.before - drawn.points <= gross
 
-    def _is_unlike_its_outline(self, state: ClassState, requests: ClassRequests) -> bool:
-        """Whether a class begins with an outline that is small, and is shown as something else, of which there is a box."""
+    def _reach_unlike_shown(self, state: ClassState, requests: ClassRequests) -> float | None:
+        """How far a class may reach that begins with a small outline and is shown as something else, mm; None: it is not so."""
         volume, content, request = self._parameters.volume, self._volume.content, requests.of(state.id)
         drawn = self._drawn.get(state.id)
         if volume is None or content is None or request is None or drawn is None or not drawn.begins or drawn.judged:
-            return False
+            return None
         if not drawn.points <= set(_placed(state)):
-            return False
+            return None
         self._drawn[state.id] = replace(drawn, judged=True)
         assert drawn.outline is not None
         shown, cell_mm = self._proxy.maps[state.id], self._proxy.low_maps[state.id].geometry.spacing_mm.max()
         outline = world_to_local(volume, drawn.outline)
-        return asks_for_close_up(shown, outline, cell_mm) and _has_box(shown, request, content.geometry)
+        reach = reach_mm(outline)
+        begins = asks_for_close_up(shown, outline, cell_mm) and _has_box(shown, request, content.geometry, reach)
+        return reach if begins else None
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
@@ -249,10 +252,10 @@ class CloseUpHints:
         return has_box
 
 
-def _has_box(class_map: ClassMap, request: ClassRequest, geometry: Geometry) -> bool:
+def _has_box(class_map: ClassMap, request: ClassRequest, geometry: Geometry, reach: float = math.inf) -> bool:
     """Whether the box that a class would be looked at in by this map is small enough."""
     try:
-        close_up_of(class_map, request.positive, geometry)
+        close_up_of(class_map, request.positive, geometry, reach)
     except InputError:
         return False
     return True

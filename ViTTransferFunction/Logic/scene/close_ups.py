@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +58,7 @@ class SceneCloseUps:
         self._shown: dict[str, CloseUpBox | None] = {}
         self._places: dict[tuple[str, str], _Place] = {}  # By the IDs of volume and class: what is chosen may change.
 
-    def look_closer(self, id_: str, requests: ClassRequests) -> None:
+    def look_closer(self, id_: str, requests: ClassRequests, reach_mm: float = math.inf) -> None:
         """Have a class looked at in a box around it as it is shown now.
 
         What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
@@ -66,6 +67,7 @@ class SceneCloseUps:
         Args:
             id_: of the class.
             requests: what is asked for of the classes as they are.
+            reach_mm: as for `close_up_of`.
         """
         self._problems.solve("close-up")
         volume, content, class_map = self._parameters.volume, self._volume.content, self._proxy.maps.get(id_)
@@ -75,7 +77,7 @@ class SceneCloseUps:
             self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
             return
         try:
-            close_up = close_up_of(class_map, request.positive, content.geometry)
+            close_up = close_up_of(class_map, request.positive, content.geometry, reach_mm)
             centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
         except InputError as error:
             self._problems.put("close-up", f"{state.name}: {error}")

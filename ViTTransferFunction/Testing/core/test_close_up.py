@@ -92,3 +92,13 @@ def test_a_structure_that_fills_the_scan_is_not_looked_at_by_itself() -> None:
     array = np.ones((20, 20, 20), dtype=np.float32)
     with pytest.raises(InputError, match=r"box fills 100% of the scan.*at most 15%"):
         close_up_of(ClassMap(array, OBLIQUE.resized((20, 20, 20)), 0.5), points_at(OBLIQUE, (30, 40, 50)), OBLIQUE)
+
+
+def test_a_flood_has_a_box_only_as_far_as_the_structure_may_reach() -> None:
+    flood = ClassMap(np.ones(OBLIQUE.shape, dtype=np.float32), OBLIQUE, 0.5)
+    part = ClassMap(np.zeros(OBLIQUE.shape, dtype=np.float32), OBLIQUE, 0.5)
+    part.array[28:33, 38:43, 48:53] = 1.0
+    points = points_at(OBLIQUE, (30, 40, 50))
+    # And a margin of 8.1 mm: along I and J 20.1 mm to either side, along K that is widened to 16 voxels.
+    assert close_up_of(flood, points, OBLIQUE, reach_mm=12.0).size_mm == (41.0, 42.0, 51.0)
+    assert close_up_of(part, points, OBLIQUE, reach_mm=50.0) == close_up_of(part, points, OBLIQUE)

@@ -7,7 +7,7 @@ import pytest
 
 from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.small_outlines import agreement, asks_for_close_up
+from ViTTransferFunction.Logic.core.small_outlines import agreement, asks_for_close_up, reach_mm
 
 OBLIQUE = np.array([[0.6, -0.8, 0.0, 10.0], [0.8, 0.6, 0.0, -20.0], [0.0, 0.0, 3.0, 30.0], [0.0, 0.0, 0.0, 1.0]])
 VOXELS = Geometry((40, 100, 100), OBLIQUE)
@@ -63,3 +63,7 @@ def test_small_and_shown_as_something_else_asks_for_a_close_up_and_neither_alone
     radius_mm: float, cell_mm: float, asks: bool
 ) -> None:
     assert asks_for_close_up(ball(12.0), circle(radius_mm), cell_mm) == asks
+
+
+def test_a_structure_may_reach_half_its_outlines_length_beyond() -> None:
+    assert reach_mm(circle(12.0)) == pytest.approx(12.0, rel=0.1)

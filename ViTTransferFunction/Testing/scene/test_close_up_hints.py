@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import slicer
 
+from ViTTransferFunction.Logic.core import close_up_choice
 from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.geometry import Geometry
@@ -121,7 +122,7 @@ class Corrected:
 
     def unasked(self) -> list[str]:
         """The classes that are to be looked at closely now; they are at once."""
-        ids = self.hints.take_unasked(self.requests)
+        ids = list(self.hints.take_unasked(self.requests))
         for id_ in ids:
             self.annotations.set_close_up(id_, (*MIDDLE.tolist(), 50.0, 50.0, 50.0))
         return ids
@@ -560,10 +561,15 @@ def test_what_was_undone_can_still_be_redone(corrected: Corrected) -> None:
     assert len(corrected.unasked()) == 1
 
 
-def test_where_no_box_is_possible_nothing_begins(corrected: Corrected) -> None:
+@pytest.mark.parametrize("is_possible", [True, False])
+def test_a_flood_of_the_scan_begins_one_where_a_box_about_the_outline_is_possible(
+    corrected: Corrected, monkeypatch: pytest.MonkeyPatch, is_possible: bool
+) -> None:
     id_ = corrected.begin(SMALL_RADIUS_MM)
     corrected.proxy.maps[id_] = ClassMap(np.full(VOXELS.shape, FULL_SCALE, dtype=np.uint8), VOXELS, 0.5)
-    assert corrected.unasked() == []
+    if not is_possible:
+        monkeypatch.setattr(close_up_choice, "LARGEST_SHARE", 0.01)
+    assert corrected.unasked() == ([id_] if is_possible else [])
 
 
 def test_an_outline_is_compared_where_the_volume_was_moved_to(corrected: Corrected) -> None:
