@@ -117,7 +117,7 @@ class _WaitingViews:
 def _slices_that_can_wait() -> list[Any]:
     """All, where a processor draws them; none while the mouse drags something."""
     views = _slice_views()
-    in_software = bool(views) and draws_in_software(views[0].renderWindow())
+    in_software = any(draws_in_software(view.renderWindow()) for view in views)
     return views if in_software and qt.QApplication.mouseButtons() == qt.Qt.NoButton else []
 
 

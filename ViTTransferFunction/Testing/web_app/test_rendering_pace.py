@@ -116,7 +116,8 @@ def test_a_3d_view_elsewhere_is_drawn_only_when_what_it_shows_has_settled() -> N
 def test_what_is_translucent_divides_no_rays_also_where_there_is_a_graphics_card(monkeypatch: pytest.MonkeyPatch) -> None:
     renderer = vtk.vtkRenderer()
     renderer.SetUseDepthPeelingForVolumes(True)
-    window = SimpleNamespace(Render=lambda: None, ReportCapabilities=lambda: "OpenGL renderer string:  a graphics card")
+    capabilities = "OpenGL renderer string:  a graphics card"
+    window = SimpleNamespace(Render=lambda: None, GetNeverRendered=lambda: 0, ReportCapabilities=lambda: capabilities)
     view = SimpleNamespace(renderer=lambda: renderer, render_window=lambda: window, set_scheduled_render=lambda strategy: None)
     created = SimpleNamespace(slicer_view=view, view_adapter=Pictures(entered=False))
     monkeypatch.setattr(RemoteThreeDViewFactory, "__init__", lambda *args, **options: None)
