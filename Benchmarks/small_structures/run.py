@@ -2,7 +2,7 @@
 
 Each structure is annotated alone, on several paths: an outline as in `bench gestures`, then clicks on what is wrong, once in
 the whole scan, and once with a close-up as soon as the outline is answered. Which of both panel, app and `vittf` choose, the
-agreement of outline and whole scan says (`asks_for_close_up`). Measured are outlines that are small for the cells, drawn in a
+agreement of outline and whole scan says (`unasked_close_up`). Measured are outlines that are small for the cells, drawn in a
 slice that shows much of the structure; and, since people may do that as well, in one that shows a third of its largest area or
 less, as near the pole of an organ. Of a structure that has several large parts, as both sides of a brain have, one is meant.
 

@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.core.small_outlines import asks_for_close_up, is_small, reach_mm
+from ViTTransferFunction.Logic.core.small_outlines import is_small, unasked_close_up
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -90,11 +90,10 @@ def _with_unasked_close_up(
     on_warning: Callable[[str], None],
 ) -> ClassRequest:
     """The request with a close-up, where it is small and unlike its outline in the whole, and its box is not too large."""
-    if request.close_up is not None or not asks_for_close_up(shown, outline_ras, _cell_mm(session)):
+    if request.close_up is not None:
         return request
-    try:
-        close_up = close_up_of(shown, request.positive, session.volume.geometry, reach_mm(outline_ras))
-    except InputError:
+    close_up = unasked_close_up(shown, outline_ras, request.positive, session.volume.geometry, _cell_mm(session))
+    if close_up is None:
         return request
     box = " × ".join(f"{edge:.0f}" for edge in close_up.size_mm)
     on_warning(f"{request.name}: small, and in the whole scan unlike its outline: looked at closely, in a box of {box} mm.")

@@ -9,7 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from .class_map import ClassMap, in_units_of
+from .close_up import CloseUp
+from .close_up_choice import close_up_of
 from .diameter_points import BEYOND
+from .errors import InputError
 from .geometry import Geometry
 from .outlines import evenly, plane_through, winding
 from .region_points import points_of_outline
@@ -29,6 +32,26 @@ _PLACES = 32
 """Along an outline: where it is compared with what is shown."""
 _MOST_PLACES = 250_000
 """In all, where what is shown is very much larger than the outline: done in a tenth of a second."""
+
+
+def unasked_close_up(
+    shown: ClassMap, outline_ras: np.ndarray, points_ras: np.ndarray, geometry: Geometry, cell_mm: float
+) -> CloseUp | None:
+    """The box in which a structure is to be looked at closely at once; None: it stays in the whole volume.
+
+    Args:
+        shown: as for `asks_for_close_up`.
+        outline_ras: as there.
+        points_ras: the structure's positive points (N, 3), N ≥ 1.
+        geometry: of the volume.
+        cell_mm: as there.
+    """
+    if not asks_for_close_up(shown, outline_ras, cell_mm):
+        return None
+    try:
+        return close_up_of(shown, points_ras, geometry, reach_mm(outline_ras))
+    except InputError:
+        return None  # The box would show little else than the whole.
 
 
 def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float) -> bool:

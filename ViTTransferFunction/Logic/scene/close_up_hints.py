@@ -5,7 +5,6 @@ Of these, the ones that begin with an outline are looked at closely unasked, whe
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import get_args
@@ -14,12 +13,11 @@ import numpy as np
 
 from ..compute.proxy import SegmentationProxy
 from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
+from ..core.close_up import CloseUp
 from ..core.close_up_choice import close_up_of
 from ..core.errors import InputError
-from ..core.geometry import Geometry
 from ..core.gross_correction import corrects_grossly
-from ..core.small_outlines import asks_for_close_up, is_small, reach_mm
+from ..core.small_outlines import is_small, unasked_close_up
 from .annotations import SceneAnnotations
 from .class_requests import ClassRequests
 from .class_state import ClassState, Polarity
@@ -129,8 +127,8 @@ class CloseUpHints:
         if id_ in self._drawn:
             self._drawn[id_] = replace(self._drawn[id_], outline=outline_ras)
 
-    def take_unasked(self, requests: ClassRequests) -> dict[str, float]:
-        """The classes that are to be looked at closely now, though nobody asked for it, and how far they may reach, mm.
+    def take_unasked(self, requests: ClassRequests) -> dict[str, CloseUp]:
+        """The classes that are to be looked at closely now, though nobody asked for it, and in which boxes, by their ids.
 
         Each outline is judged once, by the first refined map that follows from it; and a class that was looked at closely
         before is not again, since its user may have gone back to the whole. What was undone can still be redone: a closer look
@@ -142,13 +140,13 @@ class CloseUpHints:
         if self._proxy.phase != "ready" or not self._proxy.up_to_date or self._volume.changed or self._annotations.can_redo:
             return {}
         refined = {id_ for id_, is_refined in zip(self._proxy.maps, self._proxy.refined, strict=True) if is_refined}
-        reaches: dict[str, float] = {}
+        close_ups: dict[str, CloseUp] = {}
         for state in self._annotations.classes:
-            reach = self._reach_unlike_shown(state, requests) if state.id in refined - self._looked_at else None
-            if reach is not None:
-                reaches[state.id] = reach
+            close_up = self._unasked_close_up(state, requests) if state.id in refined - self._looked_at else None
+            if close_up is not None:
+                close_ups[state.id] = close_up
                 self._unasked[state.id] = frozenset(_placed(state))
-        return reaches
+        return close_ups
 
     def of(self, state: ClassState, requests: ClassRequests) -> CloserLookReason | None:
         """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
@@ -224,8 +222,8 @@ class CloseUpHints:
         points = np.array([point for _, point in drawn.points])
         return is_small(points, cells.geometry.spacing_mm.max()) and placed - drawn.before - drawn.points <= gross
 
-    def _reach_unlike_shown(self, state: ClassState, requests: ClassRequests) -> float | None:
-        """How far a class may reach that begins with a small outline and is shown as something else, mm; None: it is not so."""
+    def _unasked_close_up(self, state: ClassState, requests: ClassRequests) -> CloseUp | None:
+        """The box of a class that begins with a small outline and is shown as something else; None: it stays in the whole."""
         volume, content, request = self._parameters.volume, self._volume.content, requests.of(state.id)
         drawn = self._drawn.get(state.id)
         if volume is None or content is None or request is None or drawn is None or not drawn.begins or drawn.judged:
@@ -236,9 +234,7 @@ class CloseUpHints:
         assert drawn.outline is not None
         shown, cell_mm = self._proxy.maps[state.id], self._proxy.low_maps[state.id].geometry.spacing_mm.max()
         outline = world_to_local(volume, drawn.outline)
-        reach = reach_mm(outline)
-        begins = asks_for_close_up(shown, outline, cell_mm) and _has_box(shown, request, content.geometry, reach)
-        return reach if begins else None
+        return unasked_close_up(shown, outline, request.positive, content.geometry, cell_mm)
 
     def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
@@ -247,18 +243,13 @@ class CloseUpHints:
             return False
         judged, has_box = self._boxes.get(id_, (None, False))
         if judged is not cells and self._proxy.up_to_date:
-            has_box = _has_box(cells, request, content.geometry)
+            try:
+                close_up_of(cells, request.positive, content.geometry)
+                has_box = True
+            except InputError:
+                has_box = False
             self._boxes[id_] = cells, has_box
         return has_box
-
-
-def _has_box(class_map: ClassMap, request: ClassRequest, geometry: Geometry, reach: float = math.inf) -> bool:
-    """Whether the box that a class would be looked at in by this map is small enough."""
-    try:
-        close_up_of(class_map, request.positive, geometry, reach)
-    except InputError:
-        return False
-    return True
 
 
 def _needed_large_corrections(corrections: Mapping[Placed, Correction], gross: Collection[int]) -> bool:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..compute.proxy import SegmentationProxy
+from ..core.close_up import CloseUp
 from ..core.close_up_choice import close_up_of
 from ..core.errors import InputError
 from ..core.geometry import transform_points
@@ -58,7 +58,7 @@ class SceneCloseUps:
         self._shown: dict[str, CloseUpBox | None] = {}
         self._places: dict[tuple[str, str], _Place] = {}  # By the IDs of volume and class: what is chosen may change.
 
-    def look_closer(self, id_: str, requests: ClassRequests, reach_mm: float = math.inf) -> None:
+    def look_closer(self, id_: str, requests: ClassRequests) -> None:
         """Have a class looked at in a box around it as it is shown now.
 
         What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
@@ -67,21 +67,28 @@ class SceneCloseUps:
         Args:
             id_: of the class.
             requests: what is asked for of the classes as they are.
-            reach_mm: as for `close_up_of`.
         """
-        self._problems.solve("close-up")
-        volume, content, class_map = self._parameters.volume, self._volume.content, self._proxy.maps.get(id_)
+        self._problems.solve("close-up")  # The same one again is told again.
+        content, class_map = self._volume.content, self._proxy.maps.get(id_)
         state = next(state for state in self._annotations.classes if state.id == id_)
         request = requests.of(id_)
-        if volume is None or content is None or class_map is None or request is None:
+        if content is None or class_map is None or request is None:
             self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
             return
         try:
-            close_up = close_up_of(class_map, request.positive, content.geometry, reach_mm)
-            centre = transform_points(matrix_to_world(volume), np.array(close_up.centre_ras))[0].tolist()
+            self.look_at(id_, close_up_of(class_map, request.positive, content.geometry))
         except InputError as error:
             self._problems.put("close-up", f"{state.name}: {error}")
-            return
+
+    def look_at(self, id_: str, close_up: CloseUp) -> None:
+        """Have a class looked at in a box, in the frame of the volume that is opened.
+
+        Raises:
+            InputError: the volume is under transforms that no matrix says.
+        """
+        self._problems.solve("close-up")
+        to_world = matrix_to_world(self._parameters.volume)
+        centre = transform_points(to_world, np.array(close_up.centre_ras))[0].tolist()
         self._annotations.set_close_up(id_, (*centre, *close_up.size_mm))
 
     def look_at_whole(self, id_: str) -> None:

@@ -416,8 +416,8 @@ class SceneSession:
             # What is left to show of maps that give way to others would keep these waiting.
             self.views.advance()
         if "refined" in events:
-            for id_, reach_mm in self._hints.take_unasked(self._maps.requests).items():
-                self._close_ups.look_closer(id_, self._maps.requests, reach_mm)
+            for id_, close_up in self._hints.take_unasked(self._maps.requests).items():
+                self._close_ups.look_at(id_, close_up)
         self._have_views_wait(self._waiting)
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
