@@ -89,7 +89,7 @@ def test_fewer_slices_at_once_where_the_memory_is_short() -> None:
     expected = network.keys_of_tokens(slices).float().cpu()
     bounded = BoundedMemory(network)
     with little_memory(128e6):
-        keys = bounded.keys_of_tokens(slices).float().cpu()
+        keys = bounded.keys_of_tokens(slices).cpu().float()  # Not there: it has no room for them twice.
     assert "slices at once" in bounded.trouble
     assert (keys - expected).norm() < 0.01 * expected.norm()
 
