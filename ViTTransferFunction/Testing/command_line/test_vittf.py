@@ -422,6 +422,27 @@ def test_the_demo_goes_on_where_a_code_page_has_no_multiplication_sign(tmp_path:
         assert stream.read().count("\\xd7512") >= 2
 
 
+def test_the_app_on_sample_data_takes_the_weights_that_the_user_names(
+    real_weights: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[list[str]] = []
+
+    def take(arguments: list[str]) -> int:
+        asked.append(arguments)
+        return 0
+
+    monkeypatch.setattr(app_demo.vittf, "main", take)
+    monkeypatch.setenv("VITTF_WEIGHTS", str(real_weights))
+    assert app_demo.main([]) == 0
+    assert app_demo.main(["--weights", "mine.pt"]) == 0
+    assert app_demo.main(["--model=dino_vits8"]) == 0
+    assert asked == [
+        ["app", "--sample", "--model", "dinov2_vits14_focus"],
+        ["app", "--weights", "mine.pt", "--sample"],
+        ["app", "--model=dino_vits8", "--sample"],
+    ]
+
+
 def test_the_demo_goes_on_with_the_weights_that_the_user_has(
     tmp_path: Path, real_weights: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
