@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from ViTTransferFunction.Logic.core.small_outlines import LEAST_AGREEMENT
 
 ROOT = Path(__file__).parents[3]
 CASES = {
@@ -61,6 +64,9 @@ GESTURES = {
 }
 """The README's rows of what a first gesture is worth, and the scans in the results; "" for the mean of all."""
 BEGUN_WITH = {"clicks": "clicks", "a diameter, then clicks": "diameter", "an outline, then clicks": "outline"}
+CLOSE_UPS = {"amos_0336 all": "AMOS 336", "brain 20": "brain", "torso_small all": "torso"}
+SMALL_STRUCTURES = CLOSE_UPS | {"lung cancer CT": "lung cancer CT", "lung nodule CT": "lung nodule", "all": "all 38"}
+"""What the scans are called where closer looks are measured, and in the results."""
 PRESETS = {"*balanced*": "accuracy", "*fine*": "accuracy_fine"}
 CLICKS = ("1", "3", "5")
 
@@ -154,6 +160,15 @@ def test_readme_has_the_accuracy_on_scans_not_looked_at_before() -> None:
         assert figures == [figure(*each["dice"]) for each in measured], name
 
 
+def test_readme_and_results_have_the_mean_of_the_scans_not_looked_at_before() -> None:
+    cases = [of_case["clicks alone"] for of_case in summary("own_scans")["cases"].values()]
+    first, second, third, fourth, fifth = (f"{sum(of[n]['dice'][0] for of in cases) / len(cases):.2f}" for n in "12345")
+    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    assert f"the mean is {first} after one click, {third} after three and {fifth} after five" in readme
+    assert f"the mean Dice is {first}, {third} and {fifth} after one, three and five clicks" in results
+    assert f"is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
+
+
 def test_results_have_what_a_first_gesture_is_worth() -> None:
     measured = summary("gestures")
     columns = [(way, count) for count in CLICKS for way in ("clicks", "diameter", "outline")]
@@ -173,3 +188,48 @@ def test_readme_has_what_a_first_gesture_is_worth() -> None:
         way, of_case = BEGUN_WITH[begun_with], measured["cases"][GESTURES[name]] if GESTURES[name] else None
         means = [of_case[way][n][0] if of_case else measured["mean"][way][n] for n in ("1", "2", "3", "5")]
         assert figures == [figure(mean, None) for mean in means], name
+
+
+def three(of_clicks: dict[str, Any]) -> str:
+    """The means after so many clicks, as a cell of RESULTS has them."""
+    means = (value[0] if isinstance(value, list) else value for value in of_clicks.values())
+    return ", ".join(figure(mean, None) for mean in means)
+
+
+def test_results_have_what_a_closer_look_is_worth() -> None:
+    measured = summary("close_up")
+    rows = list(rows_of("docs/RESULTS.md", "| structures | paths of clicks | whole scan | with close-ups | lost |"))
+    assert len(rows) == 2 * len(measured)
+    for (name, *cells), (scan, which) in zip(rows, product(measured, ("looked at closely", "all")), strict=True):
+        assert name.startswith(CLOSE_UPS[scan])
+        of_scan, of_these = measured[scan], measured[scan][which]
+        ways = [three(of_these[way]) for way in ("whole", "with close-ups")]
+        assert cells == [str(of_scan["paths"]), *ways, f"{of_these['lost']:.0%}"], name
+
+
+def test_results_have_what_a_closer_look_that_begins_by_itself_is_worth() -> None:
+    measured, kind = summary("small_structures")["much"], "begins"
+    rows = list(rows_of("docs/RESULTS.md", "| | outlines | whole scan | looked at closely | lost |"))
+    assert len(rows) == sum(len(of_kind) for of_kind in measured.values()) - 1, "the mean of those that stay is left out"
+    for name, *cells in rows:
+        kind = "stays" if name.startswith("**stays") else kind
+        (of_scan,) = [
+            of for scan, of in measured[kind].items() if name.rpartition("**: ")[2].startswith(SMALL_STRUCTURES[scan])
+        ]
+        ways = [three(of_scan[way]) for way in ("whole scan", "looked at closely")]
+        found = [cell.strip("*") for cell in cells]
+        assert found == [str(of_scan["outlines"]), *ways, f"{of_scan['lost']:.0%}"], (kind, name)
+
+
+def test_readme_has_what_a_closer_look_that_begins_by_itself_is_worth() -> None:
+    measured = json.loads((ROOT / "Benchmarks/results/small_structures.json").read_text(encoding="utf-8"))
+    of_all, limit = measured["summary"]["much"]["begins"]["all"], LEAST_AGREEMENT
+    begins = [run for run in measured["runs"] if run["slice"] == "much" and run["agreement"] < limit]
+    structures = {(run["case"], run["structure"]) for run in begins}
+    before, after = (of_all[way] for way in ("whole scan", "looked at closely"))
+    assert len(begins) == of_all["outlines"]
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert (
+        f"For {len(begins)} such outlines of {len(structures)} structures the mean Dice is {after['1']:.2f} instead of "
+        f"{before['1']:.2f}, and after two clicks more {after['3']:.2f} instead of {before['3']:.2f}"
+    ) in text
