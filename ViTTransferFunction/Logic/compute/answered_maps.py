@@ -30,6 +30,10 @@ class AnsweredMaps:
     """
 
     def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing has come: the volume is another one, or no class is left."""
         self.maps: dict[str, ClassMap] = {}
         self.low_maps: dict[str, ClassMap] = {}
         self.low_classes: tuple[ClassRequest, ...] = ()

@@ -1,7 +1,6 @@
-"""A volume that is segmented in the compute process: what was asked for, what has arrived, and what is to be asked next.
+"""A volume that is segmented in the compute process: how far it is, and what has come of it.
 
-Nothing here waits. Maps are asked for at once after each change of the annotations, and a change overtakes a refinement that is
-still running. `poll`, called often, takes replies in and sends what has become due: refined maps when the user pauses, say.
+Nothing here waits. `poll`, called often, takes replies in and sends what has become due (`DueRequests`).
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ from typing import Any, Literal
 
 from ..core.class_map import ClassMap
 from ..core.class_request import ClassRequest
-from ..core.close_up import CloseUp
 from ..core.errors import InputError
 from ..core.progress import SEGMENTING, WorkProgress
 from ..rendering.structure_volume import StructureVolume
@@ -21,6 +19,7 @@ from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings
 from .answered_maps import AnsweredMaps
 from .client import ComputeClient
+from .due_requests import Casting, DueRequests
 from .pending_requests import PendingRequests
 from .requests import (
     CoarseFeatures,
@@ -53,22 +52,9 @@ Event = Literal["state", "first map", "maps", "volumes", "refined", "rendering",
 """What a poll can bring: phase, progress, estimate or an error; S_L of the class that is waited for; of all; how large segments
 are by them; S_H; a volume of structures; a label map."""
 
-Casting = Mapping[str, bool]
-"""By class id, whether it casts shadows in 3D; classes that are missing do not."""
-
-CloseUps = tuple[tuple[str, CloseUp], ...]
-"""The close-ups that are asked for, by class id."""
-
-RENDER_AFTER_S = 0.05
-REFINE_AFTER_S = 0.4
-"""How long the annotations must have been left alone before they are rendered in 3D, and before maps are refined: what runs
-then slows the answer to the next click."""
-OVERTAKE_AFTER_S = 0.5
-"""How long the answer to one change of the annotations may take before the next change gives it up: that of many new points at
-once. It is not given up sooner, so that answers come while changes follow each other quickly."""
-
-_WAITED_FOR = (Extract, LookCloser, SegmentClasses)
-"""Requests whose progress is shown. A refinement after a click is quick, and the user does not wait for it."""
+_WAITED_FOR = {Extract: "Starting", LookCloser: "Looking closer", SegmentClasses: SEGMENTING}
+"""Requests whose progress is shown, and in which words until they have made some. A refinement after a click is quick, and the
+user does not wait for it."""
 
 
 class SegmentationProxy:
@@ -92,19 +78,11 @@ class SegmentationProxy:
 
     def __init__(self, start_client: Callable[[], ComputeClient], may_start: Callable[[], bool] = lambda: True) -> None:
         self._pending = PendingRequests(start_client)
+        self._answers = AnsweredMaps()
+        self._due = DueRequests(self._pending, self._answers)
         self._may_start = may_start
         self._volume: TakeVolume | None = None
         self._settings = SessionSettings()
-        self._classes: tuple[ClassRequest, ...] = ()
-        self._first = ""
-        self._refinement: Refinement | None = None
-        self._look: tuple[RenderingMode, Casting, bool] | None = None
-        self._maps_due = self._close_ups_due = self._volumes_due = False
-        self._declined: CloseUps = ()
-        self._rendering_due_s: float | None = None
-        self._render_from_s = 0.0
-        self._refine_due_s: float | None = None
-        self._overtaken_from_s = 0.0
         self._started_s = 0.0
         self._error: str | None = None
         self._handlers: dict[tuple[type, type], Callable[[Any, Any], set[Event]]] = {
@@ -127,14 +105,13 @@ class SegmentationProxy:
         self.usable = False
         self.estimate: FeatureEstimate | None = None
         self.progress: WorkProgress | None = None
-        self._answers = AnsweredMaps()
+        self._answers.forget()
+        self._due.restart()
         self.rendering: StructureVolume | None = None
         self.rendered: tuple[str, ...] = ()
         self._rendered: tuple[str, ...] = ()
         self.labels: tuple[Labels, list[str]] | None = None
-        self._maps_due, self._volumes_due, self._refine_due_s = True, False, None
         self.awaiting_close_ups: tuple[str, ...] = ()
-        self._close_ups_due, self._declined = False, ()
         self._refused = False
 
     def start(self) -> None:
@@ -165,8 +142,7 @@ class SegmentationProxy:
             if not self._pending.started:
                 return
         self.phase = "extracting"
-        self.progress = WorkProgress(0, 0, "Starting", None)
-        self._pending.ask(Extract())
+        self._ask(Extract())
 
     def cancel(self) -> None:
         """Stop what runs: the extraction; or a segmentation, whose labels are dropped even if they are on their way already.
@@ -185,27 +161,26 @@ class SegmentationProxy:
         Where they differ in iso values and sizes alone, `maps` follow at once. The class with the id `first`, if there is one,
         is answered before the others.
         """
-        if not set(_close_ups(self._classes)) <= set(_close_ups(classes)) and self._pending.has(LookCloser):
+        if self._due.drops_close_up(classes) and self._pending.has(LookCloser):
             self._pending.give_up(LookCloser)
             self.progress = None
-        self._classes, self._refinement, self._first = tuple(classes), refinement, first
-        self._maps_due, self._refine_due_s = True, None
-        self._render_from_s = time.monotonic() + RENDER_AFTER_S
-        self._answers.resize(self._classes)
+        self._due.update(classes, refinement, first)
+        if not classes:
+            self.rendering = None
+        self._answers.resize(self._due.classes)
         self._send_due()
 
     def look(self, mode: RenderingMode | None, casting: Casting, surroundings: bool = False) -> None:
         """Choose what the 3D views are to show; None: nothing. See `Render`; classes that `casting` lacks cast no shadows."""
         look = (mode, casting, surroundings) if mode is not None else None
-        if look != self._look:
-            self._look, self._rendering_due_s = look, time.monotonic()
+        if look != self._due.look:
+            self._due.change_look(look)
             if look is None:
                 self.rendering = None
 
     def segment(self, refinement: Refinement) -> None:
         """Ask for a label map of the classes of the last `update`."""
-        self.progress = WorkProgress(0, 0, SEGMENTING, None)
-        self._pending.ask(SegmentClasses(self._classes, refinement))
+        self._ask(SegmentClasses(self._due.classes, refinement))
 
     @property
     def maps(self) -> Mapping[str, ClassMap]:
@@ -235,26 +210,17 @@ class SegmentationProxy:
     @property
     def busy(self) -> bool:
         """Whether anything is under way or due."""
-        if not self.usable:
-            return bool(self._pending)
-        due = (
-            self._maps_due
-            or self._close_ups_due
-            or self._volumes_due
-            or self._refine_due_s is not None
-            or self._rendering_wanted
-        )
-        return bool(self._pending) or due
+        return bool(self._pending) or (self.usable and bool(self._due))
 
     @property
     def up_to_date(self) -> bool:
         """Whether `maps` are those of the last `update`."""
-        return not self._maps_due and not self._pending.has(ComputeMaps)
+        return not self._due.maps_due and not self._pending.has(ComputeMaps)
 
     @property
     def first_up_to_date(self) -> bool:
         """Whether that of the class that is waited for is."""
-        return self.up_to_date or (not self._maps_due and self._answers.first_came)
+        return self.up_to_date or (not self._due.maps_due and self._answers.first_came)
 
     @property
     def awaits_maps(self) -> bool:
@@ -264,7 +230,7 @@ class SegmentationProxy:
     @property
     def awaits_views(self) -> bool:
         """Whether the answer to a click is under way, or what 3D views show of it, unless that has to wait for other work."""
-        rendering_next = self._rendering_wanted and not self._pending.has_other_than(MeasureMaps)
+        rendering_next = self._due.rendering_wanted and not self._pending.has_other_than(MeasureMaps)
         return self.awaits_maps or rendering_next or self._pending.has(Render)
 
     @property
@@ -306,70 +272,26 @@ class SegmentationProxy:
         return self._pending.started
 
     def _send_due(self) -> None:
-        """Send the most urgent of what is due; the others wait until it is done, so that they do not delay what comes then."""
         if not self.usable or not self._pending.started:
             return
-        if self._maps_due:
-            # Where no class is left, what was shown of the last one goes at once.
-            if not self._classes or time.monotonic() >= self._overtaken_from_s:
-                self._pending.give_up(ComputeMaps)
-            if not self._pending.has(ComputeMaps):
-                self._pending.give_up(MeasureMaps, RefineMaps, Render)
-                self._send_maps()
-        elif not self._pending.has_other_than(MeasureMaps):
-            self._send_after_maps()
+        for request in self._due.take():
+            if isinstance(request, Render):
+                self._rendered = tuple(self.maps)
+            self._ask(request)
 
-    def _send_after_maps(self) -> None:
-        if self._close_ups_due:
-            self._close_ups_due = False
-            self.progress = WorkProgress(0, 0, "Looking closer", None)
-            self._pending.ask(LookCloser(self._answers.low_classes))
-            return
-        if self._rendering_wanted and time.monotonic() >= (self._rendering_due_s or 0.0):
-            self._send_rendering()
-        if self._volumes_due:
-            self._volumes_due = False
-            annotated_alone = self._refinement is None or self._refinement.only_annotated_components
-            self._pending.ask(MeasureMaps(self._answers.low_classes, annotated_alone))
-        elif not self._pending and self._refine_due_s is not None and time.monotonic() >= self._refine_due_s:
-            self._refine_due_s = None
-            self._pending.ask(RefineMaps(self._classes, self._refinement or Refinement()))
-
-    def _send_maps(self) -> None:
-        self._maps_due = False
-        if not self._classes:
-            self._close_ups_due = self._volumes_due = False
-            self._answers, self.rendering = AnsweredMaps(), None
-            return
-        self._answers.expect()
-        several = len(self._classes) > 1 and self._first in [annotated.id for annotated in self._classes]
-        self._pending.ask(ComputeMaps(self._classes, self._first if several else ""))
-        self._overtaken_from_s = time.monotonic() + OVERTAKE_AFTER_S
-        if self._refinement is not None:
-            self._refine_due_s = time.monotonic() + REFINE_AFTER_S
-
-    @property
-    def _rendering_wanted(self) -> bool:
-        return self._rendering_due_s is not None and self._look is not None and bool(self.maps)
-
-    def _send_rendering(self) -> None:
-        """Ask for the maps that are shown now as a volume of structures."""
-        assert self._look is not None
-        self._rendering_due_s = None
-        mode, casting, surroundings = self._look
-        self._rendered = tuple(self.maps)
-        cast = tuple(casting.get(id_, False) for id_ in self.maps)
-        self._pending.ask(Render(mode, self.refined, cast, surroundings))
+    def _ask(self, request: Any) -> None:
+        if type(request) in _WAITED_FOR:
+            self.progress = WorkProgress(0, 0, _WAITED_FOR[type(request)], None)
+        self._pending.ask(request)
 
     def _receive(self, request: Any, reply: Any) -> set[Event]:
         if isinstance(reply, CoarseFeatures):
-            self.usable = self._maps_due = True
-            return {"state"}
+            return self._on_usable()
         if isinstance(reply, Progressed):
             return self._on_progress(request, reply)
         if isinstance(reply, FirstMap):
             return self._on_first_map(request, reply)
-        if isinstance(request, _WAITED_FOR):
+        if type(request) in _WAITED_FOR:
             self.progress = None
         if isinstance(reply, (GivenUp, Failed)):
             return self._on_nothing(request, reply)
@@ -382,7 +304,7 @@ class SegmentationProxy:
         return handler(request, reply)
 
     def _on_progress(self, request: Any, reply: Progressed) -> set[Event]:
-        if not isinstance(request, _WAITED_FOR):
+        if type(request) not in _WAITED_FOR:
             return set()
         if self.progress is None or self.progress.what != reply.what:
             self._started_s = time.monotonic()
@@ -395,7 +317,7 @@ class SegmentationProxy:
         if isinstance(request, Extract):
             self.phase = "no features"
         elif isinstance(request, LookCloser):
-            self._declined = _close_ups(request.classes)
+            self._due.decline(request)
         elif isinstance(request, TakeVolume):
             # What was asked about it next cannot be answered either.
             self.phase, self.progress = "no volume", None
@@ -420,11 +342,15 @@ class SegmentationProxy:
 
     def _on_features(self, request: Extract, reply: Done) -> set[Event]:
         self.phase = "ready"
-        self.usable = self._maps_due = True
+        return self._on_usable()
+
+    def _on_usable(self) -> set[Event]:
+        self.usable = True
+        self._due.features_came()
         return {"state"}
 
     def _on_close_ups(self, request: LookCloser, reply: Done) -> set[Event]:
-        self._maps_due = True
+        self._due.features_came()
         return {"state"}
 
     def _on_first_map(self, request: ComputeMaps, reply: FirstMap) -> set[Event]:
@@ -432,13 +358,11 @@ class SegmentationProxy:
         return {"first map"}
 
     def _on_maps(self, request: ComputeMaps, reply: Maps) -> set[Event]:
-        self._answers.take(request, reply, refining=self._refinement is not None)
-        self._rendering_due_s, self._volumes_due = self._render_from_s, True
+        self._answers.take(request, reply, refining=self._due.refinement is not None)
         self.awaiting_close_ups = reply.awaiting_close_ups
-        wanted = bool(reply.awaiting_close_ups) and self.phase == "ready"
-        self._close_ups_due = wanted and _close_ups(request.classes) != self._declined
+        self._due.maps_came(request, may_look_closer=bool(reply.awaiting_close_ups) and self.phase == "ready")
         # It may be the answer to what the user has scrolled past.
-        self._answers.resize(self._classes)
+        self._answers.resize(self._due.classes)
         return {"maps"}
 
     def _on_volumes(self, request: MeasureMaps, reply: Volumes) -> set[Event]:
@@ -447,7 +371,7 @@ class SegmentationProxy:
 
     def _on_refined_maps(self, request: RefineMaps, reply: RefinedMaps) -> set[Event]:
         self._answers.take_refined(request, reply)
-        self._rendering_due_s = time.monotonic()
+        self._due.refined_maps_came()
         return {"refined"}
 
     def _on_rendering(self, request: Render, reply: StructureVolume) -> set[Event]:
@@ -471,7 +395,3 @@ class SegmentationProxy:
             "are kept. Compute the features again; if it happens again, choose a faster preset, a smaller grid or another "
             "device under Advanced."
         )
-
-
-def _close_ups(classes: Sequence[ClassRequest]) -> CloseUps:
-    return tuple((request.id, request.close_up) for request in classes if request.close_up is not None)
