@@ -12,12 +12,13 @@ import numpy as np
 import slicer
 
 from ..core.errors import InputError
-from .annotations import Classes, SceneAnnotations
+from .annotations import SceneAnnotations
 from .parameters import SceneParameters
 from .point_lists import Point
 from .problems import Problems
 from .volume import matrix_to_world
 from .volume_content import content_of
+from .volume_histories import Classes
 from .wording import left_behind_text
 
 _SAME_MM = 1e-4

@@ -10,7 +10,7 @@ import pytest
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_segment, open_spheres
+from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_parameter_node, add_segment, open_spheres
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
@@ -20,6 +20,15 @@ def session(slicer_app: Any, spheres: Spheres) -> Iterator[SceneSession]:
     """A session on the spheres, ready for clicks."""
     session = open_spheres(slicer_app, spheres)
     yield session
+    session.close()
+
+
+@pytest.fixture
+def session_without_volume(slicer_app: Any) -> Iterator[SceneSession]:
+    """A session without a volume, which starts no compute process."""
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    yield session
+    assert session.compute_pid is None
     session.close()
 
 
