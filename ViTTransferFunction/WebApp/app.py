@@ -378,7 +378,9 @@ class WebApp:
             if selected is not None:
                 self.session.annotations.turn_size(selected.id, notches)
 
-        return SizeWheel(interactor, slice_node, shown_class, lambda point_ras: self.session.is_on_selected(point_ras), turn)
+        return SizeWheel(
+            interactor, slice_node, shown_class, lambda point_ras: self.session.shown.is_on_selected(point_ras), turn
+        )
 
     def _window_drag(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> WindowDrag:
         """The left button changes the window where no tool is in hand and no point is under the mouse, and with Ctrl always."""

@@ -58,7 +58,7 @@ class SizeControls(Section):
         return selected.id if selected is not None and selected.visible else None
 
     def _is_on_structure(self, point_ras: Any) -> bool:
-        return self.session is not None and self.session.is_on_selected(point_ras)
+        return self.session is not None and self.session.shown.is_on_selected(point_ras)
 
     def _turn(self, notches: int) -> None:
         selected = self.selected

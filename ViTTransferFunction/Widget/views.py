@@ -7,8 +7,8 @@ from typing import Any
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.scene.awaited_answer import Waiting
 from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
-from ViTTransferFunction.Logic.scene.session import Waiting
 from ViTTransferFunction.Logic.scene.software_drawing import draws_in_software
 
 SLOW_S = 0.02

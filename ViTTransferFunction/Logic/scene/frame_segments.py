@@ -12,8 +12,10 @@ import slicer
 from .class_state import ClassState
 from .opened_volume import OpenedVolume
 from .parameters import SceneParameters
+from .problems import Problems
 from .volume_content import Frame
-from .written_segments import choose_segmentation_of, finish_segments
+from .wording import older_segments_text
+from .written_segments import WrittenSegments, choose_segmentation_of, finish_segments
 
 
 class FrameSegments:
@@ -23,12 +25,23 @@ class FrameSegments:
         parameters: say which volume and segmentation.
         volume: as it was opened.
         classes: all, as they are now.
+        written: which segments there are of these.
+        problems: are told of segments that are older than the classes.
     """
 
-    def __init__(self, parameters: SceneParameters, volume: OpenedVolume, classes: Callable[[], Sequence[ClassState]]) -> None:
+    def __init__(
+        self,
+        parameters: SceneParameters,
+        volume: OpenedVolume,
+        classes: Callable[[], Sequence[ClassState]],
+        written: WrittenSegments,
+        problems: Problems,
+    ) -> None:
         self._parameters = parameters
         self._volume = volume
         self._classes = classes
+        self._written = written
+        self._problems = problems
         self._last: tuple[slicer.vtkMRMLScalarVolumeNode, Frame] | None = None
 
     def follow(self) -> bool:
@@ -49,3 +62,18 @@ class FrameSegments:
         if returned:
             finish_segments(self._parameters.segmentation, [state.id for state in self._classes()])
         return returned
+
+    def tell_of_older(self, returned: bool) -> bool:
+        """Tell of segments that are older than what was changed for another frame.
+
+        Args:
+            returned: whether the user has come back to a frame that has segments already (`follow`).
+
+        Returns:
+            Whether there are such.
+        """
+        self._problems.solve("older segments")
+        older = returned and self._volume.content is not None and self._written.outdated
+        if older:
+            self._problems.put("older segments", older_segments_text(self._parameters.segmentation.GetName()))
+        return older

@@ -12,18 +12,16 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import slicer
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.class_map import is_near
 from ..core.errors import InputError
-from ..core.geometry import transform_points
 from ..core.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
 from .annotations import SceneAnnotations
 from .asked_maps import AskedMaps
+from .awaited_answer import AwaitedAnswer, Waiting
 from .class_state import ClassState, EdgesMm, Polarity
 from .close_up_hints import CloseUpHints
 from .close_ups import SceneCloseUps
@@ -50,16 +48,9 @@ from .segment_tags import segments_of_classes
 from .segment_writing import SegmentWriting
 from .selected_class import SelectedClass
 from .session_views import SessionViews
-from .surface_points import moved_inside, placed_in_3d_view
-from .volume import matrix_to_world
+from .shown_structures import ShownStructures
 from .volume_content import Frame
-from .wording import CloserLookReason, nothing_hit_text, older_segments_text
-
-Waiting = Literal["none", "3D", "all"]
-"""Views that had better not be drawn for the moment: all, until the answer to a click is there; 3D views, until theirs is."""
-
-REACH_OF_STRUCTURE_MM = 3.0
-"""How far beyond its border one still points at a structure: about as well as people aim."""
+from .wording import CloserLookReason, nothing_hit_text
 
 
 class SceneSession:
@@ -82,6 +73,7 @@ class SceneSession:
         regions: adds the points of regions that the user encloses.
         other_scans: which others have structures that could be taken over.
         views: what is shown in the views, and how.
+        shown: which points lie on the structures that are shown.
         written: which segments there are of the classes, and whether they are of the classes as these are now.
     """
 
@@ -96,14 +88,11 @@ class SceneSession:
         have_views_wait: Callable[[Waiting], None] = lambda which: None,
         may_compute: Callable[[], bool] = lambda: True,
     ) -> None:
-        self._scene = scene
-        self._app_logic = app_logic
-        self._have_views_wait = have_views_wait
-        self._shown_at_once = False
         self._notices = Notices()
         self._problems = Problems()
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable), may_compute)
+        self._awaited = AwaitedAnswer(self._proxy, have_views_wait)
         self._former_model = FormerModel(self.parameters, self._problems)
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
@@ -119,7 +108,7 @@ class SceneSession:
             lambda: self._maps.requests.requests,
         )
         self.written = self._writing.written
-        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes)
+        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.written, self._problems)
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
@@ -127,11 +116,14 @@ class SceneSession:
             scene,
             parameter_node,
             self._on_annotations,
-            self._settled,
+            lambda point_ras: self.shown.settled(point_ras),
             self._points_in_3d.hold,
             lambda: drawn_together(app_logic),
         )
         self._selected = SelectedClass(self.parameters, self.annotations)
+        self.shown = ShownStructures(
+            scene, app_logic, self.parameters, self.annotations, self._selected, self._volume, self._proxy
+        )
         self._scan_change = ScanChange(
             self.parameters, self.annotations, self._other_segments, self._problems, self._selected, self._notices
         )
@@ -325,15 +317,6 @@ class SceneSession:
         """Why a closer look may find a class better, or has begun unasked; None: no reason is known. See `CloseUpHints`."""
         return self._hints.of(state, self._maps.requests)
 
-    def is_on_selected(self, point_ras: np.ndarray) -> bool:
-        """Whether a point (3,), RAS millimetres, lies on the selected class's structure as it is shown, or right beside it."""
-        volume, selected = self.parameters.volume, self.selected_class
-        class_map = self._proxy.maps.get(selected.id) if selected and selected.visible else None
-        if volume is None or class_map is None or self.volume_changed:
-            return False
-        local_ras = transform_points(np.linalg.inv(matrix_to_world(volume)), point_ras)[0]
-        return is_near(class_map, local_ras, REACH_OF_STRUCTURE_MM)
-
     def start_computing(self) -> None:
         """Start the compute process before there is a volume: it takes seconds to be ready."""
         self._proxy.start()
@@ -418,7 +401,7 @@ class SceneSession:
         if "refined" in events:
             for id_, close_up in self._hints.take_unasked(self._maps.requests).items():
                 self._close_ups.look_at(id_, close_up)
-        self._have_views_wait(self._waiting)
+        self._awaited.tell()
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
@@ -469,19 +452,8 @@ class SceneSession:
     def _follow(self) -> None:
         self._look_due = True
         self._maps.ask()
-        self._shown_at_once = True  # Until it is known.
-        self._have_views_wait(self._waiting)
-        self._shown_at_once = self._show()
-        self._have_views_wait(self._waiting)
+        self._awaited.show_before(self._show)
         self._notices.tell()
-
-    def _settled(self, point_ras: np.ndarray) -> np.ndarray:
-        """Where a point lies that was placed at `point_ras`: inside the structure, if that was on a surface in a 3D view."""
-        volume = self.parameters.volume
-        if volume is None or self._volume.content is None or not placed_in_3d_view(self._scene, self._app_logic):
-            return point_ras
-        visible = {state.id for state in self.classes if state.visible}
-        return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
 
     def _tell_of_nothing_hit(self) -> None:
         # Each click is answered, also where somebody has closed what was said to the one before.
@@ -509,14 +481,7 @@ class SceneSession:
         if anew:
             self._hints.forget()
         self._follow()
-        if anew:
-            self._tell_of_older_segments(returned)
-
-    def _tell_of_older_segments(self, returned: bool) -> None:
-        """Where the user has `returned` to a frame whose segments are older than what was changed for another one."""
-        self._problems.solve("older segments")
-        if returned and self._volume.content is not None and self.written.outdated:
-            self._problems.put("older segments", older_segments_text(self.parameters.segmentation.GetName()))
+        if anew and self._frames.tell_of_older(returned):
             self._notices.tell()
 
     def _on_other_scene(self) -> None:
@@ -528,12 +493,6 @@ class SceneSession:
 
     def _on_segments(self) -> None:
         self._segments_changed = True  # For the next poll, since such calls come in storms.
-
-    @property
-    def _waiting(self) -> Waiting:
-        if not self._proxy.awaits_views:
-            return "none"
-        return "3D" if self._proxy.first_up_to_date or self._shown_at_once else "all"
 
     def _show(self) -> bool:
         """Whether slice views have something else to show now."""

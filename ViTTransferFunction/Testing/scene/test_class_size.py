@@ -179,16 +179,16 @@ def test_a_structure_is_pointed_at_where_its_volume_was_moved_to(
 ) -> None:
     session, id_ = on_spheres
     centre, elsewhere = centre_ras(spheres, 1)[0], centre_ras(spheres, 3)[0]
-    assert session.is_on_selected(centre)
-    assert not session.is_on_selected(elsewhere)
+    assert session.shown.is_on_selected(centre)
+    assert not session.shown.is_on_selected(elsewhere)
     matrix = np.eye(4)
     matrix[:3, 3] = (0.0, 100.0, 0.0)
     put_under(session.parameters.volume, matrix)
     session.annotations.undo()
     session.annotations.add_points(id_, centre[None] + matrix[:3, 3], positive=True)
     session.wait()
-    assert session.is_on_selected(centre + matrix[:3, 3])
-    assert not session.is_on_selected(centre)
+    assert session.shown.is_on_selected(centre + matrix[:3, 3])
+    assert not session.shown.is_on_selected(centre)
 
 
 @pytest.mark.slow

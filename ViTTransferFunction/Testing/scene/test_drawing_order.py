@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from ViTTransferFunction.Logic.scene.awaited_answer import Waiting
 from ViTTransferFunction.Logic.scene.overlay import COLORS_NAME, VOLUME_NAME
 from ViTTransferFunction.Logic.scene.rendering import DISPLAY_NAME
 from ViTTransferFunction.Logic.scene.rendering import VOLUME_NAME as RENDERED_NAME
-from ViTTransferFunction.Logic.scene.session import SceneSession, Waiting
+from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import annotate, open_spheres
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 

@@ -183,7 +183,7 @@ def test_a_volume_whose_rigid_transform_is_hardened_keeps_its_features_and_maps_
     session.wait()
     assert session.phase == "ready"
     assert session.volume_ml(id_) == pytest.approx(ml)
-    assert session.is_on_selected(turn[:3, :3] @ centre_ras(spheres, 1)[0] + turn[:3, 3])
+    assert session.shown.is_on_selected(turn[:3, :3] @ centre_ras(spheres, 1)[0] + turn[:3, 3])
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def test_dragging_a_point_moves_the_map_along_and_is_one_step_for_undo(
         node.SetNthControlPointPositionWorld(0, *(first + share * (second - first)))
         np.testing.assert_allclose(session.classes[0].positive[0], first + share * (second - first))
     session.wait()
-    assert session.is_on_selected(second)
+    assert session.shown.is_on_selected(second)
     node.InvokeEvent(node.PointEndInteractionEvent)
     session.annotations.undo()
     np.testing.assert_allclose(session.classes[0].positive[0], first)

@@ -270,14 +270,14 @@ def test_maps_follow_lists_under_a_transform_and_undo_leads_to_no_place_from_bef
     for node in lists:
         node.SetAndObserveTransformNodeID(transform.GetID())
     assert session.annotations.can_undo
-    assert not session.is_on_selected(centre_ras(spheres, 2)[0])
+    assert not session.shown.is_on_selected(centre_ras(spheres, 2)[0])
     # From the middle of the first sphere to that of the second.
     shift = np.eye(4)
     shift[:3, 3] = (centre_ras(spheres, 2) - centre_ras(spheres, 1))[0]
     transform.SetMatrixTransformToParent(vtk_matrix(shift))
     session.wait()
     np.testing.assert_allclose(session.classes[0].positive, before[1].positive)
-    assert session.is_on_selected(centre_ras(spheres, 2)[0])
+    assert session.shown.is_on_selected(centre_ras(spheres, 2)[0])
     assert not session.annotations.can_undo
     session.parameters.volume.SetAndObserveTransformNodeID(transform.GetID())
     session.wait()
