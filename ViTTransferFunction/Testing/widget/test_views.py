@@ -54,6 +54,14 @@ def order(host: Host) -> Callable[[], Any]:
     return DrawingOrder
 
 
+@pytest.fixture
+def clicked(slow_slices: list[DrawnView], slow_3d: DrawnView, ready: Any, spheres: Spheres) -> Any:
+    """The panel, where the first point of a structure has just been placed: its answer is under way, and all views wait."""
+    add_class(ready)
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    return ready
+
+
 def view_3d() -> DrawnView:
     return slicer.app.layoutManager().threeDWidget(0).threeDView()
 
@@ -153,30 +161,27 @@ def test_where_the_answer_takes_long_3d_views_are_drawn_from_time_to_time(
 
 @pytest.mark.slow
 def test_a_click_has_slices_drawn_with_its_answer_and_3d_views_after_that(
-    slow_slices: list[DrawnView], slow_3d: DrawnView, ready: Any, spheres: Spheres
+    slow_slices: list[DrawnView], slow_3d: DrawnView, clicked: Any, spheres: Spheres
 ) -> None:
-    add_class(ready)
-    place(ready, tuple(centre_ras(spheres, 1)[0]))
-    wait_until(lambda: not ready.panel.session.busy and slow_3d.pauses == 0)
-    add_class(ready)
+    session = clicked.panel.session
+    wait_until(lambda: not session.busy and slow_3d.pauses == 0)
+    add_class(clicked)
     drawn().clear()
-    place(ready, tuple(centre_ras(spheres, 2)[0]))
+    place(clicked, tuple(centre_ras(spheres, 2)[0]))
     # As Slicer does for the point.
     for view in (slow_3d, *slow_slices):
         view.scheduleRender()
     assert drawn() == []
     wait_until(lambda: bool(drawn()))
-    assert ready.panel.session.selected_up_to_date
+    assert session.selected_up_to_date
     wait_until(lambda: slow_3d in drawn())
     assert drawn() == [*slow_slices, slow_3d]
 
 
 @pytest.mark.slow
 def test_where_the_scene_is_closed_meanwhile_views_are_drawn_again(
-    slow_slices: list[DrawnView], slow_3d: DrawnView, ready: Any, spheres: Spheres
+    slow_slices: list[DrawnView], slow_3d: DrawnView, clicked: Any
 ) -> None:
-    add_class(ready)
-    place(ready, tuple(centre_ras(spheres, 1)[0]))
     views = [slow_3d, *slow_slices]
     assert [view.pauses for view in views] == [1] * len(views)
     slicer.mrmlScene.Clear()
