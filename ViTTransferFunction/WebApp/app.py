@@ -392,7 +392,7 @@ class WebApp:
             # Sent with the answer to the steps, once for all moves among them.
             self.server.state.window = shown_window(self.session.parameters.volume)
 
-        return WindowDrag(interactor, slice_node, lambda: self.session.parameters.volume, is_free, show)
+        return WindowDrag(interactor, lambda: self.session.parameters.volume, is_free, show)
 
     def _delays_3d(self) -> bool:
         """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""

@@ -10,7 +10,7 @@ from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.errors import InputError
 from ..Logic.core.patient_sides import position_text
-from ..Logic.scene.view_mouse import ViewMouse
+from ..Logic.scene.view_mouse import SliceMouse
 from ..Logic.scene.volume import array_from_node, geometry_from_node, world_to_local
 
 
@@ -25,7 +25,7 @@ class DataProbe:
     """
 
     def __init__(self, interactor: Any, slice_node: Any, volume: Callable[[], Any], show: Callable[[str], None]) -> None:
-        self._mouse = ViewMouse(interactor, slice_node)
+        self._mouse = SliceMouse(interactor, slice_node)
         self._volume = volume
         self._show = show
         self._is_inside = False

@@ -25,7 +25,6 @@ class WindowDrag:
 
     Args:
         interactor: of the view's render window.
-        slice_node: says where the view lies in the patient.
         volume: the volume node that is shown, or None.
         is_free: whether the left button means nothing else now where the mouse is. With Ctrl, it never does.
         on_window: called after the window was changed.
@@ -34,13 +33,12 @@ class WindowDrag:
     def __init__(
         self,
         interactor: Any,
-        slice_node: Any,
         volume: Callable[[], Any],
         is_free: Callable[[], bool],
         on_window: Callable[[], None],
     ) -> None:
         self._interactor = interactor
-        self._mouse = ViewMouse(interactor, slice_node)
+        self._mouse = ViewMouse(interactor)
         self._volume = volume
         self._is_free = is_free
         self._on_window = on_window

@@ -11,7 +11,7 @@ import vtk
 
 from ..core.colors import Color
 from .drawn_outline import DrawnOutline
-from .view_mouse import PRESSES, ViewMouse
+from .view_mouse import PRESSES, SliceMouse
 
 Shape = Literal["lasso", "box", "line"]
 
@@ -45,7 +45,7 @@ class DrawingTool:
         on_drawn: Callable[[np.ndarray], None],
         on_click: Callable[[], None],
     ) -> None:
-        self._mouse = ViewMouse(interactor, slice_node)
+        self._mouse = SliceMouse(interactor, slice_node)
         self._shape = shape
         self._on_drawn = on_drawn
         self._on_click = on_click

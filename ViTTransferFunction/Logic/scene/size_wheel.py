@@ -8,7 +8,7 @@ import numpy as np
 import slicer
 import vtk
 
-from .view_mouse import ViewMouse
+from .view_mouse import SliceMouse
 
 STILL_MM = 3.0
 """Nearer than this, the mouse is where it was at the last notch: a hand on a wheel trembles."""
@@ -36,7 +36,7 @@ class SizeWheel:
         is_over: Callable[[np.ndarray], bool],
         on_notch: Callable[[int], None],
     ) -> None:
-        self._mouse = ViewMouse(interactor, slice_node)
+        self._mouse = SliceMouse(interactor, slice_node)
         self._selected = selected
         self._is_over = is_over
         self._on_notch = on_notch

@@ -9,7 +9,7 @@ import slicer
 import vtk
 
 from .brush_circle import BrushCircle
-from .view_mouse import PRESSES, ViewMouse
+from .view_mouse import PRESSES, SliceMouse
 
 
 class StrokeTool:
@@ -33,7 +33,7 @@ class StrokeTool:
         radius_mm: float,
         on_point: Callable[[np.ndarray, bool], None],
     ) -> None:
-        self._mouse = ViewMouse(interactor, slice_node)
+        self._mouse = SliceMouse(interactor, slice_node)
         self._slice_node = slice_node
         self._draw = draw
         self._step_mm = step_mm

@@ -22,12 +22,10 @@ class ViewMouse:
 
     Args:
         interactor: of the view's render window.
-        slice_node: says where a slice view lies in the patient; None: it is a 3D view.
     """
 
-    def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode | None = None) -> None:
+    def __init__(self, interactor: vtk.vtkRenderWindowInteractor) -> None:
         self._interactor = interactor
-        self._slice_node = slice_node
         self._tags: list[int] = []
 
     @property
@@ -60,11 +58,6 @@ class ViewMouse:
         held = {"Ctrl": view.GetControlKey(), "Shift": view.GetShiftKey(), "Alt": view.GetAltKey()}
         return {key for key, is_held in held.items() if is_held}
 
-    def in_patient(self, position: tuple[float, float]) -> np.ndarray:
-        """(3,) RAS millimetres of a position in a slice view."""
-        assert self._slice_node is not None
-        return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((*position, 0.0, 1.0))[:3])
-
     @property
     def renderer(self) -> vtk.vtkRenderer:
         """What draws the view."""
@@ -82,3 +75,20 @@ class ViewMouse:
             command = caller.GetCommand(tag)
             if command is not None:
                 command.SetAbortFlag(1)
+
+
+class SliceMouse(ViewMouse):
+    """Listens to the mouse in one slice view.
+
+    Args:
+        interactor: of the view's render window.
+        slice_node: says where the view lies in the patient.
+    """
+
+    def __init__(self, interactor: vtk.vtkRenderWindowInteractor, slice_node: slicer.vtkMRMLSliceNode) -> None:
+        super().__init__(interactor)
+        self._slice_node = slice_node
+
+    def in_patient(self, position: tuple[float, float]) -> np.ndarray:
+        """(3,) RAS millimetres of a position in the view."""
+        return np.array(self._slice_node.GetXYToRAS().MultiplyPoint((*position, 0.0, 1.0))[:3])
