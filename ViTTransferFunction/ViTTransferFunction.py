@@ -126,9 +126,7 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         """Slicer ends, or loads the module anew."""
         self.removeObservers()
         if self.panel is not None:
-            self.panel.shortcuts.remove()
-            self.panel.size.leave_wheel()
-            self.panel.copied.leave()
+            self.panel.leave_input()
             self.panel.close()
 
     def enter(self) -> None:
@@ -136,17 +134,13 @@ class ViTTransferFunctionWidget(ScriptedLoadableModuleWidget, VTKObservationMixi
         if self.panel is not None:
             if self.panel.session is None:
                 self._open()
-            self.panel.shortcuts.install()
-            self.panel.size.take_wheel()
-            self.panel.copied.watch()
+            self.panel.take_input()
             self.panel.refresh()
 
     def exit(self) -> None:
         """The user goes to another module; what is being computed goes on."""
         if self.panel is not None:
-            self.panel.shortcuts.remove()
-            self.panel.size.leave_wheel()
-            self.panel.copied.leave()
+            self.panel.leave_input()
             self.panel.shortcut_help.close()
             self.panel.tools.put_down()
 

@@ -60,7 +60,6 @@ class Panel:
         close_up: what has structures looked at by themselves.
         shortcuts: the keys.
         shortcut_help: the list of the keys.
-        copied: what is copied out of messages.
     """
 
     def __init__(self, ui: Any, window: Any, icons: Path) -> None:
@@ -68,7 +67,7 @@ class Panel:
         self._ui = ui
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
-        self.copied = CopiedText(ui.messageLabel)
+        self._copied = CopiedText(ui.messageLabel)
         report = self._report
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
@@ -132,6 +131,18 @@ class Panel:
             for section in self._sections:
                 section.session = None
             self.refresh()
+
+    def take_input(self) -> None:
+        """Take keys, the wheel, and what is copied out of messages, for as long as the module is open."""
+        self.shortcuts.install()
+        self.size.take_wheel()
+        self._copied.watch()
+
+    def leave_input(self) -> None:
+        """Leave them to Slicer."""
+        self.shortcuts.remove()
+        self.size.leave_wheel()
+        self._copied.leave()
 
     def bind_parameters(self) -> None:
         """Keep widgets and parameter node equal from now on, and end what the scene was saved in the midst of."""
