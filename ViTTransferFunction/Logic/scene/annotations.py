@@ -14,16 +14,7 @@ from ..core.colors import Color
 from ..core.errors import InputError
 from .class_size import stepped, turned
 from .class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, without_points
-from .classes import (
-    class_id,
-    class_nodes,
-    create_class,
-    negative_node,
-    order_classes,
-    remove_class,
-    write_class,
-    write_classes,
-)
+from .classes import class_id, class_nodes, create_class, negative_node, order_classes, remove_class, write_class, write_classes
 from .point_lists import Point
 from .volume_histories import Classes
 from .watched_classes import WatchedClasses

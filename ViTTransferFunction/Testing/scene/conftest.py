@@ -10,6 +10,7 @@ import pytest
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Testing.support.corrected import Corrected
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_parameter_node, add_segment, open_spheres
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres
@@ -63,3 +64,10 @@ def with_others(a_segmentation: Any, a_volume: Any) -> Callable[[], dict[str, An
     a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(a_volume)
     assert a_segmentation.GetSegmentation().GetNumberOfLayers(LABELMAP) == 2
     return lambda: {name: everything_about(a_segmentation, name) for name in ("bone", "vessel", "tumour")}
+
+
+@pytest.fixture
+def corrected(slicer_app: Any) -> Iterator[Corrected]:
+    corrected = Corrected(slicer_app.scene)
+    yield corrected
+    corrected.annotations.close()

@@ -27,13 +27,7 @@ from ViTTransferFunction.Logic.scene.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.scenes import (
-    add_parameter_node,
-    add_volume,
-    annotate,
-    put_under,
-    segment_masks,
-)
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
