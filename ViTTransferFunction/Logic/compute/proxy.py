@@ -176,6 +176,7 @@ class SegmentationProxy:
         if look != self._due.look:
             self._due.change_look(look)
             if look is None:
+                self._pending.give_up(Render)
                 self.rendering = None
 
     def segment(self, refinement: Refinement) -> None:

@@ -27,6 +27,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     RefineMaps,
     Refinement,
     ReleaseVolume,
+    Render,
     SegmentClasses,
     Taken,
     TakeVolume,
@@ -44,6 +45,7 @@ from ViTTransferFunction.Testing.support.stub_client import (
     LIVER,
     MAP,
     MOVED,
+    RENDERING,
     SETTINGS,
     SPLEEN,
     VOLUME,
@@ -174,6 +176,21 @@ def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(
     client.alive = False
     proxy.poll()
     assert "ran out of memory" in (proxy.take_error() or "")
+
+
+def test_a_rendering_that_is_under_way_when_3d_views_are_switched_off_is_not_shown(
+    ready: SegmentationProxy, client: StubClient
+) -> None:
+    ready.look("similarity", {})
+    ready.update([LIVER], None)
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    rendering = client.kinds().index("Render") + 1
+    ready.look(None, {})
+    assert client.cancelled == [rendering]
+    client.answer(Render, RENDERING)
+    assert ready.poll() == set()
+    assert (ready.rendering, ready.awaits_views) == (None, False)
 
 
 PROPOSALS = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
