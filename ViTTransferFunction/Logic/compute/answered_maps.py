@@ -78,7 +78,7 @@ class AnsweredMaps:
         kept = {
             annotated.id: shown[annotated.id]
             for annotated in request.classes
-            if self._is_refined(shown, annotated) and _hardly_changed(before[annotated.id], self.low_maps[annotated.id])
+            if self._is_refined(shown, annotated) and _hardly_changed(before.get(annotated.id), self.low_maps[annotated.id])
         }
         if kept:
             self.maps = {**self.low_maps, **kept}
@@ -117,9 +117,10 @@ def _by_id(classes: Sequence[ClassRequest], values: Sequence[T]) -> dict[str, T]
     return dict(zip([annotated.id for annotated in classes], values, strict=True))
 
 
-def _hardly_changed(before: ClassMap, after: ClassMap) -> bool:
+def _hardly_changed(before: ClassMap | None, after: ClassMap) -> bool:
     """Whether two maps of a class on the same cells select about the same ones."""
-    if before.array.shape != after.array.shape:
+    # There is none before where memory sufficed for S_H, a moment after it had not for S_L.
+    if before is None or before.array.shape != after.array.shape:
         return False
     was, now = (each.array >= in_units_of(each.array, each.iso) for each in (before, after))
     return int(np.count_nonzero(was != now)) <= HARDLY_CHANGED * int(np.count_nonzero(was))

@@ -118,6 +118,13 @@ def test_what_a_click_on_another_class_takes_away_is_shown_at_once(refined: Answ
     assert refined.volumes_ml == {"liver": 3.0, "spleen": 4.0}
 
 
+def test_a_class_may_have_come_refined_alone() -> None:
+    answers = AnsweredMaps()
+    answers.take_refined(RefineMaps(BOTH, Refinement()), RefinedMaps((coarse_map(), coarse_map()), (1.25, 0.5)))
+    answers.take(ComputeMaps(BOTH), maps := Maps((coarse_map(), coarse_map())), refining=True)
+    assert list(answers.maps.values()) == list(maps.maps)
+
+
 def test_where_nothing_is_refined_any_more_all_maps_are_the_latest(refined: AnsweredMaps) -> None:
     spleen = coarse_map()
     liver = click(refined, spleen, refining=False)
