@@ -35,4 +35,4 @@ def settings_called(name: str) -> FeatureSettings:
     """One of `SETTINGS`, or what `at_grid` named."""
     if name in SETTINGS:
         return SETTINGS[name]
-    return replace(DEFAULT_SETTINGS, grid=int(name.removeprefix(_AT_GRID)))
+    return DEFAULT_SETTINGS.with_grid(int(name.removeprefix(_AT_GRID)))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
+ROUNDING = 1e-6
+"""Of a cell: a volume that is stored turned is as long as before but for rounding errors, and has the same cells."""
 FORMAT_VERSION = 8
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 FINE_SPACING_MM = 0.0073
@@ -33,7 +35,9 @@ class FeatureSettings:
     """How features are extracted.
 
     Attributes:
-        grid: number of cells along the volume's longest edge.
+        grid: number of cells along the volume's longest edge, at least.
+        largest_cell_mm: where cells would be larger by `grid`, more of them, but in all no more than a cube has, grid³: then a
+            click takes no longer in a long volume than in a cube, and what is thin in it is seen. None: `grid` alone.
         most_patches: of all slices together, about; where one patch a cell would be more, patches are larger than cells, and
             features are interpolated before they are compared. None: one patch a cell, whatever it takes.
         layer_step: run the slices of every n-th layer of patches and interpolate between; 1 runs all.
@@ -51,6 +55,7 @@ class FeatureSettings:
     """
 
     grid: int = 64
+    largest_cell_mm: float | None = None
     most_patches: int | None = None
     layer_step: int = 1
     isotropic: bool = True
@@ -73,6 +78,10 @@ class FeatureSettings:
             return network_channels(volume)
         return NetworkChannels.grey(full_range_window(volume.whole) if self.window == "full range" else self.window)
 
+    def with_grid(self, grid: int) -> FeatureSettings:
+        """The same settings with `grid` cells along the longest edge, however large they are."""
+        return replace(self, grid=grid, largest_cell_mm=None)
+
     def on(self, device: torch.device) -> FeatureSettings:
         """The same settings with the precision that they come to on `device`."""
         return replace(self, precision=precision_name(device)) if self.precision == "device" else self
@@ -92,8 +101,13 @@ def check_grid(grid: int) -> None:
 
 
 def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int, int]:
-    """Number of cells along (K, J, I): `settings.grid` along the longest edge, the others in proportion, at least 1."""
-    return shape_along(geometry, settings.grid, settings.isotropic)
+    """Number of cells along (K, J, I): `grid` along the longest edge or more (`FeatureSettings`), the others in proportion."""
+    finer = settings.grid
+    if settings.largest_cell_mm is not None:
+        finer = min(math.ceil(geometry.extent_mm.max() / settings.largest_cell_mm - ROUNDING), LARGEST_GRID)
+    shapes = (shape_along(geometry, longest, settings.isotropic) for longest in range(finer, settings.grid, -1))
+    coarsest = shape_along(geometry, settings.grid, settings.isotropic)
+    return next((shape for shape in shapes if math.prod(shape) <= settings.grid**3), coarsest)
 
 
 def shape_along(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:

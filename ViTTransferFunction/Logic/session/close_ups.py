@@ -180,7 +180,7 @@ def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSetti
     """
     longest = int(np.argmax(part.extent_mm[::-1]))
     patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)
-    return replace(settings, grid=min(settings.grid, part.shape[longest]), most_patches=patches)
+    return replace(settings.with_grid(min(settings.grid, part.shape[longest])), most_patches=patches)
 
 
 def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:

@@ -37,7 +37,7 @@ def _whitened(meaning: str, features: FeatureSettings) -> Preset:
 
 # Benchmarks/results/features.md has what these cost, and what they buy.
 PRESETS = {
-    "balanced": _whitened(PRESET_MEANINGS["balanced"], FeatureSettings(most_patches=20_000)),
+    "balanced": _whitened(PRESET_MEANINGS["balanced"], FeatureSettings(most_patches=20_000, largest_cell_mm=8.0)),
     "fine": _whitened(PRESET_MEANINGS["fine"], FeatureSettings(layer_step=2)),
     "paper": Preset(
         meaning=PRESET_MEANINGS["paper"],

@@ -15,7 +15,7 @@ class SessionSettings:
 
     Attributes:
         preset: one of `PRESETS`.
-        grid: feature cells along the longest edge; None: the preset's.
+        grid: feature cells along the longest edge, however long it is; None: the preset's.
         window: intensities that the network sees, low and high; None: the preset's.
         model: one of `PRETRAINED_MODELS`; None: the former one, else the one whose weights the user's file holds, else the
             preset's.
@@ -36,7 +36,7 @@ class SessionSettings:
         """The preset's, with the changes. Raises InputError where a setting cannot be used."""
         settings = preset(self.preset).features
         if self.grid is not None:
-            settings = replace(settings, grid=self.grid)
+            settings = settings.with_grid(self.grid)
         if self.window is not None:
             settings = replace(settings, window=IntensityWindow(*self.window))
         return settings

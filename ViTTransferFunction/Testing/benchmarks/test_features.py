@@ -86,7 +86,7 @@ def test_the_report_has_a_line_for_each_run(report: dict[str, Any], tmp_path: Pa
 def test_a_grid_is_the_default_setting_but_for_its_cells() -> None:
     default = PRESETS[DEFAULT_PRESET].features
     assert settings_called(DEFAULT) == default
-    assert settings_called(at_grid(96)) == replace(default, grid=96)
+    assert settings_called(at_grid(96)) == default.with_grid(96)
     assert len(set(SETTINGS.values())) == len(SETTINGS)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -121,6 +122,31 @@ def test_cells_are_cubes_in_millimetres() -> None:
     geometry = Geometry((40, 100, 200), np.diag([1.0, 1.0, 5.0, 1.0]))
     assert grid_shape(geometry, FeatureSettings(grid=20)) == (20, 10, 20)
     assert grid_shape(geometry, FeatureSettings(grid=20, isotropic=False)) == (4, 10, 20)
+
+
+def test_a_long_volume_has_smaller_cells_but_no_more_than_a_cube() -> None:
+    settings = FeatureSettings(grid=64, largest_cell_mm=8.0)
+
+    def cells(*edges_mm: float) -> tuple[int, int, int]:
+        return grid_shape(Geometry((100, 100, 100), np.diag([edge / 100.0 for edge in edges_mm[::-1]] + [1.0])), settings)
+
+    assert cells(512.0, 100.0, 200.0) == (64, 12, 25), "they are small enough"
+    assert cells(628.0, 406.0, 406.0) == (79, 51, 51)
+    assert cells(1000.0, 1000.0, 1000.0) == (64, 64, 64), "a cube has them all"
+    in_long = cells(1000.0, 400.0, 500.0)
+    assert 64 < in_long[0] < 1000.0 / 8.0
+    assert 0.9 * 64**3 < math.prod(in_long) <= 64**3
+    assert cells(2000.0, 100.0, 100.0) == (128, 6, 6), "a grid has no more along an edge"
+
+
+def test_a_volume_that_is_stored_turned_has_the_same_cells() -> None:
+    settings = FeatureSettings(grid=64, largest_cell_mm=8.0)
+    turn = np.eye(4)
+    turn[:2, :2] = [[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]]
+    straight = Geometry((90, 110, 520), np.diag([1.0, 1.0, 1.0, 1.0]))
+    for turns in range(1, 8):
+        turned = Geometry(straight.shape, np.linalg.matrix_power(turn, turns) @ straight.ijk_to_ras)
+        assert grid_shape(turned, settings) == grid_shape(straight, settings)
 
 
 def test_the_papers_preset_is_repeatable_bit_for_bit(

@@ -16,10 +16,11 @@ from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window
 from ViTTransferFunction.Logic.core.volume import Volume
 from ViTTransferFunction.Logic.features.network_channels import network_channels
-from ViTTransferFunction.Logic.features.settings import FeatureSettings
+from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
 from ViTTransferFunction.Logic.session import segmentation_session
 from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, close_up_settings, largest_within
 from ViTTransferFunction.Logic.session.opening import open_session
+from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
@@ -214,6 +215,8 @@ def test_cells_of_a_close_up_are_no_smaller_than_voxels_and_its_patches_are_few(
     assert (settings.grid, settings.most_patches) == (64, MOST_PATCHES)
     assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.eye(4))).grid == 40
     assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.diag([1, 1, 3, 1]))).grid == 30
+    of_thick_slices = Geometry((30, 20, 40), np.diag([10, 10, 20, 1]))
+    assert grid_shape(of_thick_slices, close_up_settings(PRESETS["balanced"].features, of_thick_slices)) == (30, 10, 20)
 
 
 def test_a_thin_structure_is_not_lost_on_coarser_cells() -> None:

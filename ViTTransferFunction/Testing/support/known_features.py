@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ViTTransferFunction.Logic.core.close_up import CloseUp
@@ -17,7 +15,7 @@ from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 
 GRID = 16
-SETTINGS = replace(PRESETS[DEFAULT_PRESET].features, grid=GRID)
+SETTINGS = PRESETS[DEFAULT_PRESET].features.with_grid(GRID)
 """The settings that the features are cached under, those of the default preset but for the grid."""
 
 
