@@ -65,7 +65,7 @@ GESTURES = {
 """The README's rows of what a first gesture is worth, and the scans in the results; "" for the mean of all."""
 BEGUN_WITH = {"clicks": "clicks", "a diameter, then clicks": "diameter", "an outline, then clicks": "outline"}
 CLOSE_UPS = {"amos_0336 all": "AMOS 336", "brain 20": "brain", "torso_small all": "torso"}
-SMALL_STRUCTURES = CLOSE_UPS | {"lung cancer CT": "lung cancer CT", "lung nodule CT": "lung nodule", "all": "all 38"}
+SMALL_STRUCTURES = CLOSE_UPS | {"lung cancer CT": "lung cancer CT", "lung nodule CT": "lung nodule", "all": "all"}
 """What the scans are called where closer looks are measured, and in the results."""
 PRESETS = {"*balanced*": "accuracy", "*fine*": "accuracy_fine"}
 CLICKS = ("1", "3", "5")
