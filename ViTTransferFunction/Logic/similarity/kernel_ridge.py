@@ -50,6 +50,7 @@ from .iso_value import (
 from .kernel_rows import KernelRows
 from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
 from .point_reach import PointReach, Reach, points_before
+from .ridge_systems import solve_each
 from .similarity_map import SimilarityMap
 
 POINT_RIDGE = 0.05
@@ -256,7 +257,7 @@ class KernelRidge:
         wanted = np.concatenate([targets, background])
         ridge = np.concatenate([np.full(len(targets), POINT_RIDGE), np.full(len(background), BACKGROUND_RIDGE)])
         seen = ~np.isnan(wanted)
-        weights = _solve(kernel, ridge, wanted, seen)
+        weights = solve_each(kernel, ridge, wanted, seen)
         for _ in range(BACKGROUND_ROUNDS):
             scores = kernel[len(targets) :] @ weights
             # A cell that turns out to lie inside any of the classes is no background for the others either.
@@ -264,11 +265,11 @@ class KernelRidge:
             if np.array_equal(stays, seen[len(targets) :]):
                 break
             seen[len(targets) :] = stays
-            weights = _solve(kernel, ridge, wanted, seen)
+            weights = solve_each(kernel, ridge, wanted, seen)
         if annotated.positive.all():
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
-        return weights, _solve(kernel, ridge, wanted, seen)
+        return weights, solve_each(kernel, ridge, wanted, seen)
 
 
 def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive: np.ndarray) -> list[bytes]:
@@ -324,18 +325,3 @@ def _annotated(requests: Sequence[ClassRequest], seen_at: Callable[[np.ndarray, 
         targets += [positive, negative]
     part = np.repeat(np.arange(len(points)), [len(of_polarity) for of_polarity in points])
     return _Annotated(np.concatenate(points), np.concatenate(targets), classes=part // 2, positive=part % 2 == 0)
-
-
-def _solve(kernel: np.ndarray, ridge: np.ndarray, wanted: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(K + Λ)⁻¹ Y, for every class over the places that it sees; 0 at the others."""
-    weights = np.zeros_like(wanted)
-    classes_of_pattern: dict[bytes, list[int]] = {}
-    for index, rows in enumerate(seen.T):
-        classes_of_pattern.setdefault(rows.tobytes(), []).append(index)
-    # Classes without negative points of their own all see the same places, and share one factorisation.
-    for numbers in classes_of_pattern.values():
-        classes = np.array(numbers)
-        rows = seen[:, classes[0]]
-        system = kernel[np.ix_(rows, rows)] + np.diag(ridge[rows])
-        weights[np.ix_(rows, classes)] = np.linalg.solve(system, wanted[np.ix_(rows, classes)])
-    return weights

@@ -25,8 +25,7 @@ LEFT, RIGHT = (slice(2, 6), slice(3, 9), slice(2, 5)), (slice(2, 6), slice(3, 9)
 ABOVE = (slice(8, 11), slice(3, 9), slice(3, 10))
 
 
-@pytest.fixture
-def blocks() -> tuple[NormalisedFeatures, Volume]:
+def blocks_in_noise(deviation: float) -> tuple[NormalisedFeatures, Volume]:
     """Two equal blocks on the left and right, another kind above, in a noisy background; 24³ voxels, 12³ cells."""
     kinds = np.zeros(CELLS, dtype=int)
     kinds[LEFT] = kinds[RIGHT] = 1
@@ -34,9 +33,14 @@ def blocks() -> tuple[NormalisedFeatures, Volume]:
     generator = np.random.default_rng(0)
     features = np.eye(3)[kinds] + 0.15 * generator.normal(size=(*CELLS, 3))
     voxels = np.repeat(np.repeat(np.repeat(np.array([0.0, 100.0, 60.0])[kinds], 2, 0), 2, 1), 2, 2)
-    volume = Volume(voxels + generator.normal(0, 3, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+    volume = Volume(voxels + generator.normal(0, deviation, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
     geometry = volume.geometry.resized(CELLS)
     return normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume
+
+
+@pytest.fixture
+def blocks() -> tuple[NormalisedFeatures, Volume]:
+    return blocks_in_noise(3.0)
 
 
 @pytest.fixture
@@ -297,3 +301,18 @@ def test_a_negative_click_on_what_is_like_the_structure_in_a_cell_that_is_not_ta
     on_bump = volume.geometry.ijk_to_ras_points(np.array([[10.0, 12.0, 8.0]]))
     (before,), (after,) = maps_of(rule, [a_class("a", IN_LEFT)]), maps_of(rule, [a_class("a", IN_LEFT, negative=on_bump)])
     assert after[LEFT].mean() > 0.9 * before[LEFT].mean()
+
+
+@pytest.mark.parametrize("count", [200, 300, 400])
+def test_hundreds_of_points_in_one_structure_find_it(count: int) -> None:
+    """With connectedness all points and random cells have no kernel together, whose equations had other solutions."""
+    features, volume = blocks_in_noise(20.0)
+    middle = np.mean([IN_LEFT, at_cell(3, 5, 3)], axis=0)
+    points = middle + np.random.default_rng(1).uniform(-5.0, 5.0, (count, 3))
+
+    (found,) = maps_of(KernelRidge(features, volume), [a_class("a", points)])
+
+    inside = np.zeros(CELLS, dtype=bool)
+    inside[LEFT] = True
+    assert np.median(found[inside]) > 0.5
+    assert np.median(found[inside]) > 3.0 * np.quantile(found[~inside], 0.8)
