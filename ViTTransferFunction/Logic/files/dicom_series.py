@@ -11,10 +11,10 @@ import SimpleITK as sitk  # noqa: N813
 from ..core.errors import InputError
 from .dicom_folder import DicomSeries, read_content
 from .dicom_frames import frame_positions, with_frame_scales
-from .dicom_slice import DicomSlice, heights, turned
+from .dicom_slice import ORIENTATION, PIXEL_SIZE, POSITION, DicomSlice, heights, turned
 from .itk_errors import last_line
 from .series_choice import choose_series
-from .straightening import warn_of_gaps
+from .straightening import LARGEST_DEVIATION, warn_of_gaps
 from .volumes_of_series import SAME_PLACE
 
 
@@ -25,8 +25,8 @@ def read_series(
 
     Args:
         folder: with its slices, or with folders that have them.
-        on_warning: is told where slices seem to be missing; and where other series were passed over, since they are no
-            volumes.
+        on_warning: is told where slices seem to be missing, or do not say how they lie; and where other series were passed
+            over, since they are no volumes.
         series: which one, as `choose_series` takes it; None: the only one that can be a volume.
 
     Returns:
@@ -62,6 +62,7 @@ def read_series(
     if len(slices) == 1:
         image = with_frame_scales(slices[0].path, image)
         return image, frame_positions(slices[0].path, image, on_warning)
+    _warn_of_unsaid(folder, slices, on_warning)
     warn_of_gaps(folder, heights(slices), [_name(each.path, folder) for each in slices], on_warning)
     return image, np.array([each.position for each in slices])
 
@@ -71,6 +72,21 @@ def _warn_of_unread_files(folder: Path, unread: Sequence[Path], on_warning: Call
     if unread:
         first = _name(unread[0], folder)
         on_warning(f"{folder}: DICOM files without a slice that can be read: {len(unread)}, such as {first}.")
+
+
+def _warn_of_unsaid(folder: Path, slices: Sequence[DicomSlice], on_warning: Callable[[str], None]) -> None:
+    """Those who take names out of headers may take too much."""
+    unsaid = frozenset[str]().union(*(each.unsaid for each in slices))
+    if PIXEL_SIZE in unsaid:
+        on_warning(
+            f"{folder}: slices do not say how far apart their pixels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
+            "so are all volumes and distances; export them again with their pixel spacing (0028,0030)."
+        )
+    if ORIENTATION in unsaid:
+        on_warning(
+            f"{folder}: slices do not say how they lie in the patient: they are taken for axial ones, as 3D Slicer does, and "
+            "left and right may be exchanged. Check the sides, or export them again with their orientation (0020,0037)."
+        )
 
 
 def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
@@ -91,6 +107,17 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
             f"The DICOM series in {folder} has slices of different sizes, such as {one} and {other} pixels. Name a folder with "
             "slices of one size."
         )
+    pixels_mm = np.array([each.pixel_mm for each in slices])
+    # ITK takes the first one's for all: the last pixels of another would lie elsewhere.
+    off_mm = (np.abs(pixels_mm - pixels_mm[0]) * sizes[0, :2]).max(axis=1)
+    if off_mm.max() > LARGEST_DEVIATION * pixels_mm.min():
+        one, other = (
+            f"{names[index]} with {' × '.join(f'{mm:g}' for mm in pixels_mm[index])}" for index in (0, int(off_mm.argmax()))
+        )
+        raise InputError(
+            f"The DICOM series in {folder} has slices whose pixels differ in size, such as {one} and {other} mm. Name a folder "
+            "with slices of one size."
+        )
     oblique = turned(slices)
     if oblique.any():
         raise InputError(
@@ -103,6 +130,11 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
     closest = int(gaps.argmin())
     if gaps[closest] <= SAME_PLACE * np.median(gaps):
         one, other = sorted(names[closest : closest + 2])
+        if POSITION in slices[closest].unsaid | slices[closest + 1].unsaid:
+            raise InputError(
+                f"The DICOM series in {folder} has slices that do not say where they lie, such as {one} or {other}; expected a "
+                "position (0020,0032) of each. Export them again from where they came."
+            )
         raise InputError(
             f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
             "several phases or echoes, which the headers do not tell apart here, put one into a folder of its own."

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from .dicom_frames import LARGEST_TURN
 from .dicom_kind import instead_of_scan
 from .image_headers import DICOM_READER
 
+POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
+"""Tags of where the first pixel of a slice lies, of how its rows and columns run, and of how far apart its pixels are."""
+
 
 @dataclass(frozen=True, eq=False)
 class DicomSlice:
@@ -24,6 +28,9 @@ class DicomSlice:
         position: of the first pixel, (3,), LPS millimetres.
         directions: of its axes, in columns (3, 3), its normal as the last.
         size: (I, J, K); K is 1 but where a file has several frames.
+        pixel_mm: between the middles of pixels along I and J, (2,), millimetres.
+        unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, at least not where those of slices
+            do. ITK takes 0, axial, and 1 mm.
         kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
         components: of each pixel; more than one in pictures in colour.
         series_uid: of the series, (0020,000E); "" where it was removed.
@@ -39,6 +46,8 @@ class DicomSlice:
     position: np.ndarray
     directions: np.ndarray
     size: tuple[int, int, int]
+    pixel_mm: np.ndarray
+    unsaid: frozenset[str]
     kind: int
     components: int
     series_uid: str
@@ -70,6 +79,8 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         np.array(reader.GetOrigin()[:3]),
         np.array(reader.GetDirection()).reshape(reader.GetDimension(), -1)[:3, :3],
         (width, height, frames),
+        np.array(reader.GetSpacing()[:2]),
+        frozenset(_unsaid(reader)),
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
         _text(reader, "0020|000e"),
@@ -101,6 +112,21 @@ def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
     """Which slices are not parallel to the first, (N,) bool."""
     directions = np.array([each.directions for each in slices])
     return np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_TURN
+
+
+def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
+    yield from (tag for tag in (POSITION, ORIENTATION) if not _text(reader, tag))
+    sizes = _text(reader, PIXEL_SIZE).split("\\")
+    # Some kinds of image say it elsewhere, where ITK finds it.
+    if not all(map(_is_length, sizes)) and 1.0 in reader.GetSpacing()[:2]:
+        yield PIXEL_SIZE
+
+
+def _is_length(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < math.inf
+    except ValueError:
+        return False
 
 
 def _text(reader: sitk.ImageFileReader, tag: str) -> str:

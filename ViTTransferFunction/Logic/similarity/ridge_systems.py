@@ -37,8 +37,8 @@ def _definite(system: np.ndarray, ridge: float) -> np.ndarray:
     """A system (N, N), with more on its diagonal where it would be indefinite, or nearly so.
 
     Between annotated points connectedness counts by way of other points, between a point and a random cell by itself
-    (`connected_points`): all together that is no kernel. Where a hundred points and more lie in one structure, an eigenvalue may
-    fall below 0, and the map is nonsense, at the very points as well.
+    (`connected_points`): all together that is no kernel. Where a hundred points and more lie in one structure, an eigenvalue
+    may fall below 0, and the map is nonsense, at the very points as well.
     """
     diagonal = np.eye(len(system))
     further = 0.0

@@ -7,6 +7,7 @@ import shutil
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,6 +96,22 @@ def test_slices_of_another_size_are_named(tmp_path: Path) -> None:
     write_dicom(tmp_path, smaller, first=3)
     with pytest.raises(InputError, match=r"000\.dcm with 7×6 and 003\.dcm with 7×5 pixels"):
         read_volume(tmp_path)
+
+
+def test_slices_whose_pixels_differ_in_size_are_named(tmp_path: Path) -> None:
+    """As of two reconstructions in one series; ITK takes the first one's size for all."""
+    write_dicom(tmp_path, stack(3))
+    larger = Scan(stack(3).array, np.array([2.0, 1.0, 3.0]), np.eye(3), np.array([0.0, 0.0, 9.0]), ([0] * 3, [0] * 3))
+    write_dicom(tmp_path, larger, first=3)
+    with pytest.raises(InputError, match=r"000\.dcm with 1 × 1 and 003\.dcm with 2 × 1 mm"):
+        read_volume(tmp_path)
+
+
+def test_sizes_of_pixels_may_be_rounded(tmp_path: Path) -> None:
+    write_dicom(tmp_path, stack(3))
+    rounded = Scan(stack(3).array, np.array([1.0001, 1.0, 3.0]), np.eye(3), np.array([0.0, 0.0, 9.0]), ([0] * 3, [0] * 3))
+    write_dicom(tmp_path, rounded, first=3)
+    assert warnings_of(tmp_path) == []
 
 
 def test_slices_in_several_directions_are_no_volume(tmp_path: Path) -> None:
@@ -216,6 +233,36 @@ def write_elements(path: Path, kind: str, name: str, *elements: bytes) -> Path:
     path.parent.mkdir(exist_ok=True)
     path.write_bytes(bytes(128) + b"DICM" + content)
     return path
+
+
+POSITION, ORIENTATION, PIXEL_SIZE = (0x20, 0x32), (0x20, 0x37), (0x28, 0x30)
+
+
+def write_slices(folder: Path, *, without: tuple[int, int] | None = None, pixel_size: str = "1.5\\1.25") -> Path:
+    """Write five slices that lack an element of those that say where their pixels lie."""
+    for k in range(5):
+        place = {POSITION: f"10\\20\\{2 * k}", ORIENTATION: AXIAL, PIXEL_SIZE: pixel_size}
+        said = {tag: element(*tag, "DS", value) for tag, value in place.items() if tag != without}
+        pixels = pixel_format(1) + said.pop(PIXEL_SIZE, b"") + element(0x28, 0x103, "US", 1)
+        voxels = element(0x7FE0, 0x10, "OW", np.arange(k, k + 42, dtype="<i2").tobytes())
+        write_elements(folder / f"{k}.dcm", "1.2.840.10008.5.1.4.1.1.2", f"1.2.3.{k}", *said.values(), pixels, voxels)
+    return folder
+
+
+@pytest.mark.parametrize("given", [{"without": PIXEL_SIZE}, {"pixel_size": "1.5\\0"}, {"pixel_size": "none"}])
+def test_of_slices_that_do_not_say_how_large_their_pixels_are_there_is_a_warning(tmp_path: Path, given: dict[str, Any]) -> None:
+    (warning,) = warnings_of(write_slices(tmp_path / "scan", **given))
+    assert "do not say how far apart their pixels are: 1 mm is taken" in warning
+
+
+def test_of_slices_that_do_not_say_how_they_are_turned_there_is_a_warning(tmp_path: Path) -> None:
+    (warning,) = warnings_of(write_slices(tmp_path / "scan", without=ORIENTATION))
+    assert "taken for axial ones, as 3D Slicer does, and left and right may be exchanged" in warning
+
+
+def test_slices_that_do_not_say_where_they_lie_are_no_copies_of_each_other(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"do not say where they lie, such as 0\.dcm or 1\.dcm; expected a position"):
+        read_volume(write_slices(tmp_path / "scan", without=POSITION))
 
 
 @pytest.mark.parametrize("slopes", [[1, 0.25, 0.5], [1, 60, 100], [0.5, 1, 2]])

@@ -33,7 +33,8 @@ def blocks_in_noise(deviation: float) -> tuple[NormalisedFeatures, Volume]:
     generator = np.random.default_rng(0)
     features = np.eye(3)[kinds] + 0.15 * generator.normal(size=(*CELLS, 3))
     voxels = np.repeat(np.repeat(np.repeat(np.array([0.0, 100.0, 60.0])[kinds], 2, 0), 2, 1), 2, 2)
-    volume = Volume(voxels + generator.normal(0, deviation, voxels.shape), Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
+    noisy = voxels + generator.normal(0, deviation, voxels.shape)
+    volume = Volume(noisy, Geometry(voxels.shape, np.diag([2.0, 2.0, 2.0, 1.0])))
     geometry = volume.geometry.resized(CELLS)
     return normalised_features(FeatureVolume(features, geometry, "key"), "whitened"), volume
 
