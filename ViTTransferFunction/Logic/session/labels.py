@@ -137,7 +137,8 @@ def keep_annotated_components(
 def _keep_components(labels: np.ndarray, label: int, seeds: np.ndarray) -> None:
     """Keep of one label in `labels` (K, J, I) the components that hold one of the voxels `seeds` (N, 3), if any does."""
     components = _SlabComponents(labels, label)
-    of_seeds = np.array([components.at(seed) for seed in seeds], dtype=int)
+    # Slab by slab: the numbers of one are kept at a time, and take a quarter of a second to find again.
+    of_seeds = np.array([components.at(seed) for seed in seeds[np.argsort(seeds[:, 0])]], dtype=int)
     kept = np.isin(components.groups, components.groups[of_seeds[of_seeds > 0]])
     if not kept.any():
         return

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.errors import Cancelled
 from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.session import labels as labels_module
 from ViTTransferFunction.Logic.session.labels import assign_labels, count_labels, keep_annotated_components
 
 SHAPE = (1, 1, 5)
@@ -63,6 +67,26 @@ def test_only_components_with_a_point_are_kept() -> None:
     assert (labels[1, 6:8, 6:8] == 1).all()
     assert labels[0, 5, 5] == 1
     assert (labels[1, 1:3, 6:8] == 2).all()
+
+
+def test_in_a_large_volume_components_are_not_looked_for_once_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points come in the order in which they were placed, up and down the volume."""
+    searched: list[int] = []
+
+    def label(*args: Any, **options: Any) -> Any:
+        searched.append(len(args[0]))
+        return ndimage.label(*args, **options)
+
+    monkeypatch.setattr(labels_module, "SLAB_VOXELS", 2 * 9 * 9)
+    monkeypatch.setattr(labels_module, "ndimage", SimpleNamespace(label=label))
+    labels = np.ones((8, 9, 9), dtype=np.uint16)
+    points = np.array([[4.0, 4.0, k] for k in (0, 7, 2, 5, 1, 6) * 5])
+
+    keep_annotated_components(labels, Geometry(labels.shape, np.eye(4)), {1: points})
+
+    slabs = 4
+    assert len(searched) <= 3 * slabs
+    assert labels.all()
 
 
 def test_a_click_need_not_wait_until_the_components_of_all_labels_are_found() -> None:
