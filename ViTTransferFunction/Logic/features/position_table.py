@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from .last_grids import LastGrids
+
 if TYPE_CHECKING:
     import torch
     from torch import Tensor
@@ -20,15 +22,17 @@ class PositionTable:
 
     def __init__(self, table: Tensor, dtype: torch.dtype) -> None:
         self._table, self._dtype = table, dtype
-        self._resized: dict[tuple[int, int], Tensor] = {}
+        self._resized = LastGrids()
 
     def resized(self, rows: int, columns: int) -> Tensor:
-        """Position embeddings (1 + rows·columns, C), remembered because every slice of an axis asks for the same."""
-        if (rows, columns) not in self._resized:
+        """Position embeddings (1 + rows·columns, C)."""
+
+        def resize() -> Tensor:
             # On the processor: before version 2.8, PyTorch cannot do this on Apple's graphics processors.
             table = interpolate_position_table(self._table.cpu().float(), rows, columns)[0]
-            self._resized[rows, columns] = table.to(self._table.device, self._dtype)
-        return self._resized[rows, columns]
+            return table.to(self._table.device, self._dtype)
+
+        return self._resized.of(rows, columns, resize)
 
 
 def interpolate_position_table(table: Tensor, rows: int, columns: int) -> Tensor:

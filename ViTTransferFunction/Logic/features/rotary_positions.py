@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from .buffer_pool import BufferPool
+from .last_grids import LastGrids
 from .packed_slices import PackedSlices, PatchTokens
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class RotaryPositions:
     def __init__(self, periods: Tensor) -> None:
         # In reduced precision, angles would be off by a hundredth, and neighbours in a large grid be hard to tell apart.
         self._periods = periods.float()
-        self._angles: dict[tuple[int, int], Tensor] = {}
+        self._angles = LastGrids()
 
     def rotations(self, slices: Sequence[PatchTokens], packed: PackedSlices, work: BufferPool) -> tuple[Tensor, Tensor]:
         """Cosines and sines of the angles of all rows, each (R, D/2) float32.
@@ -49,14 +50,15 @@ class RotaryPositions:
         return cosines, angles.sin_()
 
     def _of_grid(self, rows: int, columns: int) -> Tensor:
-        """Angles (rows·columns, D/2), remembered because every slice of an axis asks for the same."""
+        """Angles (rows·columns, D/2)."""
         import torch
 
-        if (rows, columns) not in self._angles:
+        def angles() -> Tensor:
             y, x = (2.0 * (torch.arange(n, device=self._periods.device) + 0.5) / n - 1.0 for n in (rows, columns))
             places = torch.cartesian_prod(y, x)
-            self._angles[rows, columns] = (2.0 * math.pi * places[..., None] / self._periods).flatten(1)
-        return self._angles[rows, columns]
+            return (2.0 * math.pi * places[..., None] / self._periods).flatten(1)
+
+        return self._angles.of(rows, columns, angles)
 
 
 def rotate(vectors: Tensor, cosines: Tensor, sines: Tensor) -> None:

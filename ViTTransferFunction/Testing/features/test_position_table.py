@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from typing import Any
 
 import torch
 
+from ViTTransferFunction.Logic.features.last_grids import MOST_GRIDS
 from ViTTransferFunction.Logic.features.position_table import PositionTable, interpolate_position_table
 
 
@@ -45,3 +48,17 @@ def test_a_table_on_another_device_is_resized_by_the_processor_which_every_pytor
     table: Any = Elsewhere()
     resized = PositionTable(table, torch.float16).resized(4, 9)
     assert (resized.device.type, resized.dtype, resized.shape) == ("meta", torch.float16, (37, 8))
+
+
+def test_tables_of_grids_that_are_not_asked_for_any_more_are_let_go() -> None:
+    """A program that sees one volume after the other, or one close-up, would hold megabytes more of each."""
+    table = PositionTable(torch.randn(1, 1 + 25, 8), torch.float32)
+    resized = [weakref.ref(table.resized(rows, 7)) for rows in range(3, 23)]
+    gc.collect()
+    assert sum(each() is not None for each in resized) <= MOST_GRIDS
+
+
+def test_every_slice_of_an_axis_gets_the_same_table() -> None:
+    table = PositionTable(torch.randn(1, 1 + 25, 8), torch.float32)
+    of_axes = [table.resized(*grid) for grid in ((4, 9), (9, 6), (4, 6))]
+    assert [table.resized(*grid) is first for grid, first in zip(((4, 9), (9, 6), (4, 6)), of_axes, strict=True)] == [True] * 3
