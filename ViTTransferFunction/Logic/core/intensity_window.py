@@ -13,6 +13,9 @@ from .volume import Volume, finite_range
 
 _SINGLE = np.finfo(np.float32)
 
+NARROWEST = 1e-35
+"""Width of a window. Some thousand parts of it are counted in single precision, which ends where they are 1e38 to a unit."""
+
 SAMPLE_SIZE = 2_000_000
 """Percentiles are taken over at most this many voxels, spread evenly: more would only take longer."""
 
@@ -30,7 +33,7 @@ class IntensityWindow:
 
     def __post_init__(self) -> None:
         bounds = np.array([self.low, self.high, self.width], dtype=np.float64)
-        if not (np.abs(bounds) <= _SINGLE.max).all() or self.width < float(_SINGLE.tiny):
+        if not (np.abs(bounds) <= _SINGLE.max).all() or self.width < NARROWEST:
             raise InputError(
                 f"The intensity window needs two numbers, the lower first; got {self.low:g} and {self.high:g}. "
                 "Change one, or have them chosen automatically."

@@ -12,6 +12,9 @@ import numpy as np
 from .errors import InputError
 from .geometry import Box, Geometry
 
+SMALLEST_SPREAD = 1e-30
+"""From the lowest to the highest intensity; of less, windows would be too narrow for single precision (`IntensityWindow`)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Volume:
@@ -97,9 +100,9 @@ class Volume:
             )
         # All that follows computes in single precision.
         spread = maximum - minimum
-        if max(abs(minimum), abs(maximum), spread) > float(np.finfo(np.float32).max) or np.float32(minimum) == np.float32(
-            maximum
-        ):
+        largest = max(abs(minimum), abs(maximum), spread)
+        held = largest <= float(np.finfo(np.float32).max) and spread >= SMALLEST_SPREAD
+        if not held or np.float32(minimum) == np.float32(maximum):
             raise InputError(
                 f"'{self.name}' has intensities from {minimum:g} to {maximum:g}, which cannot be told apart or held in single "
                 "precision. Save it with other units."

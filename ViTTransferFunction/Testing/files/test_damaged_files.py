@@ -269,7 +269,9 @@ def test_a_name_too_long_or_of_no_text_is_refused(tmp_path: Path) -> None:
             read_volume(tmp_path / name)
 
 
-@pytest.mark.parametrize("extremes", [(-1e308, 1e308), (0.0, 1e39), (-3e38, 3e38), (0.0, 1e-60), (1e9, 1e9 + 1e-3)])
+@pytest.mark.parametrize(
+    "extremes", [(-1e308, 1e308), (0.0, 1e39), (-3e38, 3e38), (0.0, 1e-60), (0.0, 1e-36), (1e9, 1e9 + 1e-3)]
+)
 def test_intensities_that_single_precision_cannot_hold_are_refused(tmp_path: Path, extremes: tuple[float, float]) -> None:
     sitk.WriteImage(sitk.GetImageFromArray(np.where(VOXELS > 500, *extremes)), str(tmp_path / "scan.nrrd"))
     with pytest.raises(InputError, match="single precision"):

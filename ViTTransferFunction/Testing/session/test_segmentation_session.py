@@ -82,6 +82,24 @@ def test_whatever_numbers_a_volume_comes_in_it_is_segmented_alike(
     np.testing.assert_array_equal(labels_of(integers.astype(dtype)), labels_of(integers.astype(np.int16)))
 
 
+@pytest.mark.parametrize("power", [-95, 60, 110])
+def test_in_whatever_unit_a_volume_comes_it_is_segmented_alike(
+    session: SegmentationSession, spheres: Spheres, power: int
+) -> None:
+    volume, requests = spheres[0], requests_of(spheres)
+    scaled = SegmentationSession(Volume(np.ldexp(volume.array, power), volume.geometry), session.preset)
+    scaled.use_features(session.features.source)
+    np.testing.assert_array_equal(scaled.segment(requests).labels, session.segment(requests).labels)
+
+
+@pytest.mark.parametrize("power", [-148, -132, -120, -110])
+def test_a_volume_in_units_so_large_that_single_precision_does_not_do_is_refused(spheres: Spheres, power: int) -> None:
+    """A reciprocal of its windows, times some thousands, would be infinite."""
+    volume = spheres[0]
+    with pytest.raises(InputError, match="in single precision. Save it with other units"):
+        Volume(np.ldexp(volume.array.astype(np.float64), power), volume.geometry)
+
+
 @pytest.mark.slow
 def test_tens_of_thousands_of_points_are_segmented_and_keep_all_their_parts(
     session: SegmentationSession, spheres: Spheres
