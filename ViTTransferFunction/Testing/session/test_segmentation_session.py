@@ -96,7 +96,7 @@ def test_in_whatever_unit_a_volume_comes_it_is_segmented_alike(
 def test_a_volume_in_units_so_large_that_single_precision_does_not_do_is_refused(spheres: Spheres, power: int) -> None:
     """A reciprocal of its windows, times some thousands, would be infinite."""
     volume = spheres[0]
-    with pytest.raises(InputError, match="in single precision. Save it with other units"):
+    with pytest.raises(InputError, match=r"in single precision\. Save it with other units"):
         Volume(np.ldexp(volume.array.astype(np.float64), power), volume.geometry)
 
 
