@@ -16,6 +16,7 @@ import slicer
 from ..Logic.core.errors import InputError, shown
 from ..Logic.core.file_names import kept_name
 from ..Logic.core.regular_file import check_regular_file
+from ..Logic.files.image_headers import named_voxels
 
 MODULE = "ViTTransferFunction"
 LARGEST_SCENE = 8 << 30
@@ -60,6 +61,7 @@ def unpacked_session(path: Path, folder: Path) -> Path:
         if not scenes:
             raise InputError(f"{problem}: there is no scene in it.")
         _check_self_contained(scenes[0])
+        _check_voxels_are_inside(folder, scenes[0])
     except InputError:
         raise
     except OSError as error:
@@ -186,6 +188,17 @@ def _check_self_contained(scene_file: Path) -> None:
             else:
                 continue
             raise InputError(f"{scene_file.stem} refers to data {where}, which is not loaded. Save it with its data.")
+
+
+def _check_voxels_are_inside(folder: Path, scene_file: Path) -> None:
+    """Raise InputError where the header of an image may name any file of the computer as that of its voxels."""
+    for path in folder.rglob("*"):
+        name = named_voxels(path) if path.is_file() else None
+        if name is not None and (_leads_out(name) or name.split()[:1] in ([], ["-"], ["LIST"])):
+            raise InputError(
+                f"{scene_file.stem} refers to data outside of it ({shown(path.name)}: {shown(name)}), which is not loaded. "
+                "Save it with its data."
+            )
 
 
 def _leads_out(file_name: str) -> bool:

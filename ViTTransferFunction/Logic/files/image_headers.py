@@ -91,6 +91,24 @@ def locate_voxels(path: Path) -> StoredVoxels | None:
     return image_format(path).locate(path, read_start(path))
 
 
+def named_voxels(path: Path) -> str | None:
+    """What the header of an image file says where its voxels are, as it is written; None: in the file itself.
+
+    Of a list of files, only its beginning.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    # Teem goes by the first letters, MetaIO by the name.
+    if read_start(path, 4) == b"NRRD":
+        return _nrrd_fields(read_start(path, _LONGEST_NRRD_HEADER)).get("datafile")
+    is_meta_image = path.name.lower().endswith((".mha", ".mhd"))
+    if is_meta_image and (last_line := _META_DATA_FILE.search(read_start(path) + b"\n")):
+        name = _meta_data_file(last_line)
+        return None if name.lower() == "local" else name
+    return None
+
+
 def says_spacing(path: Path) -> bool:
     """Whether the header of a file says how far apart its voxels are. Where it does not, ITK, and so Slicer, takes 1 mm.
 
@@ -227,7 +245,7 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
     if last_line is None:
         raise InputError(f"{path} is no MetaImage: its header has no line 'ElementDataFile = …'.")
     fields = _fields(start[: last_line.start()], "=")
-    name = last_line[1].decode("utf-8", "surrogateescape").strip()
+    name = _meta_data_file(last_line)
     # MetaIO hangs with fewer, and its tables have room for ten.
     if not re.fullmatch(r"[1-9]|10", fields.get("NDims", "3")):
         raise InputError(f"{path} says that it has {shown(fields['NDims'])} dimensions; expected 3.")
@@ -247,6 +265,10 @@ def _in_meta_image(path: Path, start: bytes) -> StoredVoxels:
         raise InputError(f"{path}: 'HeaderSize = {header_size}' cannot be used; save it again.")
     voxels = _named_file(path, name)
     return StoredVoxels(voxels, None if header_size == "-1" else int(header_size), compressed)
+
+
+def _meta_data_file(last_line: re.Match[bytes]) -> str:
+    return last_line[1].decode("utf-8", "surrogateescape").strip()
 
 
 _NRRD_END = re.compile(rb"\r?\n\r?\n")

@@ -138,6 +138,39 @@ def test_what_is_no_session_or_reaches_out_is_refused(files: dict[str, str], why
     assert not list(tmp_path.rglob("evil*"))
 
 
+NRRD, META_IMAGE = "NRRD0004\ntype: short\ndimension: 3\n", "ObjectType = Image\nNDims = 3\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "header"),
+    [
+        ("ct.nrrd", f"{NRRD}data file: /etc/hostname\n"),
+        ("ct.nrrd", f"{NRRD}content: {'x' * (1 << 20)}\nDataFile: ../../secret.raw\n\n"),
+        ("ct.nrrd", f"{NRRD}data file: /home/other/%03d.raw 1 9 1\n"),
+        ("ct.nrrd", f"{NRRD}data file: LIST\n/etc/hostname\n"),
+        ("ct.nrrd", f"{NRRD}data file: -\n"),
+        ("ct.seg.nrrd", f"{NRRD}data file: C:\\secret.raw\n"),
+        ("ct.of_no_ending", f"{NRRD}data file: /etc/hostname\n"),
+        ("CT.MHD", f"{META_IMAGE}ElementDataFile = /etc/hostname\n"),
+        ("ct.mha", f"{META_IMAGE}ElementDataFile = LIST\n/etc/hostname\n"),
+    ],
+)
+def test_a_session_whose_images_have_their_voxels_elsewhere_is_refused(name: str, header: str, tmp_path: Path) -> None:
+    """Any file of the computer would be opened, and saved with the session."""
+    session = archive(tmp_path / "session.mrb", **{"s/scene.mrml": "<MRML/>", f"s/Data/{name}": header})
+    (tmp_path / "unpacked").mkdir()
+    with pytest.raises(InputError, match=rf"outside of it \('{name}'"):
+        scene_files.unpacked_session(session, tmp_path / "unpacked")
+
+
+def test_a_session_whose_images_have_their_voxels_beside_them_is_opened(tmp_path: Path) -> None:
+    headers = {"a.nhdr": f"{NRRD}data file: a.raw\n", "b.mhd": f"{META_IMAGE}ElementDataFile = b.raw\n", "c.nrrd": f"{NRRD}\n"}
+    files = {f"s/Data/{name}": header for name, header in headers.items()}
+    session = archive(tmp_path / "session.mrb", **{"s/scene.mrml": "<MRML/>", **files, "s/Data/a.raw": "", "s/Data/b.raw": ""})
+    (tmp_path / "unpacked").mkdir()
+    assert scene_files.unpacked_session(session, tmp_path / "unpacked").name == "scene.mrml"
+
+
 def test_a_session_that_unpacks_to_more_than_fits_is_refused_before_anything_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
