@@ -317,3 +317,24 @@ def test_hundreds_of_points_in_one_structure_find_it(count: int) -> None:
     inside[LEFT] = True
     assert np.median(found[inside]) > 0.5
     assert np.median(found[inside]) > 3.0 * np.quantile(found[~inside], 0.8)
+
+
+def test_of_hundreds_of_points_those_on_the_rim_do_not_take_all_that_is_like_them() -> None:
+    features, volume = blocks_in_noise(3.0)
+    middle = np.mean([IN_LEFT, at_cell(3, 5, 3)], axis=0)
+    # As far as 8 mm from the middle of a block that ends 6, 8 and 12 mm from it.
+    points = middle + np.random.default_rng(1).uniform(-8.0, 8.0, (300, 3))
+
+    (found,) = maps_of(KernelRidge(features, volume), [a_class("a", points)])
+
+    inside = np.zeros(CELLS, dtype=bool)
+    inside[LEFT] = True
+    assert np.median(found[inside]) > np.quantile(found[~inside], 0.9)
+
+
+@pytest.mark.parametrize("count", [1, 15])
+def test_of_a_few_points_each_is_believed(blocks: tuple[NormalisedFeatures, Volume], count: int) -> None:
+    offsets = np.random.default_rng(1).uniform(-1.0, 1.0, (count, 3))
+    (found,) = maps_of(KernelRidge(*blocks), [a_class("a", IN_LEFT + offsets, negative=IN_ABOVE + offsets)])
+    assert found[4, 6, 3] > 0.8
+    assert found[9, 6, 6] < 0.05
