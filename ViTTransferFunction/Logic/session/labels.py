@@ -20,6 +20,9 @@ from ..core.voxel_digest import label_boxes
 
 BLOCK_VOXELS = 64
 """Along each edge of the blocks in which classes compete: what was won is remembered only where there is something."""
+TIE = 1e-4
+"""By so little, relatively, may a later class exceed an earlier one, and it is a tie. Maps of a structure and its duplicate are
+equal but for the order in which sums were made, which is another where the map of one is wanted sooner."""
 SLAB_VOXELS = 2**24
 """Components are looked for in parts of so many voxels, each of which takes four bytes then."""
 
@@ -33,7 +36,7 @@ def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, in
         shape: of the maps, (K, J, I).
 
     Returns:
-        (K, J, I) uint16: 0 where no class reaches its iso value, else 1 + the index of the class. An exact tie stays with the
+        (K, J, I) uint16: 0 where no class reaches its iso value, else 1 + the index of the class. A tie (`TIE`) stays with the
         class that came first.
     """
     competition = Competition(shape, np.uint16)
@@ -83,6 +86,8 @@ class Competition:
             labels, best = self.labels[part], self._best[corner][within(part, block)]
             wins = (ratio > best) | ((labels == 0) & reaches)
             labels[wins] = self._entered
+            # What a later class has to exceed; in place, as blocks are large.
+            ratio *= np.float32(1.0 + TIE)
             best[wins] = ratio[wins]
 
 

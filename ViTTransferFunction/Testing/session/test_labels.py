@@ -34,6 +34,13 @@ def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class(
     np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
 
 
+def test_what_rounding_makes_of_equal_maps_is_a_tie() -> None:
+    values = np.array([0.5, 0.25, 0.75, 0.3, 0.2], dtype=np.float32)
+    rounded = values * np.array([1.0, 1.0 + 1e-5, 1.0 - 1e-5, 1.0 + 2e-5, 1.0], dtype=np.float32)
+    labels = assign_labels([(a_map(*values), 0.25), (a_map(*rounded), 0.25)], SHAPE)
+    assert labels.ravel().tolist() == [1, 1, 1, 1, 0]
+
+
 def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
     assert count_labels(np.array([0, 3, 3, 1, 0], dtype=np.uint16).reshape(SHAPE), 4) == [1, 0, 2, 0]
 
