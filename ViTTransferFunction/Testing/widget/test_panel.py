@@ -509,6 +509,22 @@ def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
     assert widget.panel.tools.tool is None
 
 
+def test_the_keys_work_while_a_number_of_the_panel_has_the_keyboard(widget: Any, host: Host) -> None:
+    """As after its arrows were pressed. A number typed there is still one."""
+    add_class(widget)
+    box = widget.ui.brushSizeSlider.findChild(QAbstractSpinBox)
+    host.window.activateWindow()
+    box.setFocus()
+    box.selectAll()
+    QTest.keyClicks(box, "17")
+    for shifted, tool in (("NoModifier", "pointOff"), ("ShiftModifier", "brushOff")):
+        QTest.keyClick(box, Qt.Key.Key_N, Qt.KeyboardModifier[shifted])
+        assert widget.panel.tools.tool == tool
+    QTest.keyClick(box, Qt.Key.Key_Z)
+    assert widget.panel.session.classes == ()
+    assert box.value() == 17
+
+
 def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready: Any) -> None:
     manager = slicer.app.layoutManager().threeDWidget(0).managers[MARKUPS_MANAGER] = Mock()
     add_class(ready)
