@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import qt
 import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
@@ -44,6 +45,7 @@ class AnnotationTools(Section):
         ui.undoButton.clicked.connect(self.undo)
         ui.redoButton.clicked.connect(self.redo)
         ui.removeLastButton.clicked.connect(self.remove_last)
+        slicer.app.paletteChanged.connect(lambda *_: qt.QTimer.singleShot(0, self._on_colours))
 
     @property
     def tool(self) -> Tool | None:
@@ -115,3 +117,9 @@ class AnnotationTools(Section):
             style = IN_HAND if tool == self.tool else ""
             if button.styleSheet != style:
                 button.styleSheet = style
+
+    def _on_colours(self) -> None:
+        """Slicer's style is another one, whose colours the button with a style sheet takes up with that set anew."""
+        if self.tool is not None:
+            self._buttons[self.tool].styleSheet = ""
+            self._check_buttons()

@@ -160,6 +160,7 @@ class Application:
         logic.AddObserver(logic.ResumeRenderEvent, lambda *_: self._layout_manager.setRenderPaused(False))
         self._module_manager = ModuleManager()
         self._at_startup: list[Callable[[], None]] = []
+        self.paletteChanged = qt_application.paletteChanged
 
     def start(self) -> None:
         """Notify all observers that the start is over."""
