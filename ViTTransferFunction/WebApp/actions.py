@@ -189,8 +189,7 @@ class Actions:
     def _set_threshold_automatic(self, automatic: bool) -> None:
         selected = self._app.session.selected_class
         if selected is not None:
-            chosen = self._app.session.chosen_iso(selected.id)
-            self._set_fields(iso=None if automatic else (0.5 if chosen is None else chosen))
+            self._set_fields(iso=None if automatic else self._app.session.chosen_iso(selected.id))
 
     def _step(self, direction: Any) -> None:
         selected = self._app.session.selected_class

@@ -140,7 +140,7 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     return {
         "opacity": selected.look.opacity,
         "style": selected.look.style,
-        "threshold": round(0.5 if threshold is None else threshold, 3),
+        "threshold": None if threshold is None else round(threshold, 3),
         "automatic": selected.iso is None,
         "proximity": selected.proximity,
         "refine": selected.refine,

@@ -12,6 +12,8 @@ class ClassSettings(Section):
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
+        # What is below it stays where it is when it has no number.
+        ui.thresholdSlider.minimumHeight = ui.opacitySlider.sizeHint.height()
         ui.opacitySlider.valueChanged.connect(self._on_opacity)
         ui.thresholdSlider.valueChanged.connect(self._on_threshold)
         ui.thresholdAutomaticCheckBox.toggled.connect(self._on_threshold_automatic)
@@ -21,20 +23,19 @@ class ClassSettings(Section):
     def refresh(self) -> None:
         """Show the settings of the selected class."""
         ui, selected = self.ui, self.selected
-        widgets = (
-            ui.opacitySlider,
-            ui.thresholdSlider,
-            ui.thresholdAutomaticCheckBox,
-            ui.proximitySlider,
-            ui.refineCheckBox,
-        )
-        for widget in widgets:
+        threshold = None if selected is None else self.threshold(selected)
+        of_class = (ui.opacitySlider, ui.proximitySlider, ui.refineCheckBox)
+        of_threshold = (ui.thresholdSlider, ui.thresholdAutomaticCheckBox)
+        for widget in of_class:
             widget.enabled = selected is not None
+        for widget in of_threshold:
+            widget.enabled = threshold is not None
+        # What it was before is another structure's.
+        ui.thresholdSlider.spinBoxVisible = threshold is not None
         if selected is None:
             return
-        with signals_blocked(*widgets):
+        with signals_blocked(*of_class, *of_threshold):
             ui.opacitySlider.value = selected.look.opacity
-            threshold = self.threshold(selected)
             if threshold is not None:
                 ui.thresholdSlider.value = threshold
             ui.thresholdAutomaticCheckBox.checked = selected.iso is None

@@ -92,6 +92,18 @@ def test_the_network_s_window_is_that_of_the_views_until_it_is_set(opened: Calla
     opened(journey)
 
 
+def test_without_a_map_there_is_no_threshold_to_see_or_to_keep(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        app.actions("thresholdAutomatic", False)
+        assert app.session.classes[0].iso is None
+        assert app.server.state.settings["threshold"] is None
+        app.actions("set", "iso", 0.25)
+        assert app.server.state.settings["threshold"] == 0.25
+
+    opened(journey)
+
+
 def test_a_structure_is_duplicated_and_moved(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         app.actions("addClass")

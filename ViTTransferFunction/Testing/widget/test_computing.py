@@ -91,6 +91,26 @@ def test_an_error_of_a_volume_goes_with_it(widget: Any, slicer_app: Any, spheres
 
 
 @pytest.mark.slow
+def test_without_a_map_there_is_no_threshold_to_see_or_to_set(ready: Any, spheres: Spheres) -> None:
+    """Not that of the structure that was selected before, nor the one that the slider begins with."""
+    ui, session = ready.ui, ready.panel.session
+
+    def shows_threshold() -> set[bool]:
+        return {ui.thresholdSlider.isEnabled(), ui.thresholdSlider.spinBoxVisible, ui.thresholdAutomaticCheckBox.isEnabled()}
+
+    assert shows_threshold() == {False}
+    clicked = add_class(ready)
+    assert shows_threshold() == {False}
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: session.chosen_iso(clicked.id) is not None)
+    assert shows_threshold() == {True}
+    add_class(ready)
+    assert shows_threshold() == {False}
+    session.select_class(clicked.id)
+    assert shows_threshold() == {True}
+
+
+@pytest.mark.slow
 def test_the_threshold_is_automatic_until_it_is_touched_and_can_become_so_again(ready: Any, spheres: Spheres) -> None:
     ui, session = ready.ui, ready.panel.session
     state = add_class(ready)

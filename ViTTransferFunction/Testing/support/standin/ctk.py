@@ -154,6 +154,9 @@ class ctkSliderWidget(QWidget):  # noqa: N801
         float, lambda self: self._spin_box.singleStep(), lambda self, step: self._spin_box.setSingleStep(step)
     )
     suffix = Property(str, lambda self: self._spin_box.suffix(), lambda self, text: self._spin_box.setSuffix(text))
+    spinBoxVisible = Property(  # noqa: N815
+        bool, lambda self: self._spin_box.isVisibleTo(self), lambda self, visible: self._spin_box.setVisible(visible)
+    )
 
 
 class ctkDoubleRangeSlider(QWidget):  # noqa: N801
