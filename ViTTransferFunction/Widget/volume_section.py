@@ -111,6 +111,8 @@ class VolumeSection(Section):
             self.refresh()
         elif estimate is not None:
             self._pressed_for = None
+            # Behind the question, nothing looks as if it had begun.
+            self.refresh()
             agreed = estimate.download is None or self._consent.is_given(estimate.download)
             # The question leaves the user time for something else.
             if agreed and self.session is session and session.estimate is estimate:

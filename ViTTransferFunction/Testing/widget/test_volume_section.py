@@ -198,6 +198,20 @@ def test_a_download_is_asked_about_once(
     assert len(questions) == 1
 
 
+def test_nothing_looks_begun_while_a_download_is_asked_about(widget: Any, volume: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[bool, bool]] = []
+
+    def decline(text: str, windowTitle: str = "") -> bool:
+        shown.append((widget.ui.extractionStartRow.isVisible(), widget.ui.extractionProgressRow.isVisible()))
+        return False
+
+    monkeypatch.setattr(slicer.util, "confirmOkCancelDisplay", decline)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.extractButton.click()
+    wait_until(lambda: bool(shown))
+    assert shown == [(True, False)]
+
+
 def test_nothing_follows_a_press_once_the_module_is_unloaded(widget: Any, volume: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """By then, the widgets are gone."""
     from ViTTransferFunction.Widget.volume_section import VolumeSection
