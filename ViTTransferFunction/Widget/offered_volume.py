@@ -7,7 +7,10 @@ from typing import Any
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volume import geometry_from_node
+from ViTTransferFunction.Widget.section import Report
 
 _VOLUME = "vtkMRMLScalarVolumeNode"
 
@@ -15,14 +18,16 @@ _VOLUME = "vtkMRMLScalarVolumeNode"
 class OfferedVolume:
     """Has a session without a volume take one up: when the module opens, and when another one is loaded or shown.
 
-    Someone who chose to have none is left alone until then.
+    Someone who chose to have none is left alone until then. Where what is shown is no volume to choose, it is told why.
 
     Args:
         app_logic: the application's logic, which knows what is shown.
+        report: tells the user.
     """
 
-    def __init__(self, app_logic: Any) -> None:
+    def __init__(self, app_logic: Any, report: Report) -> None:
         self._selection = app_logic.GetSelectionNode()
+        self._report = report
         self._session: SceneSession | None = None
         self._known: tuple[Any, ...] = ()
         self._tags: list[tuple[Any, int]] = []
@@ -60,6 +65,23 @@ class OfferedVolume:
         in_view = [node for node in there if node.GetID() == shown]
         if in_view or len(there) == 1:
             session.set_volume((in_view or there)[0])
+        elif reason := _why_not(slicer.mrmlScene.GetNodeByID(shown) if shown else None):
+            self._report(reason, solved=lambda: self._is_solved(shown))
+
+    def _is_solved(self, shown: str) -> bool:
+        session = self._session
+        return session is None or session.parameters.volume is not None or self._selection.GetActiveVolumeID() != shown
+
+
+def _why_not(node: slicer.vtkMRMLVolumeNode | None) -> str:
+    """Why a volume is not among those that can be chosen, as one in colour is not; "" for others."""
+    image = node.GetImageData() if node is not None else None
+    try:
+        if image is not None and image.GetNumberOfScalarComponents() > 1:
+            geometry_from_node(node)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def _volumes() -> list[slicer.vtkMRMLScalarVolumeNode]:

@@ -26,7 +26,7 @@ class VolumeSection(Section):
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "extraction")
-        self._offered = OfferedVolume(slicer.app.applicationLogic())
+        self._offered = OfferedVolume(slicer.app.applicationLogic(), report)
         self._consent = DownloadConsent()
         # Whose features are to be computed, as soon as it is known what they cost.
         self._pressed_for: slicer.vtkMRMLScalarVolumeNode | None = None

@@ -14,6 +14,8 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 from PySide6.QtTest import QTest
+from vtkmodules.util.vtkConstants import VTK_UNSIGNED_CHAR
+from vtkmodules.vtkCommonDataModel import vtkImageData
 
 from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
 from ViTTransferFunction.Logic.core.volume import Volume
@@ -69,6 +71,35 @@ def test_who_chooses_no_volume_has_none_until_another_one_is_shown(
     other = add_volume(slicer_app.scene, spheres[0])
     show(other)
     assert widget.panel.session.parameters.volume is other
+
+
+def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_there(
+    widget: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    """Slicer's selector does not list it, and says nothing."""
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", "picture")
+    image = vtkImageData()
+    image.SetDimensions(4, 5, 6)
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
+    node.SetAndObserveImageData(image)
+    show(node)
+    assert "'picture' has 3 numbers in each voxel" in widget.ui.messageLabel.text()
+    assert widget.ui.volumeSelector.currentNode() is None
+    widget.panel.refresh()
+    assert widget.ui.messageFrame.isVisible()
+    show(add_volume(slicer_app.scene, spheres[0]))
+    assert not widget.ui.messageFrame.isVisible()
+
+
+def test_beside_a_volume_that_is_chosen_nothing_is_told_of_a_colour_volume(widget: Any, volume: Any, slicer_app: Any) -> None:
+    QTest.qWait(1)
+    assert widget.ui.volumeSelector.currentNode() is volume
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode")
+    image = vtkImageData()
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
+    node.SetAndObserveImageData(image)
+    show(node)
+    assert not widget.ui.messageFrame.isVisible()
 
 
 def test_the_views_show_the_scan_that_is_chosen(widget: Any, volume: Any, slicer_app: Any) -> None:
