@@ -50,8 +50,8 @@ class ClassTable(Section):
             self._table.rowCount = len(classes)
             for row, state in enumerate(classes):
                 self._fill(row, state)
-                if selected is not None and state.id == selected.id and self._table.currentRow() != row:
-                    self._table.selectRow(row)
+            if selected is not None:
+                self._select([state.id for state in classes].index(selected.id))
         self._make_room_for_headers()
         self.ui.addClassButton.enabled = session is not None
 
@@ -66,6 +66,12 @@ class ClassTable(Section):
         if self.session is not None and self.session.classes:
             row = (self._table.currentRow() + step) % len(self.session.classes)
             self.session.select_class(self.session.classes[row].id)
+
+    def _select(self, row: int) -> None:
+        if self._table.currentRow() != row:
+            self._table.selectRow(row)
+            # Where its rows are new, as in a scene that was opened, Qt does not.
+            self._table.scrollToItem(self._table.item(row, NAME))
 
     def _make_room_for_headers(self) -> None:
         """Have the panel at least so wide that no header is cut off; the one of names would, which takes what is left."""

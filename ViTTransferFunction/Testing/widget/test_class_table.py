@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -143,6 +144,25 @@ def test_f2_renames_and_delete_then_deletes_a_letter(widget: Any, host: Host) ->
     QTest.keyClick(editor, Qt.Key.Key_Delete)
     QTest.keyClick(editor, Qt.Key.Key_Return)
     wait_until(lambda: names(widget) == ["iver"])
+
+
+def test_the_selected_structure_is_in_sight_when_a_scene_of_many_is_opened(
+    widget: Any, slicer_app: Any, tmp_path: Path
+) -> None:
+    table = widget.ui.classTable
+    for _ in range(20):
+        add_class(widget)
+    widget.panel.session.select_class(widget.panel.session.classes[12].id)
+    scene = tmp_path / "scene.mrml"
+    slicer_app.scene.Commit(str(scene))
+    slicer_app.scene.Clear(False)
+    QTest.qWait(10)
+    assert table.rowCount() == 0
+    slicer_app.scene.SetURL(str(scene))
+    slicer_app.scene.Import()
+    QTest.qWait(10)
+    assert table.currentRow() == 12
+    assert table.viewport().rect().contains(table.visualItemRect(table.item(12, NAME)))
 
 
 def test_a_double_click_on_a_count_goes_from_point_to_point_of_that_kind(widget: Any) -> None:
