@@ -24,11 +24,16 @@ class MessageArea:
         ui.messageCloseButton.clicked.connect(self.close)
         self.close()
 
-    def show(self, message: str, solved: Callable[[], bool]) -> None:
-        """Show a message below those that stand already; `refresh` takes it away once it is `solved`."""
-        self._messages.put(message, solved)
+    def show(self, message: str, solved: Callable[[], bool], about: str = "") -> None:
+        """Show a message below those that stand already; `refresh` takes it away once it is `solved`. See `Messages`."""
+        self._messages.put(message, solved, about)
         self.refresh()
         self._bring_into_sight()
+
+    def try_again(self, about: str) -> None:
+        """Forget why something was not done that is tried once more."""
+        self._messages.try_again(about)
+        self.refresh()
 
     def refresh(self) -> None:
         """Show what is not solved yet."""
@@ -50,3 +55,21 @@ class MessageArea:
             # Of the panel, not of the frame, which Qt has not given its place yet.
             top = panel.mapTo(area.widget(), qt.QPoint(0, 0)).y()
             area.ensureVisible(0, top, 0, self._frame.sizeHint.height())
+
+
+class ErrorReport:
+    """What sections of the panel show errors by, as `Report` in `section.py` says.
+
+    Args:
+        messages: where they are shown.
+        state: what is another one when the user has gone on: the structures.
+    """
+
+    def __init__(self, messages: MessageArea, state: Callable[[], Any]) -> None:
+        self._messages, self._state = messages, state
+        self.try_again = messages.try_again
+
+    def __call__(self, message: str, solved: Callable[[], bool] | None = None, about: str = "") -> None:
+        """Show one."""
+        before = self._state()
+        self._messages.show(message, solved or (lambda: self._state() != before), about)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from ViTTransferFunction.Widget.class_settings import ClassSettings
 from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
 from ViTTransferFunction.Widget.copied_text import CopiedText
-from ViTTransferFunction.Widget.message_area import MessageArea
+from ViTTransferFunction.Widget.message_area import ErrorReport, MessageArea
 from ViTTransferFunction.Widget.number_boxes import NumberBoxes
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
@@ -69,7 +68,7 @@ class Panel:
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
         self._copied = CopiedText(ui.messageLabel)
-        report = self._report
+        report = ErrorReport(self._messages, lambda: (self.session, self._classes()))
         self.tools = AnnotationTools(ui, report)
         self._table = ClassTable(ui, report, on_added=self._on_class_added)
         self._class_actions = ClassActions(ui, report)
@@ -176,11 +175,6 @@ class Panel:
 
     def _is_over(self, session: SceneSession) -> bool:
         return self.session is not session
-
-    def _report(self, message: str, solved: Callable[[], bool] | None = None) -> None:
-        """Show why something that the user asked for was not done; by default until the structures are changed next."""
-        before = self.session, self._classes()
-        self._messages.show(message, solved or (lambda: (self.session, self._classes()) != before))
 
     def _classes(self) -> tuple[ClassState, ...]:
         return self.session.classes if self.session else ()

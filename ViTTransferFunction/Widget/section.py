@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
 from ViTTransferFunction.Logic.core.errors import InputError
 from ViTTransferFunction.Logic.scene.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
-Report = Callable[..., None]
-"""Shows an error to the user, `report(message)`, until they go on; `report(message, solved=…)`: until that says so."""
+
+class Report(Protocol):
+    """Shows errors to the user."""
+
+    def __call__(self, message: str, solved: Callable[[], bool] | None = None, about: str = "") -> None:
+        """Show one until it is `solved`; by default until the user goes on, or what it is `about` is tried again."""
+
+    def try_again(self, about: str) -> None:
+        """Forget why something was not done that is tried once more."""
 
 
 class Section:
@@ -47,10 +54,13 @@ class Section:
 
     def attempt(self, action: Callable[[], None]) -> None:
         """Do what the user asked for, or tell why it cannot be done; then show what has become of it."""
+        # Each thing is asked for in one place of the code.
+        about = action.__qualname__
+        self.report.try_again(about)
         try:
             action()
         except InputError as error:
-            self.report(str(error))
+            self.report(str(error), about=about)
         self.refresh()
 
 

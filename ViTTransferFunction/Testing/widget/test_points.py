@@ -93,6 +93,20 @@ def test_nothing_is_saved_or_loaded_where_the_user_cancels(
     assert not ready.ui.messageLabel.text()
 
 
+def test_why_points_were_not_saved_is_told_until_they_are(ready: Any, answers: Answers, spheres: Spheres) -> None:
+    ui = ready.ui
+    annotate(ready.panel.session, spheres)
+    elsewhere, answers.folder = answers.folder, answers.folder / "a file"
+    answers.folder.touch()
+    for _ in range(2):
+        ui.savePointsButton.click()
+        assert ui.messageLabel.text().count("Cannot write") == 1
+    answers.folder = elsewhere
+    ui.savePointsButton.click()
+    assert (elsewhere / answers.offered).is_file()
+    assert not ui.messageFrame.isVisible()
+
+
 def test_points_of_another_scan_are_refused_in_the_panel(ready: Any, answers: Answers) -> None:
     path = answers.folder / "other.annotations.json"
     path.write_text('{"coordinate_system": "RAS", "classes": [{"name": "liver", "positive": [[1000, 0, 0]]}]}')
