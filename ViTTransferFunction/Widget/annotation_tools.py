@@ -62,13 +62,13 @@ class AnnotationTools(Section):
         self.ui.undoButton.enabled = annotations is not None and annotations.can_undo
         self.ui.redoButton.enabled = annotations is not None and annotations.can_redo
         self.ui.removeLastButton.enabled = selected is not None and bool(selected.positive or selected.negative)
-        self._tell_of_other_scans()
+        self.tell_of_other_scans()
 
     def toggle(self, tool: Tool) -> None:
         """Take a tool, or put it down if it is the one in hand."""
         self._in_hand.session = self.session
         self._in_hand.toggle(tool)
-        self._tell_of_other_scans()
+        self.tell_of_other_scans()
 
     def put_down(self) -> None:
         """Give the mouse back to the views."""
@@ -94,7 +94,7 @@ class AnnotationTools(Section):
         if self.session is not None and selected is not None:
             self.session.annotations.remove_last_point(selected.id)
 
-    def _tell_of_other_scans(self) -> None:
+    def tell_of_other_scans(self) -> None:
         """Once for each time that a tool is in hand and the views show other scans than the one that it works on."""
         volume = self._volume_out_of_view()
         told, self._told_of_other_scans = self._told_of_other_scans, volume is not None

@@ -192,6 +192,10 @@ class Panel:
             self._start_computing()
             self.session.poll()
             self._set_pace()
+            if not self.session.busy:
+                # The session is not told of what views show: of a scan, say, that is dropped on them.
+                self.tools.tell_of_other_scans()
+                self._messages.refresh()
 
     def _start_computing(self) -> None:
         """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""

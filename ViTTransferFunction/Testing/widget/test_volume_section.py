@@ -129,6 +129,19 @@ def test_with_a_tool_in_hand_it_is_told_once_that_the_views_show_another_scan(
     assert told not in widget.ui.messageLabel.text()
 
 
+def test_it_is_told_before_the_next_click_when_another_scan_is_loaded_with_a_tool_in_hand(
+    widget: Any, volume: Any, slicer_app: Any
+) -> None:
+    ui = widget.ui
+    ui.volumeSelector.setCurrentNode(volume)
+    add_class(widget)
+    wait_until(lambda: not widget.panel.session.busy)
+    view = shown_elsewhere(slicer_app)
+    wait_until(lambda: f"No slice view shows '{volume.GetName()}'" in ui.messageLabel.text())
+    view.set_background_volume_id(volume.GetID())
+    wait_until(lambda: not ui.messageFrame.isVisible())
+
+
 def shown_elsewhere(slicer_app: Any) -> Any:
     """A slice view of the layout that shows another scan."""
     view = Views(slicer_app).slice_view()
