@@ -21,7 +21,6 @@ from ViTTransferFunction.Widget.class_table import ClassTable
 from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
 from ViTTransferFunction.Widget.copied_text import CopiedText
 from ViTTransferFunction.Widget.message_area import ErrorReport, MessageArea
-from ViTTransferFunction.Widget.number_boxes import NumberBoxes
 from ViTTransferFunction.Widget.output_section import OutputSection
 from ViTTransferFunction.Widget.parameters import BoundParameters
 from ViTTransferFunction.Widget.pictures_section import PicturesSection
@@ -91,7 +90,6 @@ class Panel:
         )
         self.shortcut_help = ShortcutHelp(window)
         self.shortcuts = Shortcuts(ui, window, self._actions())
-        self._number_boxes = NumberBoxes(ui.ViTTransferFunction)
         for name in ICONS:
             getattr(ui, f"{name[0].lower()}{name[1:]}Button").icon = qt.QIcon(str(icons / f"{name}.svg"))
         self._start_due = False

@@ -12,6 +12,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+from ViTTransferFunction.Widget.number_boxes import NumberBoxes
 
 OF_OTHER_PROGRAMS = {"Ctrl+Z": "undo", "Ctrl+Y": "redo", "Ctrl+Shift+Z": "redo"}
 """Keys that other programs have for these actions, and Slicer's Segment Editor; its main window has them on no menu and no tool
@@ -33,6 +34,7 @@ class Shortcuts:
         self._parent = parent
         self._actions = actions
         self.installed: list[Any] = []
+        self._number_boxes: NumberBoxes | None = None
         layout_manager = slicer.app.layoutManager()
         if layout_manager is not None:
             layout_manager.layoutChanged.connect(self._on_layout_changed)
@@ -46,7 +48,9 @@ class Shortcuts:
         """Let the keys work."""
         if not self.installed:
             keys = [*((shortcut.key, shortcut.action) for shortcut in SHORTCUTS), *OF_OTHER_PROGRAMS.items()]
-            self.installed = [self._make(key, action, window) for window in self._windows() for key, action in keys]
+            windows = self._windows()
+            self.installed = [self._make(key, action, window) for window in windows for key, action in keys]
+            self._number_boxes = NumberBoxes(windows)
 
     def remove(self) -> None:
         """Leave the keys to others."""
@@ -55,6 +59,7 @@ class Shortcuts:
             shortcut.setParent(None)
             shortcut.deleteLater()
         self.installed = []
+        self._number_boxes = None
 
     def _make(self, key: str, action: str, window: Any) -> Any:
         made = qt.QShortcut(qt.QKeySequence(key), window)

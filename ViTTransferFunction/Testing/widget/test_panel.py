@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
     QDialog,
+    QDoubleSpinBox,
     QLabel,
     QLineEdit,
     QProgressBar,
@@ -509,20 +510,32 @@ def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
     assert widget.panel.tools.tool is None
 
 
-def test_the_keys_work_while_a_number_of_the_panel_has_the_keyboard(widget: Any, host: Host) -> None:
-    """As after its arrows were pressed. A number typed there is still one."""
+def keys_work_in(box: QDoubleSpinBox, widget: Any, host: Host) -> bool:
+    """Whether those of tools and of undo do while a box for a number has the keyboard, and digits are digits all the same."""
     add_class(widget)
-    box = widget.ui.brushSizeSlider.findChild(QAbstractSpinBox)
     host.window.activateWindow()
     box.setFocus()
     box.selectAll()
     QTest.keyClicks(box, "17")
-    for shifted, tool in (("NoModifier", "pointOff"), ("ShiftModifier", "brushOff")):
+    tools = []
+    for shifted in ("NoModifier", "ShiftModifier"):
         QTest.keyClick(box, Qt.Key.Key_N, Qt.KeyboardModifier[shifted])
-        assert widget.panel.tools.tool == tool
+        tools.append(widget.panel.tools.tool)
     QTest.keyClick(box, Qt.Key.Key_Z)
-    assert widget.panel.session.classes == ()
-    assert box.value() == 17
+    return tools == ["pointOff", "brushOff"] and widget.panel.session.classes == () and box.value() == 17
+
+
+def test_the_keys_work_while_a_number_of_the_panel_has_the_keyboard(widget: Any, host: Host) -> None:
+    """As after its arrows were pressed."""
+    assert keys_work_in(widget.ui.brushSizeSlider.findChild(QDoubleSpinBox), widget, host)
+
+
+def test_the_keys_work_while_the_place_of_a_slice_has_the_keyboard(widget: Any, host: Host) -> None:
+    """Above its slice, Slicer has a box for it: after a change of the layout, another one."""
+    box = QDoubleSpinBox(host.window)
+    box.show()
+    slicer.app.layoutManager().add_detached_view("Compare", host.window)
+    assert keys_work_in(box, widget, host)
 
 
 def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready: Any) -> None:
