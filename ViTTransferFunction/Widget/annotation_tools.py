@@ -39,13 +39,13 @@ class AnnotationTools(Section):
         app_logic = slicer.app.applicationLogic()
         self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._check_buttons)
         self._told_of_other_scans = False
+        self._watches_colours = False
         for tool, button in self._buttons.items():
             self._connect(tool, button)
         ui.brushSizeSlider.valueChanged.connect(self._in_hand.follow_brush_size)
         ui.undoButton.clicked.connect(self.undo)
         ui.redoButton.clicked.connect(self.redo)
         ui.removeLastButton.clicked.connect(self.remove_last)
-        slicer.app.paletteChanged.connect(lambda *_: qt.QTimer.singleShot(0, self._on_colours))
 
     @property
     def tool(self) -> Tool | None:
@@ -69,6 +69,18 @@ class AnnotationTools(Section):
         self._in_hand.session = self.session
         self._in_hand.toggle(tool)
         self.tell_of_other_scans()
+
+    def watch_colours(self) -> None:
+        """Keep the name of the tool in hand readable from now on, also when Slicer's style changes."""
+        if not self._watches_colours:
+            self._watches_colours = True
+            slicer.app.paletteChanged.connect(self._on_palette)
+
+    def leave_colours(self) -> None:
+        """Watch them no longer: the application outlives the panel."""
+        if self._watches_colours:
+            self._watches_colours = False
+            slicer.app.paletteChanged.disconnect(self._on_palette)
 
     def put_down(self) -> None:
         """Give the mouse back to the views."""
@@ -118,7 +130,11 @@ class AnnotationTools(Section):
             if button.styleSheet != style:
                 button.styleSheet = style
 
-    def _on_colours(self) -> None:
+    def _on_palette(self, *_: Any) -> None:
+        # Its buttons have not got the colours yet.
+        qt.QTimer.singleShot(0, self._take_up_colours)
+
+    def _take_up_colours(self) -> None:
         """Slicer's style is another one, whose colours the button with a style sheet takes up with that set anew."""
         if self.tool is not None:
             self._buttons[self.tool].styleSheet = ""

@@ -132,15 +132,17 @@ class Panel:
             self.refresh()
 
     def take_input(self) -> None:
-        """Take keys, the wheel, and what is copied out of messages, for as long as the module is open."""
+        """Take keys, the wheel, and what is copied out of messages, and watch colours, for as long as the module is open."""
         self.shortcuts.install()
         self.size.take_wheel()
+        self.tools.watch_colours()
         self._copied.watch()
 
     def leave_input(self) -> None:
         """Leave them to Slicer."""
         self.shortcuts.remove()
         self.size.leave_wheel()
+        self.tools.leave_colours()
         self._copied.leave()
 
     def bind_parameters(self) -> None:

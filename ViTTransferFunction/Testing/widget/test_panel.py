@@ -588,3 +588,21 @@ def test_the_tools_follow_when_slicer_goes_from_its_light_style_to_its_dark_one(
         assert [button.palette().buttonText().color().name() for button in buttons] == 3 * ["#ffffff"]
     finally:
         QApplication.setPalette(light)
+
+
+def test_a_panel_that_was_left_does_not_follow_slicers_style(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    signal = slicer.app.paletteChanged
+    told: list[str] = []
+    monkeypatch.setattr(widget.panel.tools, "_take_up_colours", lambda: told.append("colours"))
+
+    def change_style() -> None:
+        signal.emit(QApplication.palette())
+        QApplication.processEvents()
+
+    change_style()
+    widget.exit()
+    change_style()
+    assert told == ["colours"]
+    widget.enter()
+    change_style()
+    assert told == 2 * ["colours"]
