@@ -17,6 +17,8 @@ from ..core.geometry import Box, transform_points
 
 REACH_MM = 6.0
 """How far a point is moved at most; further where the map's cells are larger. About the size of a cell."""
+REACH_VOXELS = 12
+"""But no further than this in a fine scan, whose cells are smaller: the box that is looked at grows with the third power."""
 
 
 def placed_in_3d_view(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLApplicationLogic) -> bool:
@@ -52,7 +54,7 @@ def _deepest_nearby(point_ras: np.ndarray, class_map: ClassMap) -> tuple[float, 
     """How far the class is from the point, and its deepest place within reach; None where its surface is out of reach."""
     geometry = class_map.geometry
     spacing_kji = geometry.spacing_mm[::-1]
-    reach_mm = max(REACH_MM, float(spacing_kji.max()))
+    reach_mm = max(min(REACH_MM, REACH_VOXELS * float(spacing_kji.min())), float(spacing_kji.max()))
     point_kji = geometry.ras_to_ijk(point_ras[None])[0, ::-1]
     # Twice the reach, so that the depth of what is within reach is known.
     box = _box_around(point_kji, np.ceil(2.0 * reach_mm / spacing_kji), geometry.shape)

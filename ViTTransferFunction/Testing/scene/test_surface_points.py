@@ -10,7 +10,7 @@ import pytest
 from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.surface_points import REACH_MM, moved_inside
+from ViTTransferFunction.Logic.scene.surface_points import REACH_MM, REACH_VOXELS, moved_inside
 from ViTTransferFunction.Testing.support.scenes import annotate, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
@@ -38,6 +38,13 @@ def test_a_point_on_a_surface_goes_inside_by_no_more_than_its_reach(voxels: floa
     moved = moved_inside(placed, [ClassMap(array, GRID, 0.5)], np.eye(4))
     assert np.linalg.norm(moved - placed) <= REACH_MM
     assert from_middle_mm(moved) < from_middle_mm(placed) - 4.0
+
+
+def test_in_a_fine_scan_a_point_goes_no_further_than_a_dozen_voxels() -> None:
+    fine = Geometry((64, 64, 64), np.diag([0.1, 0.1, 0.1, 1.0]))
+    placed = np.array([5.9, 3.15, 3.15])
+    moved = moved_inside(placed, [ClassMap(ball(fine.shape, (31.5, 31.5, 31.5), 28.0), fine, 0.5)], np.eye(4))
+    assert 0.8 < np.linalg.norm(moved - placed) <= REACH_VOXELS * 0.1 + 1e-6
 
 
 def test_a_point_on_a_vessel_goes_to_its_middle_and_not_beyond() -> None:
