@@ -32,7 +32,7 @@ class AnnotationHistory(Generic[State]):
         Args:
             state: the annotations as they are now.
             kind: what was done. Steps of the same kind in a row count as one, such as those of a slider being dragged or of one
-                stroke of a brush; None: a step of its own.
+                stroke of a brush; None: a step of its own. Where they lead back to where they began, there was no step.
 
         Returns:
             Whether it differs from the state before.
@@ -43,7 +43,10 @@ class AnnotationHistory(Generic[State]):
         del self._states[self._current + 1 :]
         self.continued = kind is not None and kind == self._last_kind and self._current > 0
         if self.continued:
+            del self._states[-1]
+        if self.continued and state == self._states[-1]:
             self._states[-1] = state
+            kind = None  # Or what comes next would belong to the step before this one.
         else:
             self._states.append(state)
         del self._states[:-LIMIT]

@@ -36,6 +36,18 @@ def test_steps_of_one_kind_in_a_row_count_as_one() -> None:
     assert history.undo() == 0
 
 
+def test_a_row_of_steps_that_leads_back_is_none_and_what_follows_does_not_belong_to_the_step_before() -> None:
+    history = AnnotationHistory(0)
+    history.record(1)
+    for value in (2, 1):
+        history.record(value, kind="slider")
+    assert history.undo() == 0
+    history.redo()
+    for value in (2, 1, 3, 4):
+        history.record(value, kind="slider")
+    assert [history.undo(), history.undo()] == [1, 0]
+
+
 def test_what_belongs_to_the_step_before_is_told_from_what_does_not() -> None:
     history = AnnotationHistory(0)
     continued = []
