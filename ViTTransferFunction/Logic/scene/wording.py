@@ -88,10 +88,14 @@ def threshold_text(state: ClassState, chosen: float | None) -> str:
 
 
 def volume_text(volume_ml: float | None) -> str:
-    """Millilitres, to a tenth as long as that is more than noise; None: not known."""
+    """Millilitres: two figures of small structures, else a tenth as long as that is more than noise; None: not known."""
     if volume_ml is None:
         return "–"
-    return f"{volume_ml:.1f}" if volume_ml < 99.95 else f"{volume_ml:.0f}"
+    if 0.0 < volume_ml < 0.0005:
+        return "<0.001"
+    steps = ((99.95, 0), (0.995, 1), (0.0995, 2))
+    decimals = next((decimals for least, decimals in steps if volume_ml >= least), 3 if volume_ml else 1)
+    return f"{volume_ml:.{decimals}f}"
 
 
 def empty_text(names: Sequence[str]) -> str:
