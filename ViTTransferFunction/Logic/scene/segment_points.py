@@ -44,7 +44,7 @@ class SegmentPoints:
         state, points = self._found.get(key, (None, None))
         if points is not None and state == _state(segmentation_node, segment_id):
             return transform_points(matrix_to_world(segmentation_node), points)
-        if key not in self._wanted:
+        if key not in self._wanted and (self._work is None or self._work[0] != key):
             self._wanted.append(key)
         return None
 
@@ -55,6 +55,7 @@ class SegmentPoints:
 
     def advance(self) -> bool:
         """Search for some milliseconds; returns whether points of all segments that were asked about have been found."""
+        self._begin_anew_where_changed()
         if self._work is None and not self._begin():
             return True
         assert self._work is not None
@@ -74,15 +75,30 @@ class SegmentPoints:
         self._boxes.clear()
         self._work = None
 
+    def _begin_anew_where_changed(self) -> None:
+        """Where the segment is another one since the search began: its voxels may be gone between two steps."""
+        if self._work is not None:
+            key, state, _ = self._work
+            node_id, segment_id, _ = key
+            node = self._node_with(node_id, segment_id)
+            if node is None or _state(node, segment_id) != state:
+                self._work = None
+                self._wanted.insert(0, key)
+
     def _begin(self) -> bool:
         """Take up the next segment that is still there."""
         while self._wanted:
             key = node_id, segment_id, count = self._wanted.pop(0)
-            node = self._scene.GetNodeByID(node_id)
-            if node is not None and node.GetSegmentation().GetSegment(segment_id) is not None:
+            node = self._node_with(node_id, segment_id)
+            if node is not None:
                 self._work = key, _state(node, segment_id), SteppedWork(self._search(node.GetSegmentation(), segment_id, count))
                 return True
         return False
+
+    def _node_with(self, node_id: str, segment_id: str) -> Any:
+        """The segmentation; None where it, or the segment in it, is gone."""
+        node = self._scene.GetNodeByID(node_id)
+        return node if node is not None and node.GetSegmentation().GetSegment(segment_id) is not None else None
 
     def _search(self, segmentation: Any, segment_id: str, count: int) -> Steps[np.ndarray]:
         for labelmap in labelmaps_of(segmentation, [segment_id]):

@@ -79,6 +79,28 @@ def test_points_are_found_anew_when_voxels_change_and_only_then(a_segmentation: 
     assert set(rounded(again)).isdisjoint(rounded(first))
 
 
+@pytest.mark.parametrize("steps", range(1, 6))
+def test_a_segment_that_is_erased_while_points_in_it_are_searched_for_has_none(
+    a_segmentation: Any, steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.stepped_work.ADVANCE_S", 0.0)
+    add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    points = SegmentPoints(a_segmentation.GetScene())
+    points.of(a_segmentation, "liver", 3)
+    for _ in range(steps):
+        points.advance()
+    # As the Segment Editor does.
+    labelmap = a_segmentation.GetSegmentation().GetSegment("liver").GetRepresentation(LABELMAP)
+    vtk_to_numpy(labelmap.GetPointData().GetScalars())[:] = 0
+    labelmap.Modified()
+    points.of(a_segmentation, "liver", 3)
+    while points.busy:
+        points.advance()
+    found = points.of(a_segmentation, "liver", 3)
+    assert found is not None
+    assert len(found) == 0
+
+
 def test_a_class_continues_a_segment_in_one_step(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:
     segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     a_segmentation.GetSegmentation().GetSegment(segment_id).SetColor(0.2, 0.4, 0.6)
