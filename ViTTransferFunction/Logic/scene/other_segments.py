@@ -10,6 +10,7 @@ import slicer
 from ..core.errors import InputError
 from .annotations import SceneAnnotations
 from .class_state import ClassState
+from .labelmaps import LABELMAP
 from .outside_points import outside_points
 from .parameters import SceneParameters
 from .segment_points import SegmentPoints
@@ -71,7 +72,7 @@ class OtherSegments:
                 return None
             name = segment.GetName()
             if not len(points):
-                raise InputError(f"The segment '{name}' is empty, so no structure was added from it. Choose another one.")
+                raise _without_points(node.GetSegmentation(), name)
             return annotations.continue_segment(segment_id, name, segment.GetColor(), points)
         return None
 
@@ -89,3 +90,14 @@ class OtherSegments:
         """The scene is another one."""
         self._points.forget()
         self._continued.clear()
+
+
+def _without_points(segmentation: Any, name: str) -> InputError:
+    """Why no point was found in a segment."""
+    if segmentation.ContainsRepresentation(LABELMAP):
+        return InputError(f"The segment '{name}' is empty, so no structure was added from it. Choose another one.")
+    return InputError(
+        f"The segment '{name}' is stored as '{segmentation.GetSourceRepresentationName()}'; expected '{LABELMAP}', so no "
+        "structure was added from it. In Slicer's module Segmentations, under Representations, press Create beside "
+        f"'{LABELMAP}', and choose it again."
+    )

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import slicer
+import vtk
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
 from ViTTransferFunction.Testing.support.corrected import Corrected
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_parameter_node, add_segment, open_spheres
-from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, everything_about
+from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, SURFACE, block, everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
 
@@ -49,6 +51,19 @@ def a_volume(slicer_app: Any) -> Any:
 @pytest.fixture
 def a_segmentation(slicer_app: Any) -> Any:
     return slicer_app.scene.AddNewNodeByClass("vtkMRMLSegmentationNode", "Segmentation")
+
+
+@pytest.fixture
+def surfaces_only(a_segmentation: Any) -> Any:
+    """A segmentation as an STL file gives it."""
+    source = vtk.vtkSphereSource()
+    source.Update()
+    a_segmentation.GetSegmentation().SetSourceRepresentationName(SURFACE)
+    segment = slicer.vtkSegment()
+    segment.SetName("implant")
+    segment.AddRepresentation(SURFACE, source.GetOutput())
+    a_segmentation.GetSegmentation().AddSegment(segment, "implant")
+    return a_segmentation
 
 
 @pytest.fixture

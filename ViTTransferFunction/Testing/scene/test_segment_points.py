@@ -140,6 +140,19 @@ def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentat
     assert "'liver' is empty" in (session.take_error() or "")
 
 
+def test_a_segment_without_voxels_of_its_own_is_not_taken_for_empty(session: SceneSession, surfaces_only: Any) -> None:
+    session.continue_segment("implant")
+    session.wait()
+    assert session.classes == ()
+    assert "'implant' is stored as 'Closed surface'" in (session.take_error() or "")
+    # As the user is advised to.
+    surfaces_only.GetSegmentation().CreateRepresentation(LABELMAP)
+    session.continue_segment("implant")
+    session.wait()
+    (state,) = session.classes
+    assert (state.name, bool(state.positive)) == ("implant", True)
+
+
 def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSession, a_segmentation: Any) -> None:
     segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     session.continue_segment(segment_id)

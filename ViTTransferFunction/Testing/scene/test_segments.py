@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -255,19 +255,6 @@ def test_views_hear_of_new_voxels(a_segmentation: Any, a_volume: Any) -> None:
         a_segmentation.AddObserver(getattr(slicer.vtkSegmentation, event), lambda *_, event=event: heard.append(event))
     write_segments(a_segmentation, a_volume, [output(block(2, 4))], respect_others=True)
     assert sorted(heard) == ["RepresentationModified", "SourceRepresentationModified"]
-
-
-@pytest.fixture
-def surfaces_only(a_segmentation: Any) -> Iterator[Any]:
-    """A segmentation as an STL file gives it."""
-    source = vtk.vtkSphereSource()
-    source.Update()
-    a_segmentation.GetSegmentation().SetSourceRepresentationName(SURFACE)
-    segment = slicer.vtkSegment()
-    segment.SetName("implant")
-    segment.AddRepresentation(SURFACE, source.GetOutput())
-    a_segmentation.GetSegmentation().AddSegment(segment, "implant")
-    return a_segmentation
 
 
 def test_a_segmentation_of_surfaces_is_refused_with_the_way_out(surfaces_only: Any, a_volume: Any) -> None:
