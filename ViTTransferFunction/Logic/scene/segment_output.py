@@ -91,12 +91,20 @@ class SegmentOutput:
         written, self._written = self._written, False
         return written
 
-    def write(self, labels: Labels, class_ids: Sequence[str], corrections: Corrections, source: str) -> None:
-        """Begin to turn labels into segments of the classes that are still there; a new segmentation is made if none is chosen.
+    def write(
+        self,
+        node: slicer.vtkMRMLSegmentationNode | None,
+        labels: Labels,
+        class_ids: Sequence[str],
+        corrections: Corrections,
+        source: str,
+    ) -> None:
+        """Begin to turn labels into segments of the classes that are still there.
 
         Segments of classes that are gone, or have no positive point any more, are removed unless they were corrected.
 
         Args:
+            node: that gets the segments; None: a new one, which is chosen then.
             labels: of the volume.
             class_ids: what its labels 1, 2, … stand for.
             corrections: what becomes of segments that were corrected by hand.
@@ -108,9 +116,10 @@ class SegmentOutput:
         self.cancel()
         there = {state.id for state in self._classes()}
         present = tuple(id_ if id_ in there else None for id_ in class_ids)
-        volume, node = self._parameters.volume, self._parameters.segmentation
+        volume = self._parameters.volume
         gone = (written_classes(node, volume) if node else set()) - self._annotated() - set(present)
-        if volume is None or not (any(present) or gone):
+        is_there = node is None or self._scene.IsNodePresent(node)
+        if volume is None or not is_there or not (any(present) or gone):
             return
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
@@ -129,7 +138,7 @@ class SegmentOutput:
                 self._written = True
                 self._notices = tuple(_about_empty(empty, wanted, looks))
             else:  # A class was removed meanwhile, or came back.
-                self.write(labels, class_ids, corrections, source)
+                self.write(node, labels, class_ids, corrections, source)
 
         self._work, self._then = writing, on_prepared
 

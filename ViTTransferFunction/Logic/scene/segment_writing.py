@@ -59,6 +59,7 @@ class SegmentWriting:
         self._output = SegmentOutput(scene, app_logic, parameters, classes)
         self._corrections: Corrections = "keep"
         self._written_from = ""
+        self._into: slicer.vtkMRMLSegmentationNode | None = None
         self.written = WrittenSegments(parameters, classes, requests, lambda: proxy.voxels)
 
     @property
@@ -93,6 +94,8 @@ class SegmentWriting:
             self._output.find_corrections(if_none=self.write)
         else:
             self._corrections, self._written_from = corrections, self.written.source_now
+            # Another one that is chosen meanwhile is not what was asked about, nor what the answer about corrections is for.
+            self._into = self._parameters.segmentation
             self._proxy.segment(self._parameters.refinement())
 
     def advance(self) -> None:
@@ -107,7 +110,7 @@ class SegmentWriting:
         try:
             if arrived is not None:
                 labels, ids = arrived
-                self._output.write(labels, ids, self._corrections, self._written_from)
+                self._output.write(self._into, labels, ids, self._corrections, self._written_from)
             else:
                 self._output.advance()
             if notices := self._output.take_notices():
@@ -136,7 +139,7 @@ class SegmentWriting:
         """Write that there are no structures any more, for which nothing has to be computed."""
         nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
         try:
-            self._output.write(nothing, (), "keep", self.written.source_now)
+            self._output.write(self._parameters.segmentation, nothing, (), "keep", self.written.source_now)
         except InputError as error:
             self._report(str(error))
 

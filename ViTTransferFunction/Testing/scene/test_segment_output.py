@@ -47,7 +47,7 @@ class Desk:
 
     def begin(self) -> None:
         """Begin to write, and take some of the steps."""
-        self.output.write(Labels(LABELS, (0, 0, 0)), ["a", "b"], "keep", "")
+        self.output.write(self.parameters.segmentation, Labels(LABELS, (0, 0, 0)), ["a", "b"], "keep", "")
         for _ in range(10):
             self.output.advance()
         assert self.output.busy
@@ -159,7 +159,7 @@ def test_the_segment_editors_undo_goes_back_to_what_was_written_also_where_it_sa
     history.SetSegmentation(desk.segmentation.GetSegmentation())
     add_segment(desk.segmentation, "vessel", block(slice(450, 500)), OBLIQUE)
     desk.segmentation.GetSegmentation().CollapseBinaryLabelmaps(False)
-    desk.output.write(Labels(LABELS // 2, (0, 0, 0)), ["a"], "keep", "")
+    desk.output.write(desk.parameters.segmentation, Labels(LABELS // 2, (0, 0, 0)), ["a"], "keep", "")
     desk.finish()
     desk.begin()
     history.SaveState()
@@ -236,7 +236,7 @@ def test_of_segments_with_voxels_there_is_nothing_to_say(desk: Desk) -> None:
 
 def test_which_segments_are_empty_is_said_once(desk: Desk) -> None:
     desk.classes = (*CLASSES, ClassState("other", "vessel", Appearance((0.0, 0.0, 1.0))))
-    desk.output.write(Labels(LABELS, (0, 0, 0)), ["b", "a", "other"], "keep", "")
+    desk.output.write(desk.parameters.segmentation, Labels(LABELS, (0, 0, 0)), ["b", "a", "other"], "keep", "")
     desk.finish()
     assert desk.voxels()["vessel"] == 0
     (notice,) = desk.output.take_notices()
@@ -245,7 +245,7 @@ def test_which_segments_are_empty_is_said_once(desk: Desk) -> None:
 
 
 def test_a_segment_is_empty_as_well_where_no_class_has_a_voxel(desk: Desk) -> None:
-    desk.output.write(Labels(np.zeros((0, 0, 0), np.uint8), (0, 0, 0)), ["a", "b"], "keep", "")
+    desk.output.write(desk.parameters.segmentation, Labels(np.zeros((0, 0, 0), np.uint8), (0, 0, 0)), ["a", "b"], "keep", "")
     desk.finish()
     (notice,) = desk.output.take_notices()
     assert notice.startswith("The segment of 'liver', 'spleen' is empty: nothing")

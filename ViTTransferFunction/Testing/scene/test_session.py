@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import vtk
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import Event, SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import ComputeMaps, FirstMap
@@ -24,6 +25,7 @@ from ViTTransferFunction.Logic.scene.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, put_under, segment_masks
+from ViTTransferFunction.Testing.support.segments import LABELMAP
 from ViTTransferFunction.Testing.support.spheres import centre_ras
 
 
@@ -95,6 +97,34 @@ def test_segments_are_written_where_the_spheres_are(
     assert list(masks) == ["sphere 1", "sphere 2", "sphere 3"]
     for name, mask in masks.items():
         assert dice(mask, spheres[1] == int(name[-1])) > 0.9
+
+
+def test_segments_go_where_they_were_asked_for_also_if_another_segmentation_is_chosen_meanwhile(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    annotate(session, spheres)
+    nodes = []
+    for _ in range(2):
+        session.set_segmentation(None)
+        session.write_segments()
+        session.wait()
+        nodes.append(session.parameters.segmentation)
+    first, second = nodes
+    labelmap = second.GetSegmentation().GetNthSegment(0).GetRepresentation(LABELMAP)
+    voxels = vtk_to_numpy(labelmap.GetPointData().GetScalars())
+    voxels[: len(voxels) // 2] = 0  # By hand, say.
+    labelmap.Modified()
+    before = segment_masks(second, session.parameters.volume)
+    session.set_segmentation(first)
+    session.annotations.add_points(session.classes[0].id, centre_ras(spheres, 3), positive=True)
+    session.write_segments("overwrite")
+    session.set_segmentation(second)
+    session.wait()
+    after = segment_masks(second, session.parameters.volume)
+    assert all((after[name] == mask).all() for name, mask in before.items())
+    assert after.keys() == before.keys()
+    session.set_segmentation(first)
+    assert not session.written.outdated
 
 
 def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
