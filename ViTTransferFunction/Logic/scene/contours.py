@@ -1,11 +1,11 @@
 """Outlines of all visible classes over the slices: where their maps reach their iso values.
 
-The iso-surfaces of all classes are one model, coloured by class, which the slice views cut.
+The iso-surfaces of all classes are one model, each in its class's colour, which the slice views cut.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,10 +25,11 @@ from .derived_nodes import DerivedNodes
 if TYPE_CHECKING:
     import slicer
 
-CLASS_INDEX = "class"
-"""Name of the array that says which class a point of the model is of."""
+COLOR_INDEX = "color"
+"""Name of the array that says which colour of the table a point of the model has."""
 
 COLORS = 256
+"""In the table: more than anybody tells apart, and there may be more classes."""
 
 PART_VOXELS = 1 << 20
 """A surface is made in parts of about so many voxels, some hundredths of a second of work each."""
@@ -102,15 +103,16 @@ class Contours:
             volume_node: the volume that they are in; they move with it.
             outlines: the colours of the classes, and their surfaces.
         """
+        table = {color: index % COLORS for index, color in enumerate(dict.fromkeys(color for color, _ in outlines))}
         append = vtkAppendPolyData()
-        for index, (_, surface) in enumerate(outlines):
+        for color, surface in outlines:
             for part in surface:
-                append.AddInputData(_marked(part, index))
+                append.AddInputData(_marked(part, table[color]))
         if append.GetNumberOfInputConnections(0):
             append.Update()
 
         colors = self._nodes.find(self._style.colors_name) or self._add_colors()
-        _set_colors(colors, [color for color, _ in outlines])
+        _set_colors(colors, table)
         model = self._nodes.find(self._style.name) or self._add_model()
         if model.GetDisplayNode() is None:
             _add_display(model, colors, self._style)
@@ -144,15 +146,15 @@ class Contours:
         return model
 
 
-def _set_colors(colors: Any, classes: Sequence[Color]) -> None:
+def _set_colors(colors: Any, table: Mapping[Color, int]) -> None:
     was_modifying = colors.StartModify()
-    for index, color in enumerate(classes):
-        colors.SetColor(index % COLORS, *color, 1.0)
+    for color, index in table.items():
+        colors.SetColor(index, *color, 1.0)
     colors.EndModify(was_modifying)
 
 
 def _add_display(model: Any, colors: Any, style: OutlineStyle) -> None:
-    """Lines in the slice views, nothing in 3D, coloured by class.
+    """Lines in the slice views, nothing in 3D, coloured by a table.
 
     Colours as point data would do without a table, but slice views then log an error on each update.
     """
@@ -164,7 +166,7 @@ def _add_display(model: Any, colors: Any, style: OutlineStyle) -> None:
     display.SetVisibility3D(False)
     display.SetSliceIntersectionThickness(style.line_pixels)
     display.SetSliceIntersectionOpacity(style.opacity)
-    display.SetActiveScalar(CLASS_INDEX, vtkDataObject.POINT)
+    display.SetActiveScalar(COLOR_INDEX, vtkDataObject.POINT)
     display.SetScalarRangeFlag(display.UseColorNodeScalarRange)
     display.SetScalarVisibility(True)
 
@@ -260,10 +262,10 @@ def _place(part: vtkPolyData, start: tuple[int, int, int], positions: list[np.nd
 
 
 def _marked(mesh: vtkPolyData, index: int) -> vtkPolyData:
-    """The mesh, sharing its points and triangles, with the class's index at every point."""
+    """The mesh, sharing its points and triangles, with the index of its colour at every point."""
     marked = vtkPolyData()
     marked.ShallowCopy(mesh)
-    indices = numpy_to_vtk(np.full(mesh.GetNumberOfPoints(), index % COLORS, dtype=np.uint8), deep=True)
-    indices.SetName(CLASS_INDEX)
+    indices = numpy_to_vtk(np.full(mesh.GetNumberOfPoints(), index, dtype=np.uint8), deep=True)
+    indices.SetName(COLOR_INDEX)
     marked.GetPointData().SetScalars(indices)
     return marked

@@ -171,6 +171,13 @@ def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views:
     assert redness(pixels(view)).max() < 60
 
 
+def test_of_more_classes_than_there_are_colours_each_has_its_own(views: Views) -> None:
+    view, contours = views.slice_view(), Contours(views.scene)
+    slice_pixel(view, CENTRE_RAS)
+    contours.show(views.volume, [outlined(GREEN), *[(RED, [])] * 299])
+    assert is_green(pixels(view)).any()
+
+
 def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
     similarity = ball(SHAPE, (0.0, 7.5, 7.5), 4.0)
     for array in (similarity, np.rint(255 * similarity).astype(np.uint8).repeat(8, 0).repeat(8, 1).repeat(8, 2)):

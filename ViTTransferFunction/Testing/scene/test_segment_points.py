@@ -143,7 +143,7 @@ def test_an_empty_segment_cannot_be_continued(session: SceneSession, a_segmentat
 def test_a_segment_without_voxels_of_its_own_is_not_taken_for_empty(session: SceneSession, surfaces_only: Any) -> None:
     session.continue_segment("implant")
     session.wait()
-    assert session.classes == ()
+    assert not session.classes
     assert "'implant' is stored as 'Closed surface'" in (session.take_error() or "")
     # As the user is advised to.
     surfaces_only.GetSegmentation().CreateRepresentation(LABELMAP)
