@@ -8,6 +8,7 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
+from ViTTransferFunction.Logic.core.intensity_window import telling_decimals
 from ViTTransferFunction.Logic.scene.cache_contents import CacheContents
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
@@ -31,6 +32,8 @@ class AdvancedSection(Section):
         ui.windowAutomaticCheckBox.toggled.connect(self._on_window_automatic)
         for spin_box in (ui.windowLowSpinBox, ui.windowHighSpinBox):
             spin_box.valueChanged.connect(self._on_window)
+            # With more decimals it would ask for more room than numbers take, and the panel would be wider.
+            spin_box.minimumWidth = spin_box.minimumSizeHint.width()
         ui.clearFeaturesButton.clicked.connect(self._on_clear_features)
         ui.removeModelButton.clicked.connect(self._on_remove_model)
         ui.advancedCollapsibleButton.contentsCollapsed.connect(self.refresh)
@@ -66,7 +69,13 @@ class AdvancedSection(Section):
             ui.windowAutomaticCheckBox.checked = ui.windowChosenLabel.visible = automatic = parameters.get("windowAutomatic")
             ui.windowLowSpinBox.visible = ui.windowHighSpinBox.visible = not automatic
             # Also while they are hidden: it is what one begins with.
-            ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = parameters.window
+            low, high = parameters.window
+            if low != high:
+                # Of maps with intensities below 1, one decimal would leave nothing.
+                decimals = max(telling_decimals(abs(high - low)), 1)
+                for spin_box in (ui.windowLowSpinBox, ui.windowHighSpinBox):
+                    spin_box.decimals, spin_box.singleStep = decimals, 10.0 ** (2 - decimals)
+            ui.windowLowSpinBox.value, ui.windowHighSpinBox.value = low, high
 
     def _show_cache(self) -> None:
         cache = self._cache

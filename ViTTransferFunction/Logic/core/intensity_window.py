@@ -51,6 +51,11 @@ class IntensityWindow:
         return shown
 
 
+def telling_decimals(span: float) -> int:
+    """Digits after the point, 6 at most, that tell intensities apart which lie a thousandth of a span apart."""
+    return min(max(3 - math.floor(math.log10(max(span, 1e-9))), 0), 6)
+
+
 CT_SOFT_TISSUE = IntensityWindow(-160.0, 240.0)
 CT_LUNG = IntensityWindow(-1000.0, -200.0)
 CT_BONE = IntensityWindow(0.0, 1000.0)

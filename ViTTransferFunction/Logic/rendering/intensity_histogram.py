@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.bounding_box import bounding_box, grown, whole_box
 from ..core.geometry import Box
+from ..core.intensity_window import telling_decimals
 from .composition import DEPTH, INTENSITY, NUMBER, SURFACE
 from .structure_volume import StructureVolume
 
@@ -63,7 +63,7 @@ class IntensityHistogram:
     def decimals(self) -> int:
         """Digits after the point that tell intensities apart which are a step apart."""
         first, last = self.ends
-        return min(max(3 - math.floor(math.log10(max(last - first, 1e-9))), 0), 6)
+        return telling_decimals(last - first)
 
 
 def intensity_histogram(structures: StructureVolume, index: int) -> IntensityHistogram:

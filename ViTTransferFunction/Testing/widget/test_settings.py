@@ -110,6 +110,17 @@ def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -
     assert not ui.messageFrame.isVisible()
 
 
+def test_the_window_of_a_map_of_small_numbers_is_not_rounded_to_nothing(widget: Any, volume: Any) -> None:
+    widget.ui.advancedCollapsibleButton.collapsed = False
+    volume.GetScalarVolumeDisplayNode().SetAutoWindowLevel(False)
+    volume.GetScalarVolumeDisplayNode().SetWindowLevelMinMax(0.0004, 0.0025)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.windowAutomaticCheckBox.click()
+    assert widget.panel.session.parameters.window == pytest.approx((0.0004, 0.0025), abs=1e-6)
+    widget.ui.windowHighSpinBox.setValue(0.0021)
+    assert widget.panel.session.parameters.window == pytest.approx((0.0004, 0.0021), abs=1e-6)
+
+
 def test_an_inverted_window_is_reported_in_the_panel(widget: Any, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.advancedCollapsibleButton.click()

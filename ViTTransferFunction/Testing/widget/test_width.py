@@ -47,6 +47,17 @@ def test_the_panel_gets_no_wider_when_its_sections_are_opened(widget: Any, host:
     assert before < PANEL_WIDTH
 
 
+def test_a_window_of_small_numbers_makes_no_wider_panel(widget: Any, host: Host, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.advancedCollapsibleButton.collapsed = False
+    widget.ui.windowAutomaticCheckBox.click()
+    before = width(host)
+    widget.panel.session.parameters.set_window(0.0004, 0.0025, automatic=False)
+    widget.panel.refresh()
+    assert widget.ui.windowLowSpinBox.text() == "0.000400"
+    assert width(host) <= before
+
+
 @pytest.mark.parametrize("name", [LONG_NAME, ONE_LONG_WORD])
 def test_a_scan_with_a_long_name_makes_no_wider_panel(host: Host, slicer_app: Any, spheres: Any, name: str) -> None:
     before = width(host)
