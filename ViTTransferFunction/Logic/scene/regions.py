@@ -121,9 +121,8 @@ def _ends(node: slicer.vtkMRMLMarkupsLineNode) -> np.ndarray:
 
 
 def _points_within_box(node: slicer.vtkMRMLMarkupsROINode) -> np.ndarray:
-    size_mm = [0.0, 0.0, 0.0]
-    node.GetSizeWorld(size_mm)
-    return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(size_mm))
+    # Its own size: the matrix has the scale of the transforms that it is under.
+    return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(node.GetSize()))
 
 
 def _corners(node: slicer.vtkMRMLMarkupsClosedCurveNode) -> np.ndarray:

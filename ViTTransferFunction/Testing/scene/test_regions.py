@@ -11,7 +11,7 @@ import vtk
 
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.region_points import points_of_outline
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volume import set_image
@@ -137,6 +137,20 @@ def test_a_box_gives_points_in_all_of_it_wherever_it_was_turned_to(slicer_app: A
     assert len(points) == 8
     assert (np.abs(in_box) < 0.5 * size_mm - 2.0).all()
     assert (np.ptp(in_box, axis=0) > 0.4 * size_mm).all()
+
+
+@pytest.mark.parametrize("matrix", [np.diag([2.0, 2.0, 2.0, 1.0]), np.diag([0.5, 3.0, -1.0, 1.0])])
+def test_points_in_a_box_stay_within_it_whatever_transform_makes_it_larger(
+    slicer_app: Any, session: SceneSession, matrix: np.ndarray
+) -> None:
+    box = slicer_app.scene.AddNewNodeByClass("vtkMRMLMarkupsROINode", "box")
+    box.SetCenter(5.0, 0.0, 0.0)
+    box.SetSize(40.0, 30.0, 20.0)
+    put_under(box, matrix)
+    session.regions.add_markup(session.classes[0].id, box.GetID(), positive=True)
+    in_box = transform_points(np.linalg.inv(matrix), points_of(session)) - [5.0, 0.0, 0.0]
+    assert len(in_box) == 8
+    assert (np.abs(in_box) < [20.0, 15.0, 10.0]).all()
 
 
 def test_only_markups_that_enclose_something_are_offered(slicer_app: Any, session: SceneSession) -> None:
