@@ -54,7 +54,7 @@ class VoxelDigest:
 
     def to_text(self) -> str:
         """As text, from which `from_text` makes it again."""
-        return json.dumps([self.shape, self.hash, self.corners_ras.round(6).tolist()])
+        return json.dumps([self.shape, self.hash, self.corners_ras.tolist()])
 
     @classmethod
     def from_text(cls, text: str) -> VoxelDigest | None:

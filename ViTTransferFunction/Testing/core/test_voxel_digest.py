@@ -67,11 +67,15 @@ def test_what_a_file_rounds_is_no_difference() -> None:
     assert digest_of(MASK.astype(np.uint8), ijk_to_ras=rounded).is_like(digest_of(MASK.astype(np.uint8)))
 
 
-def test_a_digest_survives_as_text_and_other_texts_are_none() -> None:
-    digest = digest_of(MASK.astype(np.uint8))
+@pytest.mark.parametrize("scale", [1.0, 1e-5, 1e4])
+def test_a_digest_survives_as_text_however_small_voxels_are(scale: float) -> None:
+    digest = digest_of(MASK.astype(np.uint8), ijk_to_ras=np.diag([scale, scale, scale, 1.0]) @ MATRIX)
     again = VoxelDigest.from_text(digest.to_text())
     assert again is not None
     assert again.is_like(digest)
+
+
+def test_other_texts_are_no_digests() -> None:
     for text in ("", "{}", "null", "[1, 2, 3]", '[[1, 2], "a", [[0]]]'):
         assert VoxelDigest.from_text(text) is None
 
