@@ -7,6 +7,9 @@ from typing import Any
 from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.wording import progress_text
 
+MOST_STEPS = 1_000_000
+"""Of a bar. Qt counts with 32 bits, and a large scan has more voxels than these can say."""
+
 
 class ProgressRow:
     """The widgets of one progress bar.
@@ -28,5 +31,6 @@ class ProgressRow:
         if progress is not None:
             self._label.text = progress_text(progress)
             # A bar without a maximum moves to and fro: something is being done, and nobody knows how long it takes.
-            self._bar.maximum = progress.total
-            self._bar.value = progress.done
+            scale = max(progress.total // MOST_STEPS, 1)
+            self._bar.maximum = progress.total // scale
+            self._bar.value = progress.done // scale

@@ -31,11 +31,13 @@ from PySide6.QtWidgets import (
 )
 
 from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
 from ViTTransferFunction.Testing.support.widgets import add_class, place, text
+from ViTTransferFunction.Widget.progress_row import ProgressRow
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -127,6 +129,12 @@ def test_problems_that_come_together_are_all_shown(widget: Any) -> None:
         widget.panel.session._problems.put(cause, message)
     widget.panel.refresh()
     assert widget.ui.messageLabel.text() == "⚠ The process ended.\n\n⚠ Nothing can be shown."
+
+
+def test_progress_over_more_voxels_than_qt_can_count_is_shown(widget: Any) -> None:
+    ProgressRow(widget.ui, "segmentation").show(WorkProgress(3 * 2**30, 2**32, "Writing segments", None))
+    bar = widget.ui.segmentationProgressBar
+    assert bar.value() / bar.maximum() == pytest.approx(0.75, abs=0.01)
 
 
 def test_names_in_messages_are_shown_letter_by_letter(widget: Any) -> None:
