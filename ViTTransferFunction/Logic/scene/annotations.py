@@ -167,7 +167,9 @@ class SceneAnnotations(WatchedClasses):
             for state in self.classes:
                 if state.visible:
                     positive, negative = (_outside(p, points_ras, radius_mm) for p in (state.positive, state.negative))
-                    write_class(self._scene, self._positive(state.id), replace(state, positive=positive, negative=negative))
+                    left = replace(state, positive=positive, negative=negative)
+                    if left != state:
+                        write_class(self._scene, self._positive(state.id), left)
 
     def remove_last_point(self, id_: str) -> None:
         """Remove the point of a class that was placed last, positive or negative."""

@@ -20,7 +20,7 @@ from .added_markups import add_markups
 from .class_attributes import attribute, read_look, read_settings, set_attribute, write_settings
 from .class_state import ClassState, Polarity, name_beside, new_class_id
 from .data_tree import put_into_folder
-from .nodes import displays_of, name_for_scene, name_of, node_of_class, nodes_of_class
+from .nodes import displays_of, name_for_scene, name_of, node_of_class, nodes_of_class, one_modification
 from .of_volume import set_volume_of, volume_of
 from .parameters import referred
 from .point_lists import defined_points, points_and_properties, set_points
@@ -164,14 +164,15 @@ def write_classes(
 ) -> None:
     """Bring all classes in the scene to `states`, in this order: those that are missing come, and all others go."""
     present = {class_id(node): node for node in class_nodes(parameter_node)}
-    for id_ in present.keys() - {state.id for state in states}:
-        remove_class(scene, present[id_])
-    for state in states:
-        if state.id in present:
-            write_class(scene, present[state.id], state)
-        else:
-            create_class(scene, parameter_node, state)
-    order_classes(parameter_node, [state.id for state in states])
+    with one_modification(parameter_node):
+        for id_ in present.keys() - {state.id for state in states}:
+            remove_class(scene, present[id_])
+        for state in states:
+            if state.id in present:
+                write_class(scene, present[state.id], state)
+            else:
+                create_class(scene, parameter_node, state)
+        order_classes(parameter_node, [state.id for state in states])
 
 
 def remove_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
@@ -194,9 +195,10 @@ def order_classes(parameter_node: slicer.vtkMRMLScriptedModuleNode, ids: list[st
     by_id = {class_id(node): node for node in class_nodes(parameter_node)}
     if list(by_id) != ids:
         others = [node for node in class_nodes_of_all(parameter_node) if node not in by_id.values()]
-        parameter_node.RemoveNodeReferenceIDs(CLASS_ROLE)
-        for node in (*others, *(by_id[id_] for id_ in ids)):
-            parameter_node.AddNodeReferenceID(CLASS_ROLE, node.GetID())
+        with one_modification(parameter_node):
+            parameter_node.RemoveNodeReferenceIDs(CLASS_ROLE)
+            for node in (*others, *(by_id[id_] for id_ in ids)):
+                parameter_node.AddNodeReferenceID(CLASS_ROLE, node.GetID())
 
 
 def _point_list(node: slicer.vtkMRMLNode | None, polarity: Polarity) -> slicer.vtkMRMLMarkupsFiducialNode | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -33,6 +35,16 @@ def node_of_class(node: Any, class_name: str) -> Any:
 def nodes_of_class(scene: slicer.vtkMRMLScene, class_name: str) -> list[Any]:
     """All nodes of a class and its subclasses, in the order of the scene."""
     return [scene.GetNthNodeByClass(index, class_name) for index in range(scene.GetNumberOfNodesByClass(class_name))]
+
+
+@contextmanager
+def one_modification(node: Any) -> Iterator[None]:
+    """Have a node tell of what is changed about it meanwhile once, in the end: in between, half of it is as it was."""
+    was_modifying = node.StartModify()
+    try:
+        yield
+    finally:
+        node.EndModify(was_modifying)
 
 
 def displays_of(node: slicer.vtkMRMLDisplayableNode) -> list[Any]:

@@ -100,7 +100,9 @@ class PlaceMode:
         assert before is not None
         if self._interaction.GetPlaceModePersistence():
             self._interaction.SetPlaceModePersistence(before.persistence)
-        if self._selection.GetActivePlaceNodeID() == self._list_id:
+        placed_in = self._selection.GetActivePlaceNodeID()
+        is_gone = placed_in is None and self._selection.GetScene().GetNodeByID(self._list_id) is None
+        if placed_in == self._list_id or is_gone:
             # Otherwise Slicer's own button would go on to place points in this structure.
             self._selection.SetReferenceActivePlaceNodeClassName(before.list_class or "")
             self._selection.SetActivePlaceNodeID(before.list_id)

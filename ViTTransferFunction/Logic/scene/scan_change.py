@@ -68,5 +68,4 @@ class ScanChange:
                 self._selected.select(self._annotations.classes[row].id)
             elif node is not None and node.GetID() in self._selected_last:
                 self._selected.select(self._selected_last[node.GetID()])
-        with self._notices.one():  # By now the tool in hand works on another list.
-            when_left()
+        when_left()  # By now the tool in hand works on another list.

@@ -13,6 +13,7 @@ from ..core.colors import Color
 from ..core.errors import InputError
 from .data_tree import put_beside
 from .labelmaps import LABELMAP
+from .nodes import one_modification
 from .segment_preparation import PreparedSegments, takes_transform
 from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, SEGMENT_TAG, VOXELS_TAG, read_tag, set_tag
 from .terminology import StandardCodes
@@ -76,7 +77,7 @@ def write_prepared(
     for image in {prepared.image, *prepared.freed.values()}:
         # The Segment Editor's undo takes voxels for those that it saved last where they are older than what it saved.
         image.Modified()
-    with _one_modification(segmentation_node), _derived_representations_renewed(segmentation):
+    with one_modification(segmentation_node), _derived_representations_renewed(segmentation):
         _set_up(segmentation_node, volume_node, others)
         for class_id, segment_id in prepared.kept.items():
             _leave_to_user(segmentation.GetSegment(segment_id), class_id)
@@ -100,15 +101,6 @@ def write_prepared(
             segmentation.InvokeEvent(segmentation.RepresentationModified, ids[class_id])
         note_written(segmentation_node, prepared.labels, source, volume_node)
     return [ids[class_id] for class_id in prepared.labels]
-
-
-@contextmanager
-def _one_modification(node: Any) -> Iterator[None]:
-    was_modifying = node.StartModify()
-    try:
-        yield
-    finally:
-        node.EndModify(was_modifying)
 
 
 @contextmanager

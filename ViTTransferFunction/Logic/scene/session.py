@@ -462,7 +462,9 @@ class SceneSession:
         self._notices.tell()
 
     def _on_parameters(self) -> None:
-        self._on_opened(self._volume.open())
+        # In the midst of an edit, there may be fewer classes than before and after it.
+        if not self.annotations.editing:
+            self._on_opened(self._volume.open())
 
     def _on_model(self, name: str) -> None:
         """Structures come that were made with this model; "": not known."""

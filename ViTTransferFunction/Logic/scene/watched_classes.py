@@ -90,6 +90,11 @@ class WatchedClasses:
         return self._history.can_redo
 
     @property
+    def editing(self) -> bool:
+        """Whether nodes are being changed by this object, which tells of it when it is done."""
+        return bool(self._paused)
+
+    @property
     def untouched(self) -> bool:
         """Whether there is no class, and nothing was done since the scene was opened that left none."""
         return not (self.classes or self.can_undo or self.can_redo)

@@ -127,6 +127,22 @@ def test_a_class_moves_up_and_down_as_far_as_the_ends_and_back_by_undo(session: 
     assert [state.id for state in session.classes] == [second, first, third]
 
 
+def test_front_ends_hear_of_no_fewer_structures_than_there_are_before_or_after_an_edit(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    first, *_ = annotate(session, spheres)
+    heard: set[int] = set()
+    session.add_observer(lambda: heard.add(len(session.classes)))
+    session.annotations.move_class(first, 1)
+    assert heard == {3}
+    session.annotations.remove_class(first)
+    assert heard == {3, 2}
+    session.annotations.undo()
+    assert heard == {3, 2}
+    session.annotations.duplicate_class(first)
+    assert heard == {4, 3, 2}
+
+
 def test_a_class_keeps_its_name_where_the_new_one_is_empty(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     with pytest.raises(InputError, match="needs a name"):

@@ -138,6 +138,19 @@ def test_a_closer_look_that_is_cancelled_is_taken_back(session: SceneSession, sp
     assert session.volume_ml(id_) is not None
 
 
+def test_a_closer_look_goes_on_and_what_is_shown_stays_while_structures_are_put_into_another_order(
+    session: SceneSession, spheres: Spheres
+) -> None:
+    ids = annotate(session, spheres)
+    session.look_closer(ids[0])
+    wait_until_under_way(session)
+    lacking: set[str] = set()
+    session.add_observer(lambda: lacking.update(id_ for id_ in ids if session.chosen_iso(id_) is None))
+    session.annotations.move_class(ids[0], 1)
+    assert session.looks_closer
+    assert not lacking
+
+
 def test_the_box_in_use_is_as_large_as_points_beyond_make_it(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     assert session.close_up_mm(session.classes[0]) is None
@@ -194,11 +207,16 @@ def test_where_a_point_enlarged_the_box_cancelling_leads_back_to_the_whole(sessi
 
 def cancel_looking(session: SceneSession) -> None:
     """Cancel a closer look as soon as it is under way."""
+    wait_until_under_way(session)
+    session.cancel()
+
+
+def wait_until_under_way(session: SceneSession) -> None:
+    """Wait until a closer look is."""
     until = time.monotonic() + 30.0
     while not session.looks_closer and time.monotonic() < until:
         session.poll()
     assert session.progress is not None
-    session.cancel()
 
 
 def test_a_closer_look_is_suggested_after_large_corrections_until_there_is_one(
