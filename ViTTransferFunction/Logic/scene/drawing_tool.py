@@ -15,6 +15,7 @@ from .view_mouse import PRESSES, SliceMouse
 
 Shape = Literal["lasso", "box", "line"]
 
+_WHEEL = (vtk.vtkCommand.MouseWheelForwardEvent, vtk.vtkCommand.MouseWheelBackwardEvent)
 _STEP_PIXELS = 3.0
 """Corners of a lasso are this far apart."""
 _SMALLEST_PIXELS = 5.0
@@ -60,6 +61,7 @@ class DrawingTool:
                 **dict.fromkeys(PRESSES, self._press),
                 vtk.vtkCommand.MouseMoveEvent: self._move,
                 vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+                **dict.fromkeys(_WHEEL, self._wheel),
             })  # fmt: skip
 
     def deactivate(self) -> None:
@@ -96,6 +98,10 @@ class DrawingTool:
         else:
             self._on_click()
         return True
+
+    def _wheel(self) -> bool:
+        """It leads to another slice, and hands that drag turn it by mistake: what is drawn lies in the one that it began in."""
+        return bool(self._path)
 
     def _end(self) -> None:
         if self._path:

@@ -100,6 +100,18 @@ def test_what_is_dragged_with_shift_pans_the_view(slicer_app: Any) -> None:
     assert stage.node.GetXYZOrigin() != before
 
 
+@pytest.mark.parametrize("event", ["MouseWheelForwardEvent", "MouseWheelBackwardEvent"])
+def test_the_wheel_leads_to_another_slice_but_not_while_something_is_drawn_in_one(stage: Stage, event: str) -> None:
+    stage.tool("lasso")
+    stage.press_and_move((40, 60), (90, 60), (90, 100))
+    stage.mouse(event, 90, 100)
+    stage.mouse("LeftButtonReleaseEvent", 90, 100)
+    assert stage.node.GetSliceOffset() == pytest.approx(20.0)
+    np.testing.assert_allclose(stage.outlines[0][:, 2], 20.0)
+    stage.mouse(event, 90, 100)
+    assert stage.node.GetSliceOffset() != pytest.approx(20.0)
+
+
 def test_the_second_press_of_a_double_click_begins_a_region_as_well(slicer_app: Any) -> None:
     stage = Stage(slicer_app)
     stage.tool("box")
