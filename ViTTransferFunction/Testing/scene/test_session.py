@@ -99,6 +99,17 @@ def test_segments_are_written_where_the_spheres_are(
         assert dice(mask, spheres[1] == int(name[-1])) > 0.9
 
 
+def test_the_voxels_of_a_structure_and_its_duplicate_stay_with_the_upper_one(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    first, *_ = annotate(session, spheres)
+    before = session.volume_ml(first)
+    duplicate = session.annotations.duplicate_class(first)
+    session.wait()
+    assert session.volume_ml(first) == before
+    assert session.volume_ml(duplicate.id) == 0.0
+
+
 def test_segments_go_where_they_were_asked_for_also_if_another_segmentation_is_chosen_meanwhile(
     session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
