@@ -56,7 +56,7 @@ class SceneDisplay:
     ) -> bool:
         """Show the contours of these classes, and the map of the one whose id is `overlaid` as a coloured overlay.
 
-        The overlay is there at once; contours follow by `advance`, first that of the same class.
+        The overlay is there at once; contours follow by `advance`, first that of the same class, then all others together.
 
         Returns:
             Whether it is another overlay than before.
@@ -148,18 +148,23 @@ class SceneDisplay:
         return outlined is None or not of_class.is_like(outlined[0])
 
     def _outline(self, of_class: ShownMap) -> None:
-        """Go on to make the contour of one class, and show it when it is ready; the others stay as they are."""
+        """Go on to make the contour of one class; the others stay as they are."""
         outlined = self._outlined.get(of_class.class_id)
         if outlined is not None and outlined[0].map is of_class.map:
-            self._outlined[of_class.class_id] = of_class, outlined[1]
-            self._show_contours()
+            self._take_outline(of_class, outlined[1])
             return
         if self._outlining is None or self._outlining[0].map is not of_class.map:
             self._outlining = of_class, SteppedWork(iso_surface(of_class.map))
         work = self._outlining[1]
         if work.advance():
             self._outlining = None
-            self._outlined[of_class.class_id] = of_class, work.result or []
+            self._take_outline(of_class, work.result or [])
+
+    def _take_outline(self, of_class: ShownMap, surface: Surface) -> None:
+        """Show it at once if it is the first one's, else with the last that is lacking: each time, views cut all anew."""
+        self._outlined[of_class.class_id] = of_class, surface
+        is_first = of_class is next(iter(self._shown.values()))
+        if is_first or not any(self._lacks_outline(other) for other in self._shown.values()):
             self._show_contours()
 
     def _show_contours(self) -> None:

@@ -15,7 +15,8 @@ from ViTTransferFunction.Logic.core.class_map import ClassMap
 from ViTTransferFunction.Logic.core.colors import Color
 from ViTTransferFunction.Logic.core.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.stepped_work import finished
-from ViTTransferFunction.Logic.scene.contours import PART_VOXELS, Contours, Surface, iso_surface
+from ViTTransferFunction.Logic.scene.contours import PART_VOXELS, Contours, ShownMap, Surface, iso_surface
+from ViTTransferFunction.Logic.scene.display import SceneDisplay
 from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.overlay import SimilarityOverlay, similarity_levels
 from ViTTransferFunction.Logic.scene.volume import set_image
@@ -169,6 +170,26 @@ def test_outlines_have_the_colours_of_their_classes_and_none_is_left_over(views:
     assert not is_green(pixels(view)).any()
     contours.show(views.volume, [])
     assert redness(pixels(view)).max() < 60
+
+
+def test_the_outline_of_the_class_that_is_overlaid_is_shown_at_once_and_all_others_together(
+    views: Views, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[int] = []
+    show = Contours.show
+
+    def count(self: Contours, volume: Any, outlines: Any) -> None:
+        shown.append(len(outlines))
+        show(self, volume, outlines)
+
+    monkeypatch.setattr(Contours, "show", count)
+    display = SceneDisplay(views.scene, views.app_logic)
+    display.show_maps(views.volume, [ShownMap(name, a_map(), GREEN) for name in "abcde"], "c", 0.5)
+    shown.clear()
+    while display.pending:
+        display.advance()
+    # Each time, all views cut all outlines anew.
+    assert shown == [1, 5]
 
 
 def test_of_more_classes_than_there_are_colours_each_has_its_own(views: Views) -> None:
