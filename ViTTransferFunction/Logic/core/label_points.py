@@ -84,7 +84,10 @@ def _chosen_cells(cells: _Cells, count: int) -> np.ndarray:
     if number == 0:
         return np.empty((0, 3), dtype=int)
     sizes = ndimage.sum_labels(cells.counts, parts, np.arange(1, number + 1))
-    relevant = [part for part in np.argsort(-sizes) + 1 if sizes[part - 1] >= SMALLEST_PART * sizes.sum()]
+    largest_first = (np.argsort(-sizes) + 1).tolist()
+    relevant = [part for part in largest_first if sizes[part - 1] >= SMALLEST_PART * sizes.sum()]
+    # Of many like parts, metastases say, none is a relevant share of all.
+    relevant = relevant or largest_first[:count]
     depth = ndimage.distance_transform_edt(np.pad(inside, 1), sampling=cells.spacing_mm)[1:-1, 1:-1, 1:-1]
     deepest = ndimage.maximum_position(depth, parts, relevant)
     largest = np.zeros(number + 1)

@@ -44,6 +44,17 @@ def test_points_lie_deep_inside_and_far_apart(shape: tuple[int, int, int]) -> No
     assert min(between) > 0.25 * lengths_mm.min()
 
 
+def test_of_many_small_parts_the_largest_get_the_points() -> None:
+    labels = np.zeros((20, 50, 50), dtype=np.uint8)
+    for j, i in np.ndindex(6, 6):
+        labels[5:8, 8 * j : 8 * j + 3, 8 * i : 8 * i + 3] = 1
+    for i in (0, 2, 4):
+        labels[5:9, 0:3, 8 * i : 8 * i + 3] = 1
+    voxels = points_in(labels, count=3)
+    assert sorted((voxels[:, 1:] // 8).tolist()) == [[0, 0], [0, 2], [0, 4]]
+    assert labels[tuple(voxels.T)].all()
+
+
 def test_distances_are_in_millimetres() -> None:
     """Of a slab that is longest along K in millimetres, but not in voxels."""
     labels = np.ones((20, 30, 30), dtype=np.uint8)
