@@ -59,11 +59,11 @@ class SegmentPoints:
         if self._work is None and not self._begin():
             return True
         assert self._work is not None
-        key, state, work = self._work
-        if work.advance():
-            assert work.result is not None
+        (key, state, work), self._work = self._work, None  # What a defect raises is raised once.
+        if not work.advance():
+            self._work = key, state, work
+        elif work.result is not None:
             self._found[key] = state, work.result
-            self._work = None
         if not self.busy:
             self._boxes.clear()
         return not self.busy

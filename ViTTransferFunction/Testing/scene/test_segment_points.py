@@ -101,6 +101,21 @@ def test_a_segment_that_is_erased_while_points_in_it_are_searched_for_has_none(
     assert len(found) == 0
 
 
+def test_a_search_that_fails_is_over(a_segmentation: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.stepped_work.ADVANCE_S", 60.0)
+
+    def fail(*_: Any) -> Any:
+        raise ValueError("a defect")
+
+    monkeypatch.setattr("ViTTransferFunction.Logic.scene.segment_points.points_in_label", fail)
+    add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    points = SegmentPoints(a_segmentation.GetScene())
+    points.of(a_segmentation, "liver", 3)
+    with pytest.raises(ValueError, match="a defect"):
+        points.advance()
+    assert not points.busy
+
+
 def test_a_class_continues_a_segment_in_one_step(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:
     segment_id = add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     a_segmentation.GetSegmentation().GetSegment(segment_id).SetColor(0.2, 0.4, 0.6)
