@@ -17,6 +17,7 @@ import SimpleITK as sitk  # noqa: N813
 pytest.importorskip("trame_slicer")
 pytest.importorskip("psutil")
 
+from ViTTransferFunction.Logic.core.atomic_file import TEMPORARY
 from ViTTransferFunction.Logic.core.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.volume import array_from_node
@@ -44,7 +45,8 @@ def folder(a_cache_of_its_own: Path) -> Path:
 
 
 def kept_in(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.annotations.json"))
+    """But for those that are still being written."""
+    return sorted(path for path in folder.glob("*.annotations.json") if not path.name.startswith(TEMPORARY))
 
 
 def click(app: WebApp, name: str = "liver", place: int = 0) -> None:
