@@ -58,6 +58,7 @@ def main() -> None:
     structures, making = made_structures(volume)
     with tempfile.TemporaryDirectory() as cache:
         os.environ["VITTF_CACHE"] = cache
+        os.environ.pop("VITTF_WEIGHTS", None)  # Made-up features are those of the preset's own model.
         clicks = measure_clicks(volume, options.pixels, options.clicks)
     app = SlicerApp()
     node = add_volume(app.scene, volume)
