@@ -13,7 +13,7 @@ import numpy as np
 from ..core.orientation import AS_STORED, canonical_orientation
 from ..core.volume import Volume
 from .background_tokens import BACKGROUND_STRIDE, TokenSelection, background_cells, select_tokens
-from .settings import SMALLEST_GRID, FeatureSettings, shape_along
+from .settings import SMALLEST_GRID, FeatureSettings, grid_shape, shape_along
 from .slice_patches import SlicePatches
 from .slice_sampling import SliceSample, slice_count, slice_samples
 
@@ -80,9 +80,9 @@ class ExtractionPlan:
 
     def _patch_shape(self) -> tuple[int, int, int]:
         """As many patches along the stored axes as there are cells, or as many as make `most_patches` in all slices."""
-        finest, most = self._shape_along(self._settings.grid), self._settings.most_patches
+        most = self._settings.most_patches
         if most is None:
-            return finest
+            return grid_shape(self._geometry, self._settings)
         background = self._background(self.orientation.canonical_shape(self._shape_along(BODY_SHARE_GRID)))
         run = 1.0 - background.mean() * (1.0 - 1.0 / BACKGROUND_STRIDE**2)
         coarser = (self._shape_along(longest) for longest in range(self._settings.grid, SMALLEST_GRID, -1))

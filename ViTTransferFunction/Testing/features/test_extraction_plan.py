@@ -42,6 +42,11 @@ def test_patches_are_never_smaller_than_cells_and_a_few_remain() -> None:
     assert ExtractionPlan(volume, FeatureSettings(grid=8, most_patches=1)).shape == (4, 4, 4)
 
 
+def test_without_a_budget_each_cell_of_a_long_volume_has_a_patch() -> None:
+    plan = ExtractionPlan(volume_with_body((160, 40, 40), 1.0), FeatureSettings(grid=8, largest_cell_mm=10.0))
+    assert plan.shape == (16, 4, 4)
+
+
 def test_slices_and_layers_that_are_run_count_and_not_cells() -> None:
     volume = volume_with_body((64, 64, 64), 1.0)
     every_layer, every_second, every_slice = (
