@@ -78,7 +78,7 @@ def _on_start_import(scene: Any, event: str) -> None:
     session_keeps_it = widget is not None and widget.panel is not None and widget.panel.session is not None
     parameter_node = scene.GetSingletonNode("ViTTransferFunction", "vtkMRMLScriptedModuleNode")
     if parameter_node is not None and not session_keeps_it and not slicer_is_too_old():
-        from ViTTransferFunction.Logic.scene.added_scene import keep_work
+        from ViTTransferFunction.Logic.scene.classes.added_scene import keep_work
 
         keep_work(scene, parameter_node)
 
@@ -309,7 +309,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
 
     def _annotate(self, session: Any, volume: Any) -> list[str]:
         from ViTTransferFunction.Logic.files.annotation_files import read_annotations
-        from ViTTransferFunction.Logic.scene.volume import geometry_from_node
+        from ViTTransferFunction.Logic.scene.volumes.volume import geometry_from_node
 
         self.delayDisplay("Placing points")
         path = Path(__file__).parent / "Resources" / "Annotations" / "ct_chest.json"

@@ -18,8 +18,8 @@ from Benchmarks.accuracy.body_mask import body_mask
 from Benchmarks.accuracy.local_features import LocalFeatures
 from Benchmarks.accuracy.seeds import Seeds
 from Benchmarks.accuracy.svm_scores import svm_scores
-from ViTTransferFunction.Logic.core.resampling import cell_positions, interpolated
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.resampling import cell_positions, interpolated
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures
 
 ClassifierKind = Literal["SVM", "RF"]

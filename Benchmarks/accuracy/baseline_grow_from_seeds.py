@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 from Benchmarks.accuracy.body_mask import body_mask
 from Benchmarks.accuracy.seeds import Seeds
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 
 class GrowFromSeeds:

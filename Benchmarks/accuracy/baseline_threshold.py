@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from Benchmarks.accuracy.seeds import Seeds
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 WIDTH = 2.0
 """Half of a class's range of intensities, in standard deviations."""

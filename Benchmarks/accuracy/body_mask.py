@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
 

@@ -13,8 +13,8 @@ from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.report_files import save_figure
 from Benchmarks.shared.segmentation_metrics import dice
 from Benchmarks.shared.simulated_clicker import Clicks
-from ViTTransferFunction.Logic.core.intensity_window import display_window
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.intensity_window import display_window
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 STRUCTURES = 2
 """Of each volume."""

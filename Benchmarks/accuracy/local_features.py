@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 COUNT = 11
 _NEIGHBOURS = [(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)]

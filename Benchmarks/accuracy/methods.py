@@ -19,7 +19,7 @@ from Benchmarks.accuracy.seeds import Seeds, painted, seeds_of
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.simulated_clicker import Clicks
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod

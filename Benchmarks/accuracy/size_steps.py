@@ -14,7 +14,7 @@ from Benchmarks.accuracy.runs import Rounds, rounded_metrics
 from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.segmentation_metrics import dice
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.session.labels import assign_labels, keep_annotated_components
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 

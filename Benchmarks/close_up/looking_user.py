@@ -11,11 +11,11 @@ import numpy as np
 
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.simulated_clicker import Clicks
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 

@@ -37,9 +37,9 @@ from ViTTransferFunction.CommandLine.cohort.dispatch import run_jobs
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.local_cluster import local_cluster
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
-from ViTTransferFunction.Logic.core.label_points import points_in_label
-from ViTTransferFunction.Logic.core.stepped_work import finished
-from ViTTransferFunction.Logic.core.voxel_digest import label_boxes
+from ViTTransferFunction.Logic.core.classes.label_points import points_in_label
+from ViTTransferFunction.Logic.core.volumes.stepped_work import finished
+from ViTTransferFunction.Logic.core.volumes.voxel_digest import label_boxes
 from ViTTransferFunction.Logic.files.segmentation_files import write_image
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.settings import SessionSettings

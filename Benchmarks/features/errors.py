@@ -11,9 +11,9 @@ from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.segmentation_metrics import mean_dice
 from Benchmarks.shared.sessions import labels_of, session_on
 from Benchmarks.shared.simulated_clicker import click_in_rounds
-from ViTTransferFunction.Logic.core.orientation import canonical_orientation
-from ViTTransferFunction.Logic.core.resampling import sample_at
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.orientation import canonical_orientation
+from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import FeatureSettings

@@ -17,7 +17,7 @@ import torch
 from Benchmarks.features.settings import settings_called
 from Benchmarks.shared.labelled_cases import SCANS
 from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, resident_bytes
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import extract_features

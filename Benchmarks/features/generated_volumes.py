@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 AIR_HU, TISSUE_HU, NOISE_HU = -1000, 40, 60
 

@@ -34,8 +34,8 @@ from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import SCANS, Case
 from Benchmarks.shared.machine import machine
-from ViTTransferFunction.Logic.core.cache_folder import cache_folder
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.cache_folder import cache_folder
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.settings import grid_shape

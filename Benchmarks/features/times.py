@@ -16,7 +16,7 @@ from Benchmarks.features.generated_volumes import GENERATED
 from Benchmarks.features.settings import DEFAULT_SETTINGS, PUBLISHED, SETTINGS
 from Benchmarks.shared.labelled_cases import SCANS, classes_of
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.cost import calibrate, feature_cost
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import FeatureRun, extract_features

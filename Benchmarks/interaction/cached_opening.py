@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from Benchmarks.interaction.watched_session import Watched
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume
 

@@ -14,7 +14,7 @@ from Benchmarks.interaction.made_up_volume import Shape, cache_features, centres
 from Benchmarks.interaction.watched_session import open_session
 from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.requests import Extract
-from ViTTransferFunction.Logic.scene.segment_output import WRITING
+from ViTTransferFunction.Logic.scene.segments.segment_output import WRITING
 from ViTTransferFunction.Testing.support.event_loop import POLL_S, idle_with_the_lock
 from ViTTransferFunction.Testing.support.scenes import segment_masks
 from ViTTransferFunction.Testing.support.stub_process import one_reply_of_labels, stub_executable

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from Benchmarks.interaction.update_cost import CHANNELS
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan

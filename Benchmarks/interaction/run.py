@@ -33,7 +33,7 @@ from Benchmarks.shared.arguments import benchmark_parser
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.session.opening import open_session as open_volume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET

@@ -18,8 +18,8 @@ import numpy as np
 from Benchmarks.shared.labelled_cases import classes_of
 from Benchmarks.shared.sessions import session_on
 from Benchmarks.shared.simulated_clicker import Click, Clicks
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 

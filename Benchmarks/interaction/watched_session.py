@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.event_loop import CLICK_POLL_S, POLL_S, idle_with_the_lock
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume

@@ -13,9 +13,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.class_map import NEAR_SHARE_OF_ISO
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_map import NEAR_SHARE_OF_ISO
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import with_intensity_likelihood
 from ViTTransferFunction.Logic.refinement.refinement import SIGMA_SHARE_OF_CELL, active_box, class_window

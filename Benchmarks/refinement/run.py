@@ -40,13 +40,13 @@ from Benchmarks.shared.report_tables import number, paragraphs, table
 from Benchmarks.shared.segmentation_metrics import dice, surface_distances_mm
 from Benchmarks.shared.sessions import labels_of, load_features
 from Benchmarks.shared.simulated_clicker import ClickedRound, Clicks, click_in_rounds
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, points_against
-from ViTTransferFunction.Logic.core.progress import Between, nothing_between
-from ViTTransferFunction.Logic.core.resampling import sample_at
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest, points_against
+from ViTTransferFunction.Logic.core.system.progress import Between, nothing_between
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.refinement.settling import settle

@@ -11,8 +11,8 @@ from trame_slicer.core import SlicerApp
 from Benchmarks.interaction.made_up_volume import cache_features, centres
 from Benchmarks.interaction.watched_session import Watched, open_session
 from Benchmarks.rendering.stage import Stage, timed
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 
 CLASSES = 5
 REST_S = 0.3

@@ -31,16 +31,16 @@ from Benchmarks.shared.arguments import benchmark_parser
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
-from ViTTransferFunction.Logic.core.colors import default_color
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.colors import default_color
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.intensity_levels import gray_levels, intensity_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
-from ViTTransferFunction.Logic.scene.quick_pictures import GOAL_S
-from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volume import image_of
+from ViTTransferFunction.Logic.scene.views.quick_pictures import GOAL_S
+from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.volumes.volume import image_of
 from ViTTransferFunction.Testing.support.scenes import add_volume
 
 PRESET = "CT-AAA"

@@ -14,10 +14,10 @@ from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
 from vtkmodules.vtkRenderingCore import vtkWindowToImageFilter
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.scene.quick_pictures import REST_S
-from ViTTransferFunction.Logic.scene.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.view_picture import pixels_of
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.scene.views.quick_pictures import REST_S
+from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.views.view_picture import pixels_of
 
 STILL_RATE = 0.0001
 """Pictures a second that VTK is asked for where nothing moves: as few as it likes."""

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from Benchmarks.shared.labelled_cases import LabelledVolume
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
-from ViTTransferFunction.Logic.core.geometry import Box
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.geometry import Box
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 FILLED_SHARE = 0.25
 """Of the box of an organ-filling crop that is the organ: a random voxel of the background is in it often."""

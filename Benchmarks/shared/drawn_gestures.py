@@ -10,8 +10,8 @@ from skimage.measure import find_contours
 
 from Benchmarks.shared.regions import Voxel, largest_component
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
 
 HAND_MM, HAND_SHARE = 1.5, 0.06
 """Standard deviation of where a person draws around where they mean to: along each axis of where a line ends, across an

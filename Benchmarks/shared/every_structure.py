@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from Benchmarks.shared.labelled_cases import SCANS, Case, LabelledVolume, read_labels
-from ViTTransferFunction.Logic.core.label_dtype import label_dtype
+from ViTTransferFunction.Logic.core.volumes.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 LEAST_ML = 1.0

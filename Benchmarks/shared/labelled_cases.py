@@ -13,10 +13,10 @@ import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.shared.shape_phantoms import phantom_volume, sphere, torus
 from Benchmarks.shared.simulated_clicker import Click
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.label_dtype import label_dtype
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.label_dtype import label_dtype
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 

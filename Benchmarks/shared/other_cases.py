@@ -10,8 +10,8 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.shared.labelled_cases import Case, LabelledCase, LabelledVolume
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.label_dtype import label_dtype
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.label_dtype import label_dtype
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 
 _SEGMENTATOR = "totalsegmentator-2.18.0/tests/reference_files"

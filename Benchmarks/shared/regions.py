@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
 
 Voxel = tuple[int, int, int]
 """Index along (K, J, I)."""

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
 
 SURFACE_TOLERANCE_MM = 2.0
 """Distance between surfaces that two careful readers would not argue about."""

@@ -9,7 +9,7 @@ import numpy as np
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.opening import open_session

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 BRIGHTNESS = 100
 """Of a shape; around it is 0."""

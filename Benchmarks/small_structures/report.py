@@ -13,7 +13,7 @@ from Benchmarks.accuracy.figures import names_of
 from Benchmarks.shared.machine import in_words
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
-from ViTTransferFunction.Logic.core.small_outlines import LEAST_AGREEMENT
+from ViTTransferFunction.Logic.core.classes.small_outlines import LEAST_AGREEMENT
 
 WHOLE, CLOSELY = "whole scan", "looked at closely"
 WAYS = (WHOLE, CLOSELY)

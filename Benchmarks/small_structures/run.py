@@ -36,8 +36,8 @@ from Benchmarks.shared.other_cases import cases_there
 from Benchmarks.shared.regions import largest_component
 from Benchmarks.shared.simulated_clicker import Gesture
 from Benchmarks.small_structures.report import CLOSELY, MUCH, SLICES, WAYS, write_report
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.core.small_outlines import agreement, is_small, reach_mm
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.small_outlines import agreement, is_small, reach_mm
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.settings import grid_shape
 from ViTTransferFunction.Logic.session.opening import open_session

@@ -28,7 +28,7 @@ from Benchmarks.shared.shape_phantoms import BRIGHTNESS, phantom_volume, sphere,
 from Benchmarks.shared.simulated_clicker import click_in_rounds
 from Benchmarks.topology.report import write_report
 from Benchmarks.topology.topology import topology_of
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.extraction import FeatureRun
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume

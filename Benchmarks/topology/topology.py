@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
 
 _ALL_NEIGHBOURS = np.ones((3, 3, 3))
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, add_settings_options, session_settings
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 if TYPE_CHECKING:
     from ViTTransferFunction.WebApp.app import WebApp

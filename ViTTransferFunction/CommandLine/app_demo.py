@@ -8,7 +8,7 @@ from ViTTransferFunction.CommandLine import vittf
 from ViTTransferFunction.CommandLine.console import unfailing_console
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, preset
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, find_weights, identify_model
 

@@ -16,7 +16,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
-    from ViTTransferFunction.Logic.core.errors import InputError
+    from ViTTransferFunction.Logic.core.system.errors import InputError
     from ViTTransferFunction.Logic.features.cache import FeatureCache
 
     cache = FeatureCache()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ViTTransferFunction.CommandLine.lettering import text_coverage
-from ViTTransferFunction.Logic.core.colors import Color
+from ViTTransferFunction.Logic.core.classes.colors import Color
 
 BACKGROUND: Color = (0.055, 0.063, 0.078)
 TEXT: Color = (0.86, 0.88, 0.91)

@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.core.small_outlines import is_small, unasked_close_up
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.small_outlines import is_small, unasked_close_up
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession

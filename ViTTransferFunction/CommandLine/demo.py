@@ -17,11 +17,11 @@ from ViTTransferFunction.CommandLine.options import load_features
 from ViTTransferFunction.CommandLine.pictures import draw_pictures
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
-from ViTTransferFunction.Logic.core.atomic_file import check_writable
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.progress import Progress
-from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.atomic_file import check_writable
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.progress import Progress
+from ViTTransferFunction.Logic.core.system.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import read_volume

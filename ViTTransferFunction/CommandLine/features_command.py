@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ViTTransferFunction.CommandLine.options import Subparsers, add_feature_options, load_features, opened_session
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 
 def add_arguments(subparsers: Subparsers) -> None:

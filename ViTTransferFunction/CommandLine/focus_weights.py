@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.private_folder import private_folder
-from ViTTransferFunction.Logic.core.progress import Progress, no_progress
-from ViTTransferFunction.Logic.core.torch_arrays import tensor_of
+from ViTTransferFunction.Logic.core.system.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.private_folder import private_folder
+from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.volumes.torch_arrays import tensor_of
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
 from ViTTransferFunction.Logic.weights.models import pretrained_model
 from ViTTransferFunction.Logic.weights.sources import WeightsFile, WeightsUnavailable, fetch_weights

@@ -15,10 +15,10 @@ from vtkmodules.vtkCommonCore import vtkObject
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkRenderWindow
 
 from ViTTransferFunction.CommandLine.canvas import BACKGROUND
-from ViTTransferFunction.Logic.core.camera import Size
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.view_picture import pixels_of
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.camera import Size
+from ViTTransferFunction.Logic.scene.views.view_picture import pixels_of
 
 BACKGROUND_ABOVE: Color = (0.15, 0.17, 0.20)
 

@@ -8,14 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
 from ViTTransferFunction.Logic.refinement.refinement_methods import REFINEMENT_METHODS
 from ViTTransferFunction.Logic.session.preset_meanings import DEFAULT_PRESET, PRESET_MEANINGS
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 
 if TYPE_CHECKING:
-    from ViTTransferFunction.Logic.core.progress import Progress
+    from ViTTransferFunction.Logic.core.system.progress import Progress
     from ViTTransferFunction.Logic.session.feature_source import FeatureProvenance
     from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
     from ViTTransferFunction.Logic.session.settings import SessionSettings

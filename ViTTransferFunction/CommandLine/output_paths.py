@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
-from ViTTransferFunction.Logic.core.atomic_file import check_writable
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.atomic_file import check_writable
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 Key: TypeAlias = "Path | tuple[int, int]"
 """Of a file: its name, or its device and number there."""

@@ -12,13 +12,13 @@ from ViTTransferFunction.CommandLine.lettering import legible_names
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.intensity_window import display_window, looks_like_hounsfield_units
-from ViTTransferFunction.Logic.core.progress import Progress, no_progress
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.volumes.intensity_window import display_window, looks_like_hounsfield_units
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE
-from ViTTransferFunction.Logic.scene.png_file import save_png
+from ViTTransferFunction.Logic.scene.views.png_file import save_png
 
 NO_CONTEXT = "off"
 

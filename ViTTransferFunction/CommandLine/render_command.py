@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 from ViTTransferFunction.CommandLine.options import Subparsers, add_series_option, check_is_no_points, number
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.CommandLine.rendering_path import rendering_path
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
 
     from ViTTransferFunction.CommandLine.canvas import PictureSegment
     from ViTTransferFunction.CommandLine.rendering_picture import Rendering
-    from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-    from ViTTransferFunction.Logic.core.camera import Camera, Direction, Size
-    from ViTTransferFunction.Logic.core.progress import Progress
-    from ViTTransferFunction.Logic.core.volume import Volume
+    from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+    from ViTTransferFunction.Logic.core.system.progress import Progress
+    from ViTTransferFunction.Logic.core.volumes.camera import Camera, Direction, Size
+    from ViTTransferFunction.Logic.core.volumes.volume import Volume
     from ViTTransferFunction.Logic.files.film import FilmPlan
 
 VIEW_DEGREES = {
@@ -163,7 +163,7 @@ def _outputs(args: argparse.Namespace) -> dict[str, Path]:
 def _size(args: argparse.Namespace) -> Size | None:
     if args.size is None:
         return None
-    from ViTTransferFunction.Logic.core.camera import checked_side
+    from ViTTransferFunction.Logic.core.volumes.camera import checked_side
 
     width, separator, height = args.size.lower().replace("×", "x").partition("x")
     if not (separator and all(side.isdecimal() and len(side) < 10 for side in (width, height))):
@@ -172,7 +172,7 @@ def _size(args: argparse.Namespace) -> Size | None:
 
 
 def _direction(args: argparse.Namespace) -> Direction:
-    from ViTTransferFunction.Logic.core.camera import DEFAULT_DEGREES, direction
+    from ViTTransferFunction.Logic.core.volumes.camera import DEFAULT_DEGREES, direction
 
     given = {name: value for name in ("view", "azimuth", "elevation") if (value := getattr(args, name)) is not None}
     if args.camera and given:
@@ -200,8 +200,8 @@ def _read(args: argparse.Namespace) -> tuple[Volume, list[PictureSegment], list[
     import numpy as np
 
     from ViTTransferFunction.CommandLine.pictures import shown_segments
-    from ViTTransferFunction.Logic.core.class_request import check_inside
-    from ViTTransferFunction.Logic.core.resampling import resample_labels
+    from ViTTransferFunction.Logic.core.classes.class_request import check_inside
+    from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
     from ViTTransferFunction.Logic.files.annotation_files import read_annotations
     from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
     from ViTTransferFunction.Logic.files.volume_files import read_volume
@@ -248,7 +248,7 @@ def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None
     if size is None:
         return None
     from ViTTransferFunction.CommandLine.rendering_picture import height_below
-    from ViTTransferFunction.Logic.core.camera import SMALLEST_SIDE
+    from ViTTransferFunction.Logic.core.volumes.camera import SMALLEST_SIDE
 
     left = size[1] - height_below(shown, size)
     if left < SMALLEST_SIDE:
@@ -258,8 +258,8 @@ def _above_legend(size: Size | None, shown: list[PictureSegment]) -> Size | None
 
 def _draw_3d(path: Path, rendering: Rendering, look: _Look, transparent: bool) -> Camera:
     """Draw the 3D picture; returns its camera."""
-    from ViTTransferFunction.Logic.core.camera import DEFAULT_HEIGHT
-    from ViTTransferFunction.Logic.scene.png_file import save_png
+    from ViTTransferFunction.Logic.core.volumes.camera import DEFAULT_HEIGHT
+    from ViTTransferFunction.Logic.scene.views.png_file import save_png
 
     camera = look.camera_of(rendering, look.size if transparent else look.above_legend, DEFAULT_HEIGHT)
     picture = rendering.picture(camera, transparent=True) if transparent else rendering.labelled_picture(camera, look.size)

@@ -17,7 +17,8 @@ from vtkmodules.vtkRenderingCore import vtkLight, vtkRenderer
 from ViTTransferFunction.CommandLine.canvas import Canvas, PictureSegment, check_segments, draw_legend, legend_height
 from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.structure_prop import structure_prop
-from ViTTransferFunction.Logic.core.camera import (
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.volumes.camera import (
     DEFAULT_DIRECTION,
     DEFAULT_HEIGHT,
     Camera,
@@ -26,17 +27,16 @@ from ViTTransferFunction.Logic.core.camera import (
     framing,
     middle_of,
 )
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.intensity_window import looks_like_hounsfield_units
-from ViTTransferFunction.Logic.core.patient_sides import nearest_side
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.intensity_window import looks_like_hounsfield_units
+from ViTTransferFunction.Logic.core.volumes.patient_sides import nearest_side
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.rendering.appearance import DEFAULT_STYLE, Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, MOST_STRUCTURES, SURFACE
 from ViTTransferFunction.Logic.rendering.intensity_levels import intensity_levels
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume, structure_volume
 from ViTTransferFunction.Logic.rendering.surroundings import CONTEXTS, Surroundings
-from ViTTransferFunction.Logic.scene.view_picture import placed_camera
+from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 
 COARSEST_CONTEXT_MM = 5.0
 """With thicker slices, only crumbs of bone would be left of a skeleton."""

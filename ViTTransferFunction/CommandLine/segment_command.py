@@ -20,14 +20,14 @@ from ViTTransferFunction.CommandLine.options import (
     print_features,
 )
 from ViTTransferFunction.CommandLine.output_paths import check_outputs
-from ViTTransferFunction.Logic.core.atomic_file import check_writable, replacing
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_names import file_stem
+from ViTTransferFunction.Logic.core.system.atomic_file import check_writable, replacing
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.file_names import file_stem
 
 if TYPE_CHECKING:
-    from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-    from ViTTransferFunction.Logic.core.class_request import ClassRequest
-    from ViTTransferFunction.Logic.core.geometry import Geometry
+    from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+    from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+    from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
     from ViTTransferFunction.Logic.session.refined_map import RefinedMap
     from ViTTransferFunction.Logic.session.segmentation import Segmentation
 

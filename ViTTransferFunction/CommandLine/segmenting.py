@@ -15,13 +15,13 @@ import numpy as np
 
 from ViTTransferFunction.CommandLine.close_ups import check_close_ups, requests_with_close_ups
 from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.class_request import ClassRequest, check_requests
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.missing_intensity import without_intensity, without_intensity_text
-from ViTTransferFunction.Logic.core.progress import Progress, no_progress
-from ViTTransferFunction.Logic.core.stopwatch import peak_memory_bytes
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest, check_requests
+from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.system.stopwatch import peak_memory_bytes
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_intensity, without_intensity_text
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.refined_map import RefinedMap

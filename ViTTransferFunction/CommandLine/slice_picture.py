@@ -21,10 +21,10 @@ from ViTTransferFunction.CommandLine.canvas import (
     draw_legend,
     legend_height,
 )
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.patient_sides import SIDES
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.patient_sides import SIDES
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 FILL = 0.35
 """Share of a segment's colour in its filled area, at opacity 1."""

@@ -14,7 +14,7 @@ from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
-from ViTTransferFunction.Logic.scene.structure_material import set_material, set_shader, set_uniforms
+from ViTTransferFunction.Logic.scene.views.structure_material import set_material, set_shader, set_uniforms
 
 STEP_VOXELS = 0.7
 """Length of a ray's steps."""

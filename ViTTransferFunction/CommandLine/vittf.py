@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run_on_any_console(arguments: list[str] | None) -> int:
     from ViTTransferFunction.CommandLine.console import unfailing_console
-    from ViTTransferFunction.Logic.core.closed_pipe import is_closed_pipe
+    from ViTTransferFunction.Logic.core.system.closed_pipe import is_closed_pipe
 
     with unfailing_console() as output:
         try:
@@ -51,8 +51,8 @@ def _run(arguments: list[str] | None) -> int:
     from ViTTransferFunction.CommandLine.interruption import ending_on_request
     from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
     from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream, silenced_libraries
-    from ViTTransferFunction.Logic.core.errors import InputError
-    from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
+    from ViTTransferFunction.Logic.core.system.errors import InputError
+    from ViTTransferFunction.Logic.core.system.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 
     take_utf8_file_names()
     logging.basicConfig(format="%(levelname)s: %(message)s", level=logging.WARNING, handlers=[CurrentErrorStream()])
@@ -129,7 +129,7 @@ def _check_surroundings(args: argparse.Namespace) -> None:
     """Raise InputError where no path can be looked up at all, or one holds a character that no path may hold."""
     from pathlib import Path
 
-    from ViTTransferFunction.Logic.core.errors import InputError
+    from ViTTransferFunction.Logic.core.system.errors import InputError
 
     try:
         Path.cwd()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ViTTransferFunction.CommandLine.options import Subparsers
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 
 if TYPE_CHECKING:

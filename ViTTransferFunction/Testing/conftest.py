@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.compute import process
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Testing.support.loaded_python import LoadedPython
 from ViTTransferFunction.Testing.support.slicer_release import let_slicer_go

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ..Logic.core.errors import InputError, shown
+from ..Logic.core.system.errors import InputError, shown
 from ..Logic.scene.annotation_tool import TOOLS
-from ..Logic.scene.cache_contents import CacheContents
-from ..Logic.scene.choices import check_possible, choices
-from ..Logic.scene.class_state import ClassState
-from ..Logic.scene.exported_renderings import exported_renderings, remove_exported
-from ..Logic.scene.volume_window import set_window
-from ..Logic.scene.wording import style_words
+from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.interface.cache_contents import CacheContents
+from ..Logic.scene.interface.choices import check_possible, choices
+from ..Logic.scene.interface.wording import style_words
+from ..Logic.scene.views.exported_renderings import exported_renderings, remove_exported
+from ..Logic.scene.volumes.volume_window import set_window
 from .panel_state import PARAMETERS, color_of_hex
 from .view_camera import load_camera
 

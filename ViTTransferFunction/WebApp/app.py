@@ -13,17 +13,17 @@ from uuid import uuid4
 from trame.app import get_server
 from trame_slicer.core import SlicerApp
 
-from ..Logic.core.errors import InputError
-from ..Logic.core.intensity_window import IntensityWindow
-from ..Logic.core.volume import Volume
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.volumes.intensity_window import IntensityWindow
+from ..Logic.core.volumes.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
-from ..Logic.scene.choices import choices, make_possible
-from ..Logic.scene.class_state import ClassState
-from ..Logic.scene.messages import Messages
-from ..Logic.scene.points_in_3d import MARKUPS_MANAGER
+from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.interface.choices import choices, make_possible
+from ..Logic.scene.interface.messages import Messages
 from ..Logic.scene.session import SceneSession
-from ..Logic.scene.size_wheel import SizeWheel
-from ..Logic.scene.volume_window import set_window
+from ..Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
+from ..Logic.scene.tools.size_wheel import SizeWheel
+from ..Logic.scene.volumes.volume_window import set_window
 from .access import Access
 from .actions import Actions
 from .extraction import ExtractionButton

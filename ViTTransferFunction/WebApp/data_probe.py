@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from vtkmodules.vtkCommonCore import vtkCommand
 
-from ..Logic.core.errors import InputError
-from ..Logic.core.patient_sides import position_text
-from ..Logic.scene.view_mouse import SliceMouse
-from ..Logic.scene.volume import array_from_node, geometry_from_node, world_to_local
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.volumes.patient_sides import position_text
+from ..Logic.scene.tools.view_mouse import SliceMouse
+from ..Logic.scene.volumes.volume import array_from_node, geometry_from_node, world_to_local
 
 
 class DataProbe:

@@ -9,11 +9,11 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
-from ..Logic.core.errors import InputError, shown
-from ..Logic.core.private_folder import PrivateFolder, private_folder
+from ..Logic.core.system.errors import InputError, shown
+from ..Logic.core.system.private_folder import PrivateFolder, private_folder
 from ..Logic.files.film import ENDINGS, FilmPlan, check_film_writer, film_steps
-from ..Logic.scene.filming import FRAMES_PER_SECOND, Filming
-from ..Logic.scene.wording import progress_text
+from ..Logic.scene.interface.wording import progress_text
+from ..Logic.scene.views.filming import FRAMES_PER_SECOND, Filming
 from .view_pictures import asked_size
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..Logic.core.errors import InputError
-from ..Logic.core.private_folder import PREFIX, private_folder
-from ..Logic.core.user_path import user_path
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.system.private_folder import PREFIX, private_folder
+from ..Logic.core.system.user_path import user_path
 from ..Logic.files.series_choice import SeveralSeries
 from .points_file import add_points, are_points
 from .scene_files import unpacked_session

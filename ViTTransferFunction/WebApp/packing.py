@@ -10,7 +10,7 @@ import zlib
 from pathlib import Path
 from typing import BinaryIO
 
-from ..Logic.core.progress import Progress, no_progress
+from ..Logic.core.system.progress import Progress, no_progress
 
 COMPRESSING = "Compressing"
 LEVEL = 1

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..Logic.core.colors import hex_color
-from ..Logic.core.progress import WorkProgress
-from ..Logic.scene.cache_contents import CacheContents
-from ..Logic.scene.class_size import stepped
-from ..Logic.scene.class_state import ClassState
-from ..Logic.scene.exported_renderings import exported_renderings
+from ..Logic.core.classes.colors import hex_color
+from ..Logic.core.system.progress import WorkProgress
+from ..Logic.scene.classes.class_size import stepped
+from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.feature_wording import cost_text, point_warnings, status_text
-from ..Logic.scene.session import SceneSession
-from ..Logic.scene.wording import (
+from ..Logic.scene.interface.cache_contents import CacheContents
+from ..Logic.scene.interface.wording import (
     close_up_text,
     closer_look_text,
     outdated_text,
@@ -22,6 +20,8 @@ from ..Logic.scene.wording import (
     threshold_text,
     volume_text,
 )
+from ..Logic.scene.session import SceneSession
+from ..Logic.scene.views.exported_renderings import exported_renderings
 from .look_state import NO_LOOK, look_state
 
 PARAMETERS = (
@@ -127,7 +127,7 @@ def _class(session: SceneSession, state: ClassState) -> dict[str, Any]:
         "visible": state.visible,
         "positive": len(state.positive),
         "negative": len(state.negative),
-        "threshold": threshold_text(state, session.chosen_iso(state.id)),
+        "threshold": threshold_text(state.iso, session.chosen_iso(state.id)),
         "volume": volume_text(session.volume_ml(state.id)),
     }
 

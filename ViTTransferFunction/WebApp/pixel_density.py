@@ -6,7 +6,7 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkCommand
 
-from ..Logic.scene.drawn_outline import POINTS_PER_INCH
+from ..Logic.scene.tools.drawn_outline import POINTS_PER_INCH
 
 
 def follow_density(view: Any, adapter: Any) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..Logic.core.errors import InputError
+from ..Logic.core.system.errors import InputError
 from ..Logic.files.annotation_files import read_annotations, write_annotations
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import slicer
 from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactory
 from trame_slicer.views import ScheduledRenderStrategy
 
-from ..Logic.scene.software_drawing import draws_in_software
+from ..Logic.scene.mrml.software_drawing import draws_in_software
 from .pixel_density import follow_density
 
 PICTURES_PER_S = 30.0

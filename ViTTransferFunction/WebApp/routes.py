@@ -11,10 +11,10 @@ from urllib.parse import quote
 
 from aiohttp import web
 
-from ..Logic.core.errors import Cancelled, InputError
-from ..Logic.core.file_names import kept_name
-from ..Logic.core.private_folder import private_folder
-from ..Logic.core.progress import Progress
+from ..Logic.core.system.errors import Cancelled, InputError
+from ..Logic.core.system.file_names import kept_name
+from ..Logic.core.system.private_folder import private_folder
+from ..Logic.core.system.progress import Progress
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
 from .opening import OPENING
 from .packing import gzip_nrrd, zip_folder

@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 
 import slicer
 
-from ..Logic.core.errors import InputError, shown
-from ..Logic.core.file_names import kept_name
-from ..Logic.core.regular_file import check_regular_file
+from ..Logic.core.system.errors import InputError, shown
+from ..Logic.core.system.file_names import kept_name
+from ..Logic.core.system.regular_file import check_regular_file
 from ..Logic.files.image_headers import named_voxels
 
 MODULE = "ViTTransferFunction"

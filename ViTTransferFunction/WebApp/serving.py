@@ -9,7 +9,7 @@ import sys
 from contextlib import suppress
 from typing import Any
 
-from ..Logic.core.errors import InputError
+from ..Logic.core.system.errors import InputError
 from .access import Access
 
 HEART_BEAT_S = 180

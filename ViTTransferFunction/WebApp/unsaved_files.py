@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..Logic.core.annotated_class import AnnotatedClass
-from ..Logic.core.cache_folder import CACHE_VARIABLE, cache_folder, make_private
-from ..Logic.core.errors import InputError
-from ..Logic.core.file_lock import take_lock
-from ..Logic.core.geometry import Geometry
-from ..Logic.core.volume import Volume
+from ..Logic.core.classes.annotated_class import AnnotatedClass
+from ..Logic.core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.system.file_lock import take_lock
+from ..Logic.core.volumes.geometry import Geometry
+from ..Logic.core.volumes.volume import Volume
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
 from ..Logic.files.json_files import read_json
 

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from ..Logic.core.errors import InputError
-from ..Logic.scene.class_state import ClassState
-from ..Logic.scene.volume import array_from_node
+from ..Logic.core.system.errors import InputError
+from ..Logic.scene.classes.class_state import ClassState
+from ..Logic.scene.volumes.volume import array_from_node
 from .unsaved_files import LeftPoints, UnsavedFile, remove_left
 
 if TYPE_CHECKING:

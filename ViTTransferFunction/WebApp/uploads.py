@@ -12,8 +12,8 @@ from typing import BinaryIO
 from aiohttp import BodyPartReader, web
 from aiohttp.http_exceptions import HttpProcessingError
 
-from ..Logic.core.errors import InputError, shown
-from ..Logic.core.file_names import LONGEST_NAME_BYTES, kept_name
+from ..Logic.core.system.errors import InputError, shown
+from ..Logic.core.system.file_names import LONGEST_NAME_BYTES, kept_name
 from ..Logic.files.dicom_folder import is_of_system
 from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
 from .points_file import POINTS_ENDING, are_points

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..Logic.core.camera import Size
-from ..Logic.core.errors import InputError
-from ..Logic.core.private_folder import private_folder
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.system.private_folder import private_folder
+from ..Logic.core.volumes.camera import Size
 from ..Logic.files.camera_files import read_camera, write_camera
 from ..Logic.scene.session import SceneSession
-from ..Logic.scene.view_picture import camera_of, place
+from ..Logic.scene.views.view_picture import camera_of, place
 
 
 def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> None:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..Logic.core.camera import Size, checked_side
-from ..Logic.core.errors import InputError
-from ..Logic.core.progress import Progress, no_progress
-from ..Logic.scene.png_file import save_png
-from ..Logic.scene.view_picture import view_picture
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.system.progress import Progress, no_progress
+from ..Logic.core.volumes.camera import Size, checked_side
+from ..Logic.scene.views.png_file import save_png
+from ..Logic.scene.views.view_picture import view_picture
 
 
 def asked_size(width: Any, height: Any) -> Size:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..Logic.core.errors import InputError
-from ..Logic.core.intensity_window import (
+from ..Logic.core.system.errors import InputError
+from ..Logic.core.volumes.intensity_window import (
     CT_BONE,
     CT_LUNG,
     CT_SOFT_TISSUE,
@@ -15,10 +15,10 @@ from ..Logic.core.intensity_window import (
     display_window,
     looks_like_hounsfield_units,
 )
-from ..Logic.core.volume import Volume
+from ..Logic.core.volumes.volume import Volume
 from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from ..Logic.files.volume_files import read_volume
-from ..Logic.scene.volume import array_from_node, geometry_from_node, set_image
+from ..Logic.scene.volumes.volume import array_from_node, geometry_from_node, set_image
 
 CT_WINDOWS = {"Soft tissue": CT_SOFT_TISSUE, "Lung": CT_LUNG, "Bone": CT_BONE}
 

@@ -8,10 +8,10 @@ from typing import Any
 
 from vtkmodules.vtkCommonCore import vtkCommand
 
-from ..Logic.core.errors import InputError
-from ..Logic.scene.nodes import nodes_of_class
-from ..Logic.scene.view_mouse import PRESSES, ViewMouse
-from ..Logic.scene.volume_window import set_window
+from ..Logic.core.system.errors import InputError
+from ..Logic.scene.mrml.nodes import nodes_of_class
+from ..Logic.scene.tools.view_mouse import PRESSES, ViewMouse
+from ..Logic.scene.volumes.volume_window import set_window
 
 NARROWEST = 0.001
 """Window that dragging leads to, as a share of the volume's range of intensities: a narrower one shows nothing but noise."""

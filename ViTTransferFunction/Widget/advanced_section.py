@@ -8,8 +8,8 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.intensity_window import telling_decimals
-from ViTTransferFunction.Logic.scene.cache_contents import CacheContents
+from ViTTransferFunction.Logic.core.volumes.intensity_window import telling_decimals
+from ViTTransferFunction.Logic.scene.interface.cache_contents import CacheContents
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 TYPING_MS = 700

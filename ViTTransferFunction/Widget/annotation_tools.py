@@ -8,8 +8,8 @@ import qt
 import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
-from ViTTransferFunction.Logic.scene.volume_in_slices import is_in_slices
-from ViTTransferFunction.Logic.scene.wording import not_in_slices_text
+from ViTTransferFunction.Logic.scene.interface.wording import not_in_slices_text
+from ViTTransferFunction.Logic.scene.views.volume_in_slices import is_in_slices
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 

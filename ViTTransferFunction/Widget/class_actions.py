@@ -8,8 +8,8 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.shortcuts import TABLE_KEYS
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.interface.shortcuts import TABLE_KEYS
 from ViTTransferFunction.Widget.class_table import NAME
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.wording import in_menu

@@ -8,9 +8,9 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.scene.class_state import ClassState, Polarity
-from ViTTransferFunction.Logic.scene.wording import threshold_text, volume_text
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState, Polarity
+from ViTTransferFunction.Logic.scene.interface.wording import threshold_text, volume_text
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
@@ -90,7 +90,7 @@ class ClassTable(Section):
         for column, polarity in _POLARITIES.items():
             _set_text(self._item(row, column), str(len(getattr(state, polarity))))
         chosen = self.session.chosen_iso(state.id) if self.session else None
-        _set_text(self._item(row, THRESHOLD), threshold_text(state, chosen))
+        _set_text(self._item(row, THRESHOLD), threshold_text(state.iso, chosen))
         _set_text(self._item(row, VOLUME), volume_text(self.session.volume_ml(state.id) if self.session else None))
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ViTTransferFunction.Logic.scene.wording import close_up_text, closer_look_text
+from ViTTransferFunction.Logic.scene.interface.wording import close_up_text, closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 

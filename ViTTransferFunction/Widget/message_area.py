@@ -7,7 +7,7 @@ from typing import Any
 
 import qt
 
-from ViTTransferFunction.Logic.scene.messages import Messages
+from ViTTransferFunction.Logic.scene.interface.messages import Messages
 from ViTTransferFunction.Widget.wording import breakable
 
 

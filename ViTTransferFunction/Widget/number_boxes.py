@@ -6,7 +6,7 @@ from typing import Any
 
 import qt
 
-from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS
+from ViTTransferFunction.Logic.scene.interface.shortcuts import SHORTCUTS
 
 _TYPED = {shortcut.key[-1].lower() for shortcut in SHORTCUTS if shortcut.key != "Esc"}
 """What the keys of the module type where something is typed."""

@@ -7,9 +7,9 @@ from typing import Any
 import qt
 import slicer
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume import geometry_from_node
+from ViTTransferFunction.Logic.scene.volumes.volume import geometry_from_node
 from ViTTransferFunction.Widget.section import Report
 
 _VOLUME = "vtkMRMLScalarVolumeNode"

@@ -8,8 +8,8 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.corrections import Corrections
-from ViTTransferFunction.Logic.scene.wording import outdated_text
+from ViTTransferFunction.Logic.scene.interface.wording import outdated_text
+from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import in_menu

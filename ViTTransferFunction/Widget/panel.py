@@ -10,7 +10,7 @@ import qt
 import slicer
 
 from ViTTransferFunction.Logic.scene.annotation_tool import TOOL_ICONS, TOOLS
-from ViTTransferFunction.Logic.scene.class_state import ClassState
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Widget.advanced_section import AdvancedSection
 from ViTTransferFunction.Widget.annotation_tools import AnnotationTools

@@ -10,9 +10,9 @@ import slicer
 import vtk
 from slicer.parameterNodeWrapper import Choice, WithinRange, parameterNodeWrapper
 
-from ViTTransferFunction.Logic.scene.choices import RANGES, choices, make_possible
-from ViTTransferFunction.Logic.scene.observers import SceneObservers
-from ViTTransferFunction.Logic.scene.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.interface.choices import RANGES, choices, make_possible
+from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.mrml.observers import SceneObservers
 from ViTTransferFunction.Logic.session.presets import PRESETS
 
 _DEFAULTS: dict[str, Any] = dict(SceneParameters.DEFAULTS)

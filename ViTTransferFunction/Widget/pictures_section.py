@@ -11,14 +11,14 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.camera import Size
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_names import kept_name, with_ending
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.file_names import kept_name, with_ending
+from ViTTransferFunction.Logic.core.volumes.camera import Size
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
-from ViTTransferFunction.Logic.scene.filming import FRAMES_PER_SECOND, Filming
-from ViTTransferFunction.Logic.scene.png_file import save_png
-from ViTTransferFunction.Logic.scene.view_picture import camera_of, place, view_picture
+from ViTTransferFunction.Logic.scene.views.filming import FRAMES_PER_SECOND, Filming
+from ViTTransferFunction.Logic.scene.views.png_file import save_png
+from ViTTransferFunction.Logic.scene.views.view_picture import camera_of, place, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.views import view_windows

@@ -8,7 +8,7 @@ from typing import Any
 import qt
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.file_names import kept_name, with_ending
+from ViTTransferFunction.Logic.core.system.file_names import kept_name, with_ending
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
 from ViTTransferFunction.Widget.pictures_section import ask_path_to_read, ask_path_to_write
 from ViTTransferFunction.Widget.section import Report, Section

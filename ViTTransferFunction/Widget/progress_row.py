@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.wording import progress_text
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.interface.wording import progress_text
 
 MOST_STEPS = 1_000_000
 """Of a bar. Qt counts with 32 bits, and a large scan has more voxels than these can say."""

@@ -15,7 +15,7 @@ from typing import Any
 
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 OLDEST = 2
 """Major version; attention in one step came with it."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.class_state import ClassState
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.session import SceneSession
 
 

@@ -1,4 +1,4 @@
-"""Has the keys of `Logic/scene/shortcuts.py` work while the module is open, and lists them."""
+"""Has the keys of `Logic/scene/interface/shortcuts.py` work while the module is open, and lists them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
+from ViTTransferFunction.Logic.scene.interface.shortcuts import SHORTCUTS, TABLE_KEYS, meanings
 from ViTTransferFunction.Widget.number_boxes import NumberBoxes
 
 OF_OTHER_PROGRAMS = {"Ctrl+Z": "undo", "Ctrl+Y": "redo", "Ctrl+Shift+Z": "redo"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from ViTTransferFunction.Logic.scene.class_size import stepped
-from ViTTransferFunction.Logic.scene.size_wheel import SizeWheel
-from ViTTransferFunction.Logic.scene.wording import size_in_steps
+from ViTTransferFunction.Logic.scene.classes.class_size import stepped
+from ViTTransferFunction.Logic.scene.interface.wording import size_in_steps
+from ViTTransferFunction.Logic.scene.tools.size_wheel import SizeWheel
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 

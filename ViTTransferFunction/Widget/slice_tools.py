@@ -7,7 +7,7 @@ from typing import Any
 
 import slicer
 
-from ViTTransferFunction.Logic.scene.slice_tools import Draw, SliceTools
+from ViTTransferFunction.Logic.scene.tools.slice_tools import Draw, SliceTools
 
 
 class LayoutSliceTools(SliceTools):

@@ -7,9 +7,9 @@ from typing import Any
 import qt
 import slicer
 
-from ViTTransferFunction.Logic.scene.awaited_answer import Waiting
-from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
-from ViTTransferFunction.Logic.scene.software_drawing import draws_in_software
+from ViTTransferFunction.Logic.scene.mrml.software_drawing import draws_in_software
+from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
+from ViTTransferFunction.Logic.scene.views.awaited_answer import Waiting
 
 SLOW_S = 0.02
 """3D views whose last picture took longer wait; with a graphics card, none does."""

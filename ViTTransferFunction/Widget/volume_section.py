@@ -8,10 +8,10 @@ import qt
 import slicer
 from slicer.i18n import tr as _
 
-from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.feature_wording import cost_text, point_warnings, status_text
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume_in_slices import fit_in_slices, show_in_slices
+from ViTTransferFunction.Logic.scene.views.volume_in_slices import fit_in_slices, show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
 from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow

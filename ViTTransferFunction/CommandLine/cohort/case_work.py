@@ -10,7 +10,7 @@ from ViTTransferFunction.CommandLine.cohort.job import CaseJob
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.library_file_names import take_utf8_file_names
 from ViTTransferFunction.CommandLine.segmenting import segment_classes, segmentation_report, write_classes
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.networks import Networks
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.volume_files import read_volume

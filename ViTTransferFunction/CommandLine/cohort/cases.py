@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ViTTransferFunction.Logic.core.errors import InputError, shown
-from ViTTransferFunction.Logic.core.file_names import LONGEST_NAME_BYTES, is_device
+from ViTTransferFunction.Logic.core.system.errors import InputError, shown
+from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES, is_device
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS
 from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, volume_ending

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ViTTransferFunction.CommandLine.cohort.cases import Case
-from ViTTransferFunction.Logic.core.available_memory import available_memory_bytes
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.regular_file import is_folder
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.available_memory import available_memory_bytes
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.regular_file import is_folder
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_geometry, read_volume
 from ViTTransferFunction.Logic.session.memory_need import BYTES_PER_REFINED_VOXEL

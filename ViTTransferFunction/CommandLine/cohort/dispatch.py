@@ -14,7 +14,7 @@ from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future

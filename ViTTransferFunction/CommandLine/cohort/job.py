@@ -16,8 +16,8 @@ from typing import Any
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.segmenting import package_version
-from ViTTransferFunction.Logic.core.atomic_file import replacing
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.atomic_file import replacing
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.settings import FORMAT_VERSION
 from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of

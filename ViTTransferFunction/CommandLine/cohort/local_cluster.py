@@ -21,8 +21,8 @@ from typing import Any, Literal
 import dask
 from distributed import Client, Nanny, Scheduler, Security, SpecCluster, Worker
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.private_folder import private_folder
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.private_folder import private_folder
 
 HOST = "127.0.0.1"
 _CONFIG = {

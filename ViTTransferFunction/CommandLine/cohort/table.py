@@ -8,8 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
-from ViTTransferFunction.Logic.core.atomic_file import replacing
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.atomic_file import replacing
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 logger = logging.getLogger(__name__)
 

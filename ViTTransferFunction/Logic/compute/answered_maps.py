@@ -7,8 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..core.class_map import ClassMap, in_units_of
-from ..core.class_request import ClassRequest
+from ..core.classes.class_map import ClassMap, in_units_of
+from ..core.classes.class_request import ClassRequest
 from .requests import ComputeMaps, FirstMap, Maps, MeasureMaps, RefinedMaps, RefineMaps, Volumes
 
 T = TypeVar("T")

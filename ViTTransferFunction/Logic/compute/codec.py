@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
-from ..core.close_up import CloseUp
-from ..core.geometry import Geometry
-from ..core.iso_proposals import IsoProposals
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest
+from ..core.classes.close_up import CloseUp
+from ..core.classes.iso_proposals import IsoProposals
+from ..core.volumes.geometry import Geometry
 from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
 from ..session.settings import SessionSettings

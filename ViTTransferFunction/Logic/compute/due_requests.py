@@ -11,8 +11,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..core.class_request import ClassRequest
-from ..core.close_up import CloseUp
+from ..core.classes.class_request import ClassRequest
+from ..core.classes.close_up import CloseUp
 from .answered_maps import AnsweredMaps
 from .pending_requests import PendingRequests
 from .requests import ComputeMaps, LookCloser, MeasureMaps, RefineMaps, Refinement, Render, RenderingMode

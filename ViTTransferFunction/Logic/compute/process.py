@@ -16,8 +16,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, cast
 
-from ..core.errors import InputError
-from ..core.private_folder import PrivateFolder, private_folder
+from ..core.system.errors import InputError
+from ..core.system.private_folder import PrivateFolder, private_folder
 
 # The package is made by hand: its own file imports the host program's modules, which the process does not have.
 # What lies in the user's working folder must not be taken for a library. -c puts the working folder in front of all others,

@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Literal
 
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
-from ..core.errors import InputError
-from ..core.progress import SEGMENTING, WorkProgress
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest
+from ..core.system.errors import InputError
+from ..core.system.progress import SEGMENTING, WorkProgress
 from ..rendering.structure_volume import StructureVolume
 from ..session.feature_estimate import FeatureEstimate
 from ..session.settings import SessionSettings

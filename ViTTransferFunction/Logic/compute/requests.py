@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
-from ..core.geometry import Geometry
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest
+from ..core.volumes.geometry import Geometry
 from ..refinement.refinement import RefinementMethod
 from ..session.settings import SessionSettings
 

@@ -18,8 +18,8 @@ from contextlib import redirect_stderr, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ..core.errors import Cancelled, InputError
-from ..core.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
+from ..core.system.errors import Cancelled, InputError
+from ..core.system.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 from .array_files import ArrayFiles
 from .codec import from_message, holds, to_message
 from .messages import ArraysNotWritten, Message, read_message, write_message

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, whole_box
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
-from ..core.errors import Cancelled, InputError
-from ..core.intensity_window import looks_like_hounsfield_units
-from ..core.progress import Between, Progress, nothing_between
-from ..core.volume import Volume
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest
+from ..core.system.errors import Cancelled, InputError
+from ..core.system.progress import Between, Progress, nothing_between
+from ..core.volumes.bounding_box import bounding_box, whole_box
+from ..core.volumes.intensity_window import looks_like_hounsfield_units
+from ..core.volumes.volume import Volume
 from ..features.networks import Networks
 from ..rendering.composition import COMPOSING
 from ..rendering.intensity_levels import gray_levels, intensity_levels

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.bounding_box import common_box, covering_box, grown, whole_box, within
-from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
-from ..core.geometry import Box
-from ..core.resampling import interpolated
+from ..core.classes.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
+from ..core.volumes.bounding_box import common_box, covering_box, grown, whole_box, within
+from ..core.volumes.geometry import Box
+from ..core.volumes.resampling import interpolated
 from ..rendering.class_membership import Map, PartialMap, Shape
 from ..rendering.composition import VOXEL_BUDGET, shape_within_budget
 from ..rendering.iso_surfaces import VOXELS_FROM_CELLS

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from ..core.intensity_window import IntensityWindow
+from ..core.volumes.intensity_window import IntensityWindow
 
 BACKGROUND_LEVEL = 0.15
 """Of the window's width, from below. A CT's lung window starts at −1000 HU, so that background ends at −880 HU,

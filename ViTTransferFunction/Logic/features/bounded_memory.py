@@ -6,8 +6,8 @@ import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
-from ..core.out_of_memory import is_out_of_memory
+from ..core.system.errors import InputError
+from ..core.system.out_of_memory import is_out_of_memory
 from .buffer_pool import BufferPool
 
 if TYPE_CHECKING:

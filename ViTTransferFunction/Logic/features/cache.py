@@ -11,9 +11,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.atomic_file import TEMPORARY, replacing
-from ..core.cache_folder import CACHE_VARIABLE, cache_folder, make_private
-from ..core.errors import InputError
+from ..core.system.atomic_file import TEMPORARY, replacing
+from ..core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
+from ..core.system.errors import InputError
 from .feature_file import all_finite, read_features, write_features
 from .feature_volume import FeatureVolume
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import nnls
 
-from ..core.volume import Volume
+from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
 from .buffer_pool import BufferPool
 from .expected_shapes import expected_shapes, linear_layers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 
 if TYPE_CHECKING:
     import torch

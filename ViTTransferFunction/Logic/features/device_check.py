@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.geometry import Geometry
-from ..core.out_of_memory import is_out_of_memory
-from ..core.volume import Volume
+from ..core.system.out_of_memory import is_out_of_memory
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import Volume
 from .extraction import extract_features
 from .settings import FeatureSettings
 from .vision_transformer import VisionTransformer

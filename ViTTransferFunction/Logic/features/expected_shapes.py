@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from ..weights.models import PRETRAINED_MODELS, PretrainedModel
 
 if TYPE_CHECKING:

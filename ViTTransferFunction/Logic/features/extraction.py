@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.geometry import Geometry
-from ..core.progress import Progress, no_progress
-from ..core.torch_arrays import array_of
-from ..core.volume import Volume
+from ..core.system.progress import Progress, no_progress
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.torch_arrays import array_of
+from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
 from .accumulation import FeatureSums
 from .bounded_memory import BoundedMemory

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.orientation import AS_STORED, canonical_orientation
-from ..core.volume import Volume
+from ..core.volumes.orientation import AS_STORED, canonical_orientation
+from ..core.volumes.volume import Volume
 from .background_tokens import BACKGROUND_STRIDE, TokenSelection, background_cells, select_tokens
 from .settings import SMALLEST_GRID, FeatureSettings, grid_shape, shape_along
 from .slice_patches import SlicePatches

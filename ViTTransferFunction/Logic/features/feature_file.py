@@ -14,7 +14,7 @@ from typing import IO
 
 import numpy as np
 
-from ..core.geometry import Geometry
+from ..core.volumes.geometry import Geometry
 from .feature_volume import FeatureVolume, Moments
 
 _BLOCK_BYTES = 1 << 20

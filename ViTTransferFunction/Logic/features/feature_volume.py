@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.geometry import Geometry
+from ..core.volumes.geometry import Geometry
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.volumes.torch_arrays import array_of, tensor_of
 from .line_resizing import resizing_matrix
 from .slice_sampling import layer_centre
 

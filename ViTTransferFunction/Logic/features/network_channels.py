@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.intensity_window import (
+from ..core.volumes.intensity_window import (
     CT_LUNG,
     CT_SOFT_TISSUE,
     IntensityWindow,
     looks_like_hounsfield_units,
     percentile_window,
 )
-from ..core.volume import Volume
+from ..core.volumes.volume import Volume
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..core.progress import Progress, no_progress
-from ..core.volume import Volume
+from ..core.system.progress import Progress, no_progress
+from ..core.volumes.volume import Volume
 from .extraction import FeatureRun
 from .feature_volume import FeatureVolume
 from .settings import FeatureSettings

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.geometry import Geometry
-from ..core.intensity_window import IntensityWindow, full_range_window
-from ..core.orientation import canonical_orientation
-from ..core.volume import Volume
+from ..core.system.errors import InputError
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.intensity_window import IntensityWindow, full_range_window
+from ..core.volumes.orientation import canonical_orientation
+from ..core.volumes.volume import Volume
 from .network_channels import NetworkChannels, network_channels
 from .precision import Precision, precision_name
 

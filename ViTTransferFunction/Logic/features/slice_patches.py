@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.torch_arrays import tensor_of
+from ..core.volumes.torch_arrays import tensor_of
 from .background_tokens import TokenSelection
 from .line_resizing import resizing_matrix
 from .network_channels import NetworkChannels

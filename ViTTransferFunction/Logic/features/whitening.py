@@ -11,11 +11,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.geometry import Geometry
-from ..core.long_rows import long_rows
-from ..core.resampling import sample_by
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.system.errors import InputError
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.long_rows import long_rows
+from ..core.volumes.resampling import sample_by
+from ..core.volumes.torch_arrays import array_of, tensor_of
 from .feature_volume import FeatureVolume, Moments
 from .layer_interpolation import interpolated_layers
 

@@ -9,18 +9,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.annotated_class import AnnotatedClass
-from ..core.atomic_file import replacing
-from ..core.class_request import ClassRequest, as_points, check_name, no_points
-from ..core.close_up import CloseUp
-from ..core.closed_curve import closed_curve_through
-from ..core.colors import Color, default_color
-from ..core.diameter_points import points_of_diameter
-from ..core.errors import InputError, shown
-from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
-from ..core.given_numbers import FARTHEST, is_number
-from ..core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-from ..core.region_points import points_of_outline
+from ..core.classes.annotated_class import AnnotatedClass
+from ..core.classes.class_request import ClassRequest, as_points, check_name, no_points
+from ..core.classes.close_up import CloseUp
+from ..core.classes.closed_curve import closed_curve_through
+from ..core.classes.colors import Color, default_color
+from ..core.classes.diameter_points import points_of_diameter
+from ..core.classes.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ..core.classes.region_points import points_of_outline
+from ..core.system.atomic_file import replacing
+from ..core.system.errors import InputError, shown
+from ..core.system.given_numbers import FARTHEST, is_number
+from ..core.volumes.geometry import LPS_TO_RAS, Geometry, transform_points
 from .json_files import read_json
 
 ANNOTATIONS_ENDING = ".annotations.json"

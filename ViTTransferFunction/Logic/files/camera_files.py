@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..core.atomic_file import replacing
-from ..core.camera import VIEW_ANGLE_DEGREES, Camera, Vector, checked_side
-from ..core.errors import InputError, shown
-from ..core.given_numbers import is_number
+from ..core.system.atomic_file import replacing
+from ..core.system.errors import InputError, shown
+from ..core.system.given_numbers import is_number
+from ..core.volumes.camera import VIEW_ANGLE_DEGREES, Camera, Vector, checked_side
 from .json_files import read_json
 
 RELATIVE_TO = "middle of the segments"

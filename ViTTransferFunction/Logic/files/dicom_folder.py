@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.regular_file import check_length, check_regular_file
+from ..core.system.errors import InputError
+from ..core.system.regular_file import check_length, check_regular_file
 from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, read_slice, turned
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from .straightening import warn_of_gaps
 
 SAME_DISTANCE = 0.01

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from .dicom_folder import DicomSeries, read_content
 from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_slice import ORIENTATION, PIXEL_SIZE, POSITION, DicomSlice, heights, turned

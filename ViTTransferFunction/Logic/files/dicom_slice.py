@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from .dicom_frames import LARGEST_TURN
 from .dicom_kind import instead_of_scan
 from .image_headers import DICOM_READER

@@ -19,11 +19,11 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from ..core.atomic_file import replacing
-from ..core.closed_pipe import is_closed_pipe
-from ..core.errors import Cancelled, InputError
-from ..core.progress import Progress, no_progress
-from ..core.stepped_work import ADVANCE_S, Steps
+from ..core.system.atomic_file import replacing
+from ..core.system.closed_pipe import is_closed_pipe
+from ..core.system.errors import Cancelled, InputError
+from ..core.system.progress import Progress, no_progress
+from ..core.volumes.stepped_work import ADVANCE_S, Steps
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.errors import InputError, shown
-from ..core.regular_file import check_regular_file
+from ..core.system.errors import InputError, shown
+from ..core.system.regular_file import check_regular_file
 from .length_units import check_units
 from .nifti_place import check_place
 from .stored_voxels import StoredVoxels

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import InputError, shown
-from ..core.regular_file import check_regular_file
+from ..core.system.errors import InputError, shown
+from ..core.system.regular_file import check_regular_file
 from .image_headers import image_ending
 
 

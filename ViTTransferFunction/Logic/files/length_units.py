@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 
 _OTHER_LENGTH = re.compile(
     "(|[kdcunp\u00b5\u03bc\udcb5])m|(|kilo|deci|centi|micro|nano|pico)met(er|re)s?|microns?|in|inch|inches|ft|feet",

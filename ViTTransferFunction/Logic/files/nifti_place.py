@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from .straightening import LARGEST_DEVIATION
 
 SCANNER = 1

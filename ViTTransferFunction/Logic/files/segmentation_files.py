@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
-from ..core.atomic_file import replacing
-from ..core.colors import Color, default_color
-from ..core.errors import InputError, shown
-from ..core.geometry import LPS_TO_RAS, Geometry
-from ..core.label_dtype import label_dtype
+from ..core.classes.colors import Color, default_color
+from ..core.system.atomic_file import replacing
+from ..core.system.errors import InputError, shown
+from ..core.volumes.geometry import LPS_TO_RAS, Geometry
+from ..core.volumes.label_dtype import label_dtype
 from .image_headers import SEGMENTATION_ENDING, locate_voxels
 from .itk_errors import last_line
 from .label_map_check import MOST_LABELS, looks_like_labels

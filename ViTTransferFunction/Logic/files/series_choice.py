@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from ..core.errors import InputError, shown
+from ..core.system.errors import InputError, shown
 from .dicom_folder import DicomSeries
 
 _HOW = "Choose by a part of a line that no other has, or by a series' number: --series, or a column series in a table of cases."

@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 
 CHUNK_BYTES = 1 << 20
 

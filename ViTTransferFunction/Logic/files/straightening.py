@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.available_memory import require_memory
-from ..core.errors import InputError
-from ..core.geometry import Geometry
-from ..core.volume import finite_range
+from ..core.system.available_memory import require_memory
+from ..core.system.errors import InputError
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import finite_range
 
 LARGEST_DEVIATION = 0.25
 """How far a slice may be from where it was taken, as a share of a voxel's shortest edge. Nobody sees a quarter of a voxel, and

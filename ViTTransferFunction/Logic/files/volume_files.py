@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
-from ..core.errors import InputError, shown
-from ..core.geometry import LPS_TO_RAS, Geometry, transform_points
-from ..core.given_numbers import FARTHEST
-from ..core.private_folder import private_folder
-from ..core.regular_file import is_folder
-from ..core.volume import Volume
+from ..core.system.errors import InputError, shown
+from ..core.system.given_numbers import FARTHEST
+from ..core.system.private_folder import private_folder
+from ..core.system.regular_file import is_folder
+from ..core.volumes.geometry import LPS_TO_RAS, Geometry, transform_points
+from ..core.volumes.volume import Volume
 from .dicom_folder import series_files
 from .dicom_frames import frame_positions, with_frame_scales
 from .dicom_series import read_series

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.volumes.torch_arrays import array_of, tensor_of
 from . import large_arrays
 from .bilateral_grid import DIMENSIONS
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from . import large_arrays
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
-from ..core.errors import InputError
-from ..core.progress import Between, nothing_between
-from ..core.torch_arrays import array_of
+from ..core.system.errors import InputError
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.bounding_box import bounding_box
+from ..core.volumes.torch_arrays import array_of
 from . import large_arrays
 from .bilateral_cells import Target, splat
 from .bilateral_energy import MAX_SMOOTHNESS, solve_cells
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from ..core.geometry import Box
+    from ..core.volumes.geometry import Box
 
 
 @dataclass(frozen=True)

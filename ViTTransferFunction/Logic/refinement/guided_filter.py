@@ -16,7 +16,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..core.errors import InputError
+from ..core.system.errors import InputError
 from . import large_arrays
 from .upsampling import Upsampling
 from .window_sums import block_sums, window_sums

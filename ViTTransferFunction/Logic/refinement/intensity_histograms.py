@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from ..core.intensity_window import IntensityWindow
+from ..core.volumes.intensity_window import IntensityWindow
 
 BINS = 64
 

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.class_map import NEAR_SHARE_OF_ISO
-from ..core.intensity_window import IntensityWindow
-from ..core.progress import Between, nothing_between
+from ..core.classes.class_map import NEAR_SHARE_OF_ISO
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.intensity_window import IntensityWindow
 from .intensity_histograms import BINS, bins_of, density
 
 TEMPER = 0.5

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.volumes.torch_arrays import array_of, tensor_of
 
 if TYPE_CHECKING:
     from torch import Tensor

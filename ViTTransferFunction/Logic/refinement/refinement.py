@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, covering_box, grown, whole_box, within
-from ..core.class_map import NEAR_SHARE_OF_ISO
-from ..core.errors import InputError
-from ..core.geometry import Box
-from ..core.intensity_window import IntensityWindow
-from ..core.progress import Between, nothing_between
-from ..core.resampling import sample_at
-from ..core.torch_arrays import array_of, tensor_of
-from ..core.volume import Volume
-from ..core.voxel_map import VoxelMap
+from ..core.classes.class_map import NEAR_SHARE_OF_ISO
+from ..core.system.errors import InputError
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.bounding_box import bounding_box, covering_box, grown, whole_box, within
+from ..core.volumes.geometry import Box
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.resampling import sample_at
+from ..core.volumes.torch_arrays import array_of, tensor_of
+from ..core.volumes.volume import Volume
+from ..core.volumes.voxel_map import VoxelMap
 from .intensity_likelihood import weigh_by_intensity
 from .refinement_methods import REFINEMENT_METHODS as REFINEMENT_METHODS
 from .refinement_methods import RefinementMethod as RefinementMethod

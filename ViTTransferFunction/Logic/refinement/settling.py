@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, common_part, grown, out_of, within
-from ..core.geometry import Box
-from ..core.intensity_window import IntensityWindow
-from ..core.iso_proposals import LARGER, SMALLER
-from ..core.progress import Between, nothing_between
-from ..core.volume import Volume
-from ..core.voxel_map import VoxelMap
+from ..core.classes.iso_proposals import LARGER, SMALLER
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.bounding_box import bounding_box, common_part, grown, out_of, within
+from ..core.volumes.geometry import Box
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.volume import Volume
+from ..core.volumes.voxel_map import VoxelMap
 from .neighbourhood_sums import WHOLE
 from .refinement import cell_voxels, class_window, surroundings
 from .threshold_dynamics import Mark, settled

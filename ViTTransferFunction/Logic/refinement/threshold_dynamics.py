@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..core.intensity_window import IntensityWindow
-from ..core.progress import Between, nothing_between
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.torch_arrays import array_of, tensor_of
 from .intensity_histograms import BINS, bins_of, density
 from .neighbourhood_sums import REACH, WHOLE, neighbourhood_sums, updated_sums
 

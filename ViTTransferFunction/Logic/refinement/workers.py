@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
-from ..core.progress import Between, nothing_between, one_at_a_time
+from ..core.system.progress import Between, nothing_between, one_at_a_time
 
 if TYPE_CHECKING:
     import torch

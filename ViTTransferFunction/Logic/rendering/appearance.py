@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.colors import Color
+from ..core.classes.colors import Color
 from .shader import ROWS, capacity
 
 LEAST_WINDOW = 1.0 / 255.0

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.bounding_box import common_part, covering_box, grown, out_of, whole_box, within
-from ..core.class_map import NEAR_SHARE_OF_ISO, box_above
-from ..core.geometry import Box
-from ..core.lookup import looked_up
-from ..core.resampling import cell_positions, interpolated
+from ..core.classes.class_map import NEAR_SHARE_OF_ISO, box_above
+from ..core.volumes.bounding_box import common_part, covering_box, grown, out_of, whole_box, within
+from ..core.volumes.geometry import Box
+from ..core.volumes.lookup import looked_up
+from ..core.volumes.resampling import cell_positions, interpolated
 
 Shape = tuple[int, int, int]
 

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import distance_transform_cdt, gaussian_filter
 
-from ..core.bounding_box import bounding_box, whole_box
-from ..core.errors import InputError
-from ..core.geometry import Box
-from ..core.resampling import interpolated, planes_between
+from ..core.system.errors import InputError
+from ..core.volumes.bounding_box import bounding_box, whole_box
+from ..core.volumes.geometry import Box
+from ..core.volumes.resampling import interpolated, planes_between
 from .class_membership import Shape
 
 NUMBER, LIGHT, INTENSITY, DEPTH = range(4)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.colors import Color, hex_color
+from ..core.classes.colors import Color, hex_color
 from .appearance import Appearance, effective
 from .intensity_histogram import IntensityHistogram
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, grown, whole_box
-from ..core.geometry import Box
-from ..core.intensity_window import telling_decimals
+from ..core.volumes.bounding_box import bounding_box, grown, whole_box
+from ..core.volumes.geometry import Box
+from ..core.volumes.intensity_window import telling_decimals
 from .composition import DEPTH, INTENSITY, NUMBER, SURFACE
 from .structure_volume import StructureVolume
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.bounding_box import whole_box
-from ..core.geometry import Box
-from ..core.intensity_window import finite_sample, percentile_window
-from ..core.lookup import looked_up
-from ..core.resampling import cell_positions, interpolated, planes_between
-from ..core.volume import Volume
+from ..core.volumes.bounding_box import whole_box
+from ..core.volumes.geometry import Box
+from ..core.volumes.intensity_window import finite_sample, percentile_window
+from ..core.volumes.lookup import looked_up
+from ..core.volumes.resampling import cell_positions, interpolated, planes_between
+from ..core.volumes.volume import Volume
 from .class_membership import Shape, nearest_voxels
 
 LEVELS = 256

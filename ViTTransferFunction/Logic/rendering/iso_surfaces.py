@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..core.progress import Progress, no_progress
+from ..core.system.progress import Progress, no_progress
 from .class_membership import Map, Shape, finest_shape, memberships
 from .composition import COMPOSING, MOST_ALONG_AXIS, Composition, shape_within_budget
 from .smoothing import smoothed

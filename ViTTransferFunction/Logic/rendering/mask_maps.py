@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion, correlate1d, distance_transform_edt, gaussian_filter, label
 
-from ..core.bounding_box import bounding_box
+from ..core.volumes.bounding_box import bounding_box
 
 ISO = 0.5
 """The value of every such map at the surface."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box, common_box
-from ..core.geometry import Box, Geometry
+from ..core.volumes.bounding_box import bounding_box, common_box
+from ..core.volumes.geometry import Box, Geometry
 from .class_membership import Shape, nearest_voxels
 from .composition import MOST_ALONG_AXIS
 from .intensity_levels import gray_levels

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.geometry import Geometry
+from ..core.volumes.geometry import Geometry
 from .appearance import Appearance, appearance_rows, window_levels
 from .composition import own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.colors import Color
+from ..core.classes.colors import Color
 from .shader import CONTEXT_COLORS
 
 Knot = tuple[float, Color, float]

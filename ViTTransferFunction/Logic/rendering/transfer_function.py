@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from ..core.intensity_window import IntensityWindow
-from ..core.lookup import looked_up
-from ..core.progress import Progress, no_progress
+from ..core.system.progress import Progress, no_progress
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.lookup import looked_up
 from .class_membership import Map, Shape, finest_shape, memberships, nearest_voxels
 from .composition import COMPOSING, Composition, shape_within_budget
 from .smoothing import binomial, smoothed

@@ -7,14 +7,14 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ..core.errors import InputError
-from .class_state import ClassState
-from .drawing_tool import DrawingTool, Shape
-from .place_mode import PlaceMode
+from ..core.system.errors import InputError
+from .classes.class_state import ClassState
+from .interface.wording import no_structure_text
 from .session import SceneSession
-from .slice_tools import SliceTools
-from .stroke_tool import StrokeTool
-from .wording import no_structure_text
+from .tools.drawing_tool import DrawingTool, Shape
+from .tools.place_mode import PlaceMode
+from .tools.slice_tools import SliceTools
+from .tools.stroke_tool import StrokeTool
 
 Tool = Literal[
     "pointOn", "pointOff", "brushOn", "brushOff", "lassoOn", "lassoOff", "boxOn", "boxOff", "outline", "diameter", "eraser"

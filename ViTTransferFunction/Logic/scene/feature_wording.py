@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from ..core.missing_intensity import without_intensity_text
+from ..core.volumes.missing_intensity import without_intensity_text
 from ..session.feature_estimate import FeatureEstimate, WeightsDownload
-from .translation import tr as _
-from .volume_content import Frame
-from .wording import duration, size
+from .interface.translation import tr as _
+from .interface.wording import duration, size
+from .volumes.volume_content import Frame
 
 if TYPE_CHECKING:
     from .session import SceneSession

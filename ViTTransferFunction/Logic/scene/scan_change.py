@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import slicer
 
-from .annotations import SceneAnnotations
-from .notices import Notices
-from .other_segments import OtherSegments
-from .parameters import SceneParameters
-from .problems import Problems
-from .selected_class import SelectedClass
-from .written_segments import choose_segmentation_of
+from .annotation.annotations import SceneAnnotations
+from .annotation.other_segments import OtherSegments
+from .annotation.selected_class import SelectedClass
+from .interface.notices import Notices
+from .interface.parameters import SceneParameters
+from .interface.problems import Problems
+from .segments.written_segments import choose_segmentation_of
 
 
 class ScanChange:

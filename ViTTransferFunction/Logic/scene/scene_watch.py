@@ -7,9 +7,9 @@ from collections.abc import Callable
 import slicer
 import vtk
 
-from .added_scene import AddedScene
-from .observers import SceneObservers
-from .parameters import SceneParameters
+from .classes.added_scene import AddedScene
+from .interface.parameters import SceneParameters
+from .mrml.observers import SceneObservers
 
 SEGMENT_EVENTS = ("SegmentAdded", "SegmentRemoved", "SegmentModified", "SourceRepresentationModified")
 """After which other segments may have other voxels."""

@@ -16,41 +16,42 @@ import slicer
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.errors import InputError
-from ..core.progress import WorkProgress
+from ..core.classes.close_up import EdgesMm
+from ..core.system.errors import InputError
+from ..core.system.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
-from .annotations import SceneAnnotations
-from .asked_maps import AskedMaps
-from .awaited_answer import AwaitedAnswer, Waiting
-from .class_state import ClassState, EdgesMm, Polarity
-from .close_up_hints import CloseUpHints
-from .close_ups import SceneCloseUps
-from .corrections import Corrections
-from .drawn_together import drawn_together
-from .file_classes import FileClasses
-from .former_model import FormerModel
-from .frame_segments import FrameSegments
-from .left_behind import LeftBehind
-from .notices import Notices
-from .of_volume import bring_back
-from .opened_volume import OpenedVolume
-from .other_scans import OtherScans
-from .other_segments import OtherSegments
-from .parameters import SceneParameters
-from .point_lists import Point
-from .point_tour import PointTour
-from .points_in_3d import PointsIn3D
-from .problems import Problems
-from .regions import SceneRegions
+from .annotation.annotations import SceneAnnotations
+from .annotation.asked_maps import AskedMaps
+from .annotation.close_up_hints import CloseUpHints
+from .annotation.close_ups import SceneCloseUps
+from .annotation.file_classes import FileClasses
+from .annotation.left_behind import LeftBehind
+from .annotation.other_scans import OtherScans
+from .annotation.other_segments import OtherSegments
+from .annotation.regions import SceneRegions
+from .annotation.selected_class import SelectedClass
+from .annotation.shown_structures import ShownStructures
+from .classes.class_state import ClassState, Polarity
+from .classes.of_volume import bring_back
+from .classes.point_tour import PointTour
+from .interface.notices import Notices
+from .interface.parameters import SceneParameters
+from .interface.problems import Problems
+from .interface.wording import CloserLookReason, nothing_hit_text
+from .mrml.drawn_together import drawn_together
+from .mrml.point_lists import Point
 from .scan_change import ScanChange
 from .scene_watch import SceneWatch
-from .segment_tags import segments_of_classes
-from .segment_writing import SegmentWriting
-from .selected_class import SelectedClass
-from .session_views import SessionViews
-from .shown_structures import ShownStructures
-from .volume_content import Frame
-from .wording import CloserLookReason, nothing_hit_text
+from .segments.corrections import Corrections
+from .segments.frame_segments import FrameSegments
+from .segments.segment_tags import segments_of_classes
+from .segments.segment_writing import SegmentWriting
+from .tools.points_in_3d import PointsIn3D
+from .views.awaited_answer import AwaitedAnswer, Waiting
+from .views.session_views import SessionViews
+from .volumes.former_model import FormerModel
+from .volumes.opened_volume import OpenedVolume
+from .volumes.volume_content import Frame
 
 
 class SceneSession:

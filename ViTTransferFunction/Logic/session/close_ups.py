@@ -14,13 +14,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest
-from ..core.errors import InputError
-from ..core.geometry import Box, Geometry
-from ..core.progress import Between, Progress
-from ..core.resampling import sample_at
-from ..core.volume import Volume
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest
+from ..core.system.errors import InputError
+from ..core.system.progress import Between, Progress
+from ..core.volumes.geometry import Box, Geometry
+from ..core.volumes.resampling import sample_at
+from ..core.volumes.volume import Volume
 from ..features.settings import FeatureSettings
 from ..refinement.refinement import RefinementMethod
 from .refined_map import RefinedMap

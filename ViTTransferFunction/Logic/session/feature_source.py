@@ -9,10 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.geometry import Geometry
-from ..core.out_of_memory import is_out_of_memory
-from ..core.progress import Progress, no_progress
-from ..core.volume import Volume
+from ..core.system.out_of_memory import is_out_of_memory
+from ..core.system.progress import Progress, no_progress
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.cost import feature_cost
 from ..features.device import choose_device

@@ -11,12 +11,12 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..core.bounding_box import common_part, whole_box, within
-from ..core.geometry import Box, Geometry
-from ..core.iso_proposals import SMALLEST_ISO
-from ..core.progress import Between, nothing_between
-from ..core.stepped_work import STEP_VOXELS, finished, slabs
-from ..core.voxel_digest import label_boxes
+from ..core.classes.iso_proposals import SMALLEST_ISO
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.bounding_box import common_part, whole_box, within
+from ..core.volumes.geometry import Box, Geometry
+from ..core.volumes.stepped_work import STEP_VOXELS, finished, slabs
+from ..core.volumes.voxel_digest import label_boxes
 
 BLOCK_VOXELS = 64
 """Along each edge of the blocks in which classes compete: what was won is remembered only where there is something."""

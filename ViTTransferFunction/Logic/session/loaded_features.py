@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from threading import Lock
 
-from ..core.geometry import Geometry
-from ..core.volume import Volume
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import Volume
 from ..features.whitening import NormalisedFeatures
 from ..similarity.cell_intensities import CellIntensities
 from ..similarity.similarity_rule import SimilarityRule

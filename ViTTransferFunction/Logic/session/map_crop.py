@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.bounding_box import grown, out_of, whole_box
-from ..core.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
-from ..core.class_request import ClassRequest
-from ..core.geometry import Box, Geometry
-from ..core.voxel_map import VoxelMap
+from ..core.classes.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
+from ..core.classes.class_request import ClassRequest
+from ..core.volumes.bounding_box import grown, out_of, whole_box
+from ..core.volumes.geometry import Box, Geometry
+from ..core.volumes.voxel_map import VoxelMap
 from .refined_map import RefinedMap
 
 MARGIN_VOXELS = 2

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from ..core.available_memory import require_memory
-from ..core.volume import Volume
+from ..core.system.available_memory import require_memory
+from ..core.volumes.volume import Volume
 
 BYTES_PER_REFINED_VOXEL = 6
 """Of the box that a class is refined in: four for its map; the solver's cells, or a mask and intensities while it settles."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ..core.errors import InputError
-from ..core.intensity_window import IntensityWindow, check_shows_something
-from ..core.volume import Volume
+from ..core.system.errors import InputError
+from ..core.volumes.intensity_window import IntensityWindow, check_shows_something
+from ..core.volumes.volume import Volume
 from ..features.cache import FeatureCache
 from ..features.device import check_device_name
 from ..features.networks import Networks

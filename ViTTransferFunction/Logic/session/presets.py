@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.errors import InputError, shown
+from ..core.system.errors import InputError, shown
 from ..features.settings import FeatureSettings
 from ..features.whitening import Statistics
 from ..similarity.similarity_rule import SimilarityMethod

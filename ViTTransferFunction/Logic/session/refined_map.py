@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.voxel_map import VoxelMap
+from ..core.volumes.voxel_map import VoxelMap
 
 
 @dataclass(frozen=True, eq=False)

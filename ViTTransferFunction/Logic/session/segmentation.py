@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.class_request import ClassRequest
-from ..core.geometry import Geometry
+from ..core.classes.class_request import ClassRequest
+from ..core.volumes.geometry import Geometry
 from .labels import count_labels
 
 

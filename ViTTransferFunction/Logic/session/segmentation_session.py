@@ -11,17 +11,17 @@ from threading import Lock
 
 import numpy as np
 
-from ..core.bounding_box import bounding_box
-from ..core.class_map import ClassMap
-from ..core.class_request import ClassRequest, check_requests, points_against
-from ..core.geometry import Geometry
-from ..core.intensity_window import IntensityWindow, display_window
-from ..core.iso_proposals import IsoProposals
-from ..core.label_dtype import label_dtype
-from ..core.point_thinning import thinned
-from ..core.progress import SEGMENTING, Between, Progress, no_progress, nothing_between
-from ..core.stopwatch import Stopwatch
-from ..core.volume import Volume
+from ..core.classes.class_map import ClassMap
+from ..core.classes.class_request import ClassRequest, check_requests, points_against
+from ..core.classes.iso_proposals import IsoProposals
+from ..core.classes.point_thinning import thinned
+from ..core.system.progress import SEGMENTING, Between, Progress, no_progress, nothing_between
+from ..core.system.stopwatch import Stopwatch
+from ..core.volumes.bounding_box import bounding_box
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.intensity_window import IntensityWindow, display_window
+from ..core.volumes.label_dtype import label_dtype
+from ..core.volumes.volume import Volume
 from ..features.feature_volume import FeatureVolume
 from ..features.whitening import NormalisedFeatures, normalised_features
 from ..refinement.refinement import RefinementMethod, held_voxels, refine

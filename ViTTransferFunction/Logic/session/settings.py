@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..core.intensity_window import IntensityWindow
+from ..core.volumes.intensity_window import IntensityWindow
 from ..features.settings import FeatureSettings
 from .presets import DEFAULT_PRESET, preset
 

@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from ..core.geometry import Geometry
-from ..core.intensity_cdf import IntensityCdf
-from ..core.intensity_window import display_window
-from ..core.orientation import canonical_orientation
-from ..core.volume import Volume
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.intensity_cdf import IntensityCdf
+from ..core.volumes.intensity_window import display_window
+from ..core.volumes.orientation import canonical_orientation
+from ..core.volumes.volume import Volume
 from ..features.background_tokens import background_cells
 from ..features.network_channels import network_channels
 from .connected_points import ConnectedPoints

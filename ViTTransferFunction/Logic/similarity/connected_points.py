@@ -16,8 +16,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.class_request import different_places
-from ..core.progress import Between, nothing_between
+from ..core.classes.class_request import different_places
+from ..core.system.progress import Between, nothing_between
 from .connectedness import BLOCKS_PER_CELL, SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8

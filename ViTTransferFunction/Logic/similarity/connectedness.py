@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.geometry import Geometry
-from ..core.intensity_window import IntensityWindow
-from ..core.torch_arrays import array_of, tensor_of
-from ..core.volume import Volume
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.intensity_window import IntensityWindow
+from ..core.volumes.torch_arrays import array_of, tensor_of
+from ..core.volumes.volume import Volume
 from .block_cubes import BlockCubes
 from .flood_fill import FloodFill
 

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, points_against
-from ..core.geometry import Geometry
-from ..core.iso_proposals import IsoProposals
-from ..core.progress import Between, nothing_between
-from ..core.resampling import sample_at
-from ..core.voxel_map import VoxelMap
+from ..core.classes.class_request import ClassRequest, points_against
+from ..core.classes.iso_proposals import IsoProposals
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.resampling import sample_at
+from ..core.volumes.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .iso_value import iso_between_points, proposals_around
 from .similarity_map import SimilarityMap

@@ -17,9 +17,9 @@ from functools import cache
 
 import numpy as np
 
-from ..core.intensity_cdf import IntensityCdf
-from ..core.iso_proposals import LARGER, LARGEST_ISO, SMALLER, SMALLEST_ISO, IsoProposals
-from ..core.progress import Between, nothing_between
+from ..core.classes.iso_proposals import LARGER, LARGEST_ISO, SMALLER, SMALLEST_ISO, IsoProposals
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.intensity_cdf import IntensityCdf
 from .stable_components import TOLERANCES, component_sizes, stability
 
 POINTS_TO_HALF = 1.5

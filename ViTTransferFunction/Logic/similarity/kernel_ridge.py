@@ -26,13 +26,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from ..core.class_request import ClassRequest, different_places
-from ..core.iso_proposals import IsoProposals
-from ..core.progress import Between, nothing_between, one_at_a_time
-from ..core.resampling import FixedPlaces, sample_at
-from ..core.side_thread import side_thread
-from ..core.volume import Volume
-from ..core.voxel_map import VoxelMap
+from ..core.classes.class_request import ClassRequest, different_places
+from ..core.classes.iso_proposals import IsoProposals
+from ..core.system.progress import Between, nothing_between, one_at_a_time
+from ..core.system.side_thread import side_thread
+from ..core.volumes.resampling import FixedPlaces, sample_at
+from ..core.volumes.volume import Volume
+from ..core.volumes.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .cell_intensities import CellIntensities
 from .closed_structures import raise_within

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.long_rows import long_rows
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.volumes.long_rows import long_rows
+from ..core.volumes.torch_arrays import array_of, tensor_of
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core.geometry import Geometry
-from ..core.torch_arrays import array_of, tensor_of
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.torch_arrays import array_of, tensor_of
 
 if TYPE_CHECKING:
     from torch import Tensor

@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.class_request import different_places
+from ..core.classes.class_request import different_places
 from .place_kernel import CellKernel, Places, alike, nearness
 
 FIRST_POINTS = 6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.geometry import Geometry
+from ..core.volumes.geometry import Geometry
 
 
 def proximity(geometry: Geometry, points_ras: np.ndarray, strength: float, longest_edge_mm: float) -> np.ndarray:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, Protocol
 
-from ..core.class_request import ClassRequest
-from ..core.geometry import Geometry
-from ..core.iso_proposals import IsoProposals
-from ..core.progress import Between, nothing_between
-from ..core.volume import Volume
-from ..core.voxel_map import VoxelMap
+from ..core.classes.class_request import ClassRequest
+from ..core.classes.iso_proposals import IsoProposals
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.volume import Volume
+from ..core.volumes.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
 from .cell_intensities import CellIntensities
 from .cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine

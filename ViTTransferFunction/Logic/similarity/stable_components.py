@@ -17,9 +17,9 @@ from threading import Lock
 
 import numpy as np
 
-from ..core.class_request import ClassRequest
-from ..core.geometry import Geometry
-from ..core.progress import Between, nothing_between
+from ..core.classes.class_request import ClassRequest
+from ..core.system.progress import Between, nothing_between
+from ..core.volumes.geometry import Geometry
 from .connectedness import FloodedBlocks
 
 TOLERANCES = 0.02 * 2.0 ** np.arange(6)

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from ..core.atomic_file import replacing
-from ..core.errors import InputError
-from ..core.progress import Progress, no_progress
+from ..core.system.atomic_file import replacing
+from ..core.system.errors import InputError
+from ..core.system.progress import Progress, no_progress
 
 _TIMEOUT_S = 10.0
 """Longest silence of the network, on connecting as on reading, before it counts as broken."""

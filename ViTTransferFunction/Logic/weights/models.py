@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..core.errors import InputError, shown
+from ..core.system.errors import InputError, shown
 
 _META_FILES = "https://dl.fbaipublicfiles.com"
 

@@ -9,10 +9,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.errors import InputError
-from ..core.progress import Progress, no_progress
-from ..core.regular_file import check_regular_file
-from ..core.user_path import user_path
+from ..core.system.errors import InputError
+from ..core.system.progress import Progress, no_progress
+from ..core.system.regular_file import check_regular_file
+from ..core.system.user_path import user_path
 from .download import DownloadFailed, download, sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from .store import check_cached, file_in, file_names, remember, trusted_hashes, weights_folder

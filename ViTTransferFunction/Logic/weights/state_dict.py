@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.out_of_memory import is_out_of_memory
-from ..core.torch_arrays import array_of
+from ..core.system.errors import InputError
+from ..core.system.out_of_memory import is_out_of_memory
+from ..core.volumes.torch_arrays import array_of
 from .safetensors_file import is_safetensors, read_safetensors
 from .transformers_names import has_transformers_names, with_published_names
 

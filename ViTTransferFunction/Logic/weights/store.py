@@ -10,9 +10,9 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.atomic_file import replacing
-from ..core.cache_folder import cache_folder
-from ..core.errors import InputError
+from ..core.system.atomic_file import replacing
+from ..core.system.cache_folder import cache_folder
+from ..core.system.errors import InputError
 from .download import sha256_of
 from .models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 from .state_dict import load_state_dict, tensors_sha256

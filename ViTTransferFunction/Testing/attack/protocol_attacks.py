@@ -26,8 +26,8 @@ from ViTTransferFunction.Logic.compute.requests import (
     SegmentClasses,
     TakeVolume,
 )
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.geometry import LPS_TO_RAS, Geometry
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.attack.calls import Call, Outcome
 from ViTTransferFunction.Testing.attack.cases import Case, Place, Step

@@ -9,10 +9,10 @@ import vtk
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.classes import class_nodes, read_class
-from ViTTransferFunction.Logic.scene.nodes import displays_of, nodes_of_class
-from ViTTransferFunction.Logic.scene.volume_histories import Classes
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.classes.classes import class_nodes, read_class
+from ViTTransferFunction.Logic.scene.classes.volume_histories import Classes
+from ViTTransferFunction.Logic.scene.mrml.nodes import displays_of, nodes_of_class
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, segment_masks
 from ViTTransferFunction.Testing.support.segments import everything_about
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras

@@ -9,8 +9,8 @@ import pytest
 
 from Benchmarks.shared import case_changes
 from Benchmarks.shared.labelled_cases import LabelledVolume
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 
 def with_array(labelled: LabelledVolume, array: np.ndarray) -> LabelledVolume:

@@ -16,7 +16,7 @@ from Benchmarks.shared.derived_cases import DerivedCase, OrganFillingCrop
 from Benchmarks.shared.every_structure import LEAST_VOXELS, EveryStructureCase
 from Benchmarks.shared.labelled_cases import CHEST, Case
 from Benchmarks.shared.other_cases import OTHERS, MaskCase, cases_there, without_missing
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 SCAN = Case("scan", "scan.nrrd", "labels.nrrd", {"box": (7,)})
 

@@ -18,10 +18,10 @@ from Benchmarks.shared.every_structure import EVERY_STRUCTURE
 from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.simulated_clicker import Click, Clicks
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
-from ViTTransferFunction.Logic.core.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation import Segmentation
@@ -87,7 +87,7 @@ def test_a_box_is_that_of_the_segment_as_it_is_shown(labelled: LabelledVolume, f
 def test_a_structure_whose_box_is_too_large_stays_as_it_is(
     labelled: LabelledVolume, features: FeatureVolume, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 0.01)
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 0.01)
     session = WatchedSession(labelled, features)
     user = LookingUser(session, ("left",))
     user(labelled, clicks_on(labelled))

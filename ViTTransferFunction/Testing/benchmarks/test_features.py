@@ -19,7 +19,7 @@ from Benchmarks.features.settings import DEFAULT, FINE, SETTINGS, at_grid, setti
 from Benchmarks.features.summary import summary
 from Benchmarks.features.times import measured, sampled_seconds
 from Benchmarks.shared.machine import machine
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.extraction import FeatureRun
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer

@@ -9,8 +9,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.own_scans.own_scan import OwnScan, own_scans
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
 
 GEOMETRY = Geometry((20, 24, 28), np.diag([-1.0, -1.0, 2.0, 1.0]))

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from ViTTransferFunction.Logic.core.small_outlines import LEAST_AGREEMENT
+from ViTTransferFunction.Logic.core.classes.small_outlines import LEAST_AGREEMENT
 
 ROOT = Path(__file__).parents[3]
 CASES = {

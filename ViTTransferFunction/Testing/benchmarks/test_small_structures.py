@@ -12,8 +12,8 @@ from Benchmarks.shared.labelled_cases import LabelledVolume
 from Benchmarks.shared.machine import machine
 from Benchmarks.small_structures.report import CLOSELY, LITTLE, MUCH, WHOLE, write_report
 from Benchmarks.small_structures.run import _little, _meant, _small_outlines
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 SHAPE = (24, 60, 60)
 

@@ -13,7 +13,7 @@ import SimpleITK as sitk  # noqa: N813
 from Benchmarks.shared.machine import machine
 from Benchmarks.shared.shape_phantoms import sphere, torus
 from Benchmarks.topology.topology import Topology, euler_number, topology_of
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Testing.support.pictures import GEOMETRIES
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.camera import Camera, direction, framing, middle_of
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.camera import Camera, direction, framing, middle_of
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.camera_files import read_camera, write_camera
-from ViTTransferFunction.Logic.scene.view_picture import placed_camera
+from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import CENTRE, distance_mm, geometry_about_the_centre
 
 SIZE = 320, 200

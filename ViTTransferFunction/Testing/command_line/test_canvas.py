@@ -9,8 +9,8 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.png_file import save_png
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.views.png_file import save_png
 
 
 def test_similarity_needs_an_iso_value() -> None:

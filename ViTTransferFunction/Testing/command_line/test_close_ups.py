@@ -19,12 +19,12 @@ from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation import ClassResult, Segmentation
@@ -141,7 +141,7 @@ def outlined(spheres: Spheres, share: float) -> AnnotatedClass:
 def test_what_is_small_and_unlike_its_outline_in_the_whole_is_looked_at_closely_with_a_warning(
     spheres: Spheres, monkeypatch: pytest.MonkeyPatch, share: float, method: RefinementMethod, unasked: bool
 ) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.close_up_choice.LARGEST_SHARE", 1.0)
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
     cache_known_features(*spheres)
     session = open_session(spheres[0], SessionSettings(grid=GRID))
     session.load_features()

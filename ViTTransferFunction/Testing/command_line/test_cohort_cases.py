@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.CommandLine.cohort.cases import name_problem, read_cases, told_name
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 
 HEADING = "case,volume,annotations"
 

@@ -19,7 +19,7 @@ from ViTTransferFunction.CommandLine.cohort import dispatch, leader
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome, Status
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 distributed = pytest.importorskip("distributed")

@@ -26,7 +26,7 @@ from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.cohort_command import run
 from ViTTransferFunction.CommandLine.vittf import build_parser, main
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS

@@ -21,7 +21,7 @@ from ViTTransferFunction.CommandLine.console import Unfailing, unfailing_console
 from ViTTransferFunction.CommandLine.library_output import CurrentErrorStream
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
+from ViTTransferFunction.Logic.core.system.out_of_memory import OUT_OF_MEMORY
 from ViTTransferFunction.Logic.weights import store
 
 LISTS = [sys.executable, "-m", "ViTTransferFunction.CommandLine.vittf", "weights", "list"]

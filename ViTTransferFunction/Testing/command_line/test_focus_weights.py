@@ -14,7 +14,7 @@ import pytest
 
 from ViTTransferFunction.CommandLine import focus_weights
 from ViTTransferFunction.CommandLine.focus_weights import FOCUS_MODEL, install_focus_weights, rebuild_focus_weights
-from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.features.expected_shapes import expected_shapes
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, sha256_of
 from ViTTransferFunction.Logic.weights.models import pretrained_model

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.camera import direction, framing
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.camera import direction, framing
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
-from ViTTransferFunction.Logic.scene.view_picture import placed_camera
+from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import BLUE, CENTRE, GREEN, RED, distance_mm, pixels_of, place_of
 from ViTTransferFunction.Testing.support.readme_pictures.exhibits import EXHIBITS
 from ViTTransferFunction.Testing.support.readme_pictures.gallery import ANNOTATIONS

@@ -14,7 +14,7 @@ import pytest
 from ViTTransferFunction.CommandLine import package_versions
 from ViTTransferFunction.CommandLine.cohort.cases import read_cases
 from ViTTransferFunction.CommandLine.vittf import build_parser, main
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 
 GEOMETRY = Geometry((2, 2, 2), np.eye(4))

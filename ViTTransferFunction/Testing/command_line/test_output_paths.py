@@ -13,8 +13,8 @@ import SimpleITK as sitk  # noqa: N813
 
 from ViTTransferFunction.CommandLine.output_paths import check_apart
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.file_names import file_stem
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.file_names import file_stem
 
 VOXELS = np.random.default_rng(0).integers(1, 1000, (8, 9, 10)).astype(np.int16)
 

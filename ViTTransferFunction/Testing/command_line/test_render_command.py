@@ -13,9 +13,9 @@ from ViTTransferFunction.CommandLine.pictures import NO_CONTEXT
 from ViTTransferFunction.CommandLine.render_command import CONTEXTS, STYLES
 from ViTTransferFunction.CommandLine.rendering_picture import Rendering
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.colors import default_color
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.classes.colors import default_color
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.camera_files import read_camera
 from ViTTransferFunction.Logic.rendering.appearance import STYLES as ALL_STYLES
 from ViTTransferFunction.Logic.rendering.composition import MOST_STRUCTURES

@@ -13,12 +13,12 @@ from scipy.ndimage import binary_erosion
 from ViTTransferFunction.CommandLine import offscreen_window
 from ViTTransferFunction.CommandLine.canvas import PictureSegment
 from ViTTransferFunction.CommandLine.rendering_picture import Rendering, render_3d
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.scene.view_picture import placed_camera
+from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,

@@ -11,8 +11,8 @@ import pytest
 
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.files.annotation_files import write_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
 from ViTTransferFunction.Logic.session.opening import open_session

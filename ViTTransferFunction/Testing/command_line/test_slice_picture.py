@@ -7,9 +7,9 @@ import pytest
 
 from ViTTransferFunction.CommandLine.canvas import BACKGROUND, PictureSegment
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Testing.support.pictures import (
     BLUE,
     CENTRE,

@@ -11,9 +11,9 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkLight, vtkRenderer
 
 from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.structure_prop import structure_prop
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, own_levels
 from ViTTransferFunction.Logic.rendering.iso_surfaces import similarity_volume

@@ -17,7 +17,7 @@ import torch
 
 from ViTTransferFunction.CommandLine import app_demo, demo
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
 from ViTTransferFunction.Logic.weights.download import DownloadFailed

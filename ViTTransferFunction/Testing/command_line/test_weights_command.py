@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.CommandLine import weights_command
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.store import weights_folder

@@ -15,7 +15,7 @@ import torch
 
 from ViTTransferFunction.CommandLine.cohort.folder_lock import LOCK, only_cohort_in
 from ViTTransferFunction.CommandLine.vittf import main
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.files.film import FilmPlan, write_film
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS

@@ -18,10 +18,10 @@ from ViTTransferFunction.Logic.compute.requests import (
     Refinement,
     Volumes,
 )
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.iso_proposals import IsoProposals
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 
 LIVER, SPLEEN = (ClassRequest(id_, np.zeros((1, 3))) for id_ in ("liver", "spleen"))
 BOTH = (LIVER, SPLEEN)

@@ -14,11 +14,11 @@ from ViTTransferFunction.Logic.compute import requests
 from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.codec import from_message, holds, to_message
 from ViTTransferFunction.Logic.compute.messages import Message, read_message, write_message
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate, WeightsDownload
 from ViTTransferFunction.Logic.session.settings import SessionSettings

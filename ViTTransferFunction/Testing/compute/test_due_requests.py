@@ -29,7 +29,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Render,
     Volumes,
 )
-from ViTTransferFunction.Logic.core.close_up import CloseUp
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Testing.support.stub_client import CLOSER, LIVER, MAP, RENDERING, SPLEEN, StubClient
 
 

@@ -21,7 +21,7 @@ from ViTTransferFunction.Logic.compute.messages import read_line, write_message
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import ComputeMaps, Failed, GivenUp, Prepare, Progressed, Taken, TakeVolume
-from ViTTransferFunction.Logic.core.out_of_memory import OUT_OF_MEMORY
+from ViTTransferFunction.Logic.core.system.out_of_memory import OUT_OF_MEMORY
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.known_features import GRID

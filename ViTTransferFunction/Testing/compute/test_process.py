@@ -20,8 +20,8 @@ from ViTTransferFunction.Logic.compute.client import ComputeClient
 from ViTTransferFunction.Logic.compute.process import ComputeProcess
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import Labels, Prepare, TakeVolume
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.event_loop import polls_until
 from ViTTransferFunction.Testing.support.spheres import Spheres

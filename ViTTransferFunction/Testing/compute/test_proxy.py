@@ -33,10 +33,10 @@ from ViTTransferFunction.Logic.compute.requests import (
     TakeVolume,
     Volumes,
 )
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.iso_proposals import IsoProposals
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.iso_proposals import IsoProposals
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.stub_client import (

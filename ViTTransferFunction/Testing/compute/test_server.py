@@ -37,10 +37,10 @@ from ViTTransferFunction.Logic.compute.requests import (
     Volumes,
 )
 from ViTTransferFunction.Logic.compute.service import SegmentationService
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
-from ViTTransferFunction.Logic.core.progress import no_progress
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.system.progress import no_progress
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER, SURFACE
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate

@@ -9,10 +9,10 @@ import pytest
 
 from ViTTransferFunction.Logic.compute import shown_maps
 from ViTTransferFunction.Logic.compute.shown_maps import Shown, on_one_box
-from ViTTransferFunction.Logic.core.bounding_box import whole_box
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.resampling import cell_positions, interpolated
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.resampling import cell_positions, interpolated
 from ViTTransferFunction.Logic.rendering.class_membership import Map, PartialMap
 from ViTTransferFunction.Logic.session.map_crop import MapCrop, crop_map
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.features.background_tokens import BACKGROUND_LEVEL, background_cells, select_tokens
 
 WINDOW = IntensityWindow(0.0, 1.0)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features

@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.atomic_file import ABANDONED_S
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.atomic_file import ABANDONED_S
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.features import cache as cache_module
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.feature_file import write_features

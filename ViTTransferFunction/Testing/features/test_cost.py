@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import cost as cost_module
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
 from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost

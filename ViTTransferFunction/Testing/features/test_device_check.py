@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.device_check import UnsoundDevice, device_trouble

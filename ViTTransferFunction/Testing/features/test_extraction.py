@@ -13,12 +13,12 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.orientation import Orientation, canonical_orientation
-from ViTTransferFunction.Logic.core.resampling import sample_at
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation, canonical_orientation
+from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.extraction import extract_features, features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import progressive as module
 from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.progressive import progressive_features

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.resampling import sample_at
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
 from ViTTransferFunction.Logic.features.extraction import extract_features
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume

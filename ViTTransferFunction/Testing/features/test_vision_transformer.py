@@ -10,7 +10,7 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.buffer_pool import BufferPool
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer

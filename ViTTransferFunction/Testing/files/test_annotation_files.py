@@ -15,15 +15,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.given_numbers import FARTHEST
-from ViTTransferFunction.Logic.core.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.classes.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.given_numbers import FARTHEST
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import (
     classes_from_markups,
     read_annotations,

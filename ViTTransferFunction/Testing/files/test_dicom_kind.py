@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.itk_errors import last_line
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Testing.attack.scans import write_dicom

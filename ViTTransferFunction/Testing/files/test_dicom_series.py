@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.series_choice import SeveralSeries
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume
 from ViTTransferFunction.Testing.attack.scans import Scan, write_dicom, write_moved_dicom

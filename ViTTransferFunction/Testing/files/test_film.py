@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps, write_film
 
 COLORS = [(200, 30, 30), (30, 200, 30), (30, 30, 200), (200, 200, 30), (30, 200, 200), (200, 30, 200)]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.segmentation_files import write_image, write_segmentation
 from ViTTransferFunction.Testing.support.programs import run
 
@@ -50,7 +50,7 @@ def test_a_full_disk_is_told_and_the_old_file_is_kept(small_disk: Path, ending: 
 LIMITED = """
 import resource, signal
 from pathlib import Path
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Testing.files.test_full_disk import ENDINGS, GEOMETRY, NOISE, write_image
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Testing.attack.scans import nifti, nifti_header
 from ViTTransferFunction.Testing.files.test_dicom_series import stack

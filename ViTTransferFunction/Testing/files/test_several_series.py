@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core import regular_file
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system import regular_file
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files import dicom_folder
 from ViTTransferFunction.Logic.files.series_choice import SeveralSeries
 from ViTTransferFunction.Logic.files.volume_files import files_of, read_volume

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.straightening import straightened, warn_of_gaps
 
 SCAN = Path("scan")
@@ -223,7 +223,7 @@ def test_slices_that_are_no_one_stack_are_refused(far_mm: float, told: str) -> N
 
 
 def test_a_grid_that_memory_has_no_room_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ViTTransferFunction.Logic.core.available_memory.available_memory_bytes", lambda: 1000)
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.system.available_memory.available_memory_bytes", lambda: 1000)
     scanner = Scanner(EVEN, 20.0)
     with pytest.raises(InputError, match="Straightening the slices of scan takes"):
         scanner.straightened(ball(scanner.pixels_ras))

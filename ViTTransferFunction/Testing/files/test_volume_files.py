@@ -13,16 +13,16 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import slicerio
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import LPS_TO_RAS, Geometry
-from ViTTransferFunction.Logic.core.intensity_window import (
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import (
     CT_SOFT_TISSUE,
     IntensityWindow,
     display_window,
     looks_like_hounsfield_units,
     percentile_window,
 )
-from ViTTransferFunction.Logic.core.resampling import resample_labels
+from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import _name, read_volume
 from ViTTransferFunction.Testing.attack.scans import meta, meta_fields, nrrd, nrrd_fields

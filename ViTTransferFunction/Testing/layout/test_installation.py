@@ -31,8 +31,8 @@ host.close()
 """
 SEGMENT = """
 import numpy as np
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.rendering.shader import shader_pieces
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import add_volume, segment_masks

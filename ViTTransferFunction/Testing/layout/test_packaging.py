@@ -221,9 +221,9 @@ def test_another_extension_with_a_logic_folder_works_beside_ours(
             LOADER,
             *(loads if ours_first else reversed(loads)),
             "import Logic.foo",
-            f"from {EXTENSION}.Logic.core.geometry import Geometry",
+            f"from {EXTENSION}.Logic.core.volumes.geometry import Geometry",
             "assert Logic.foo.NAME == 'theirs'",
-            f"assert Geometry.__module__ == '{EXTENSION}.Logic.core.geometry'",
+            f"assert Geometry.__module__ == '{EXTENSION}.Logic.core.volumes.geometry'",
         ]
     )
     run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, encoding="utf-8", check=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 
 MODULE = Path(__file__).parents[2]

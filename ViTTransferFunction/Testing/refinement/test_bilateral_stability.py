@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.refinement.bilateral_energy import MAX_SMOOTHNESS
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
 from ViTTransferFunction.Logic.refinement.bilateral_solver import refine_map, solve_bilateral

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.refinement.guided_filter import BLOCKS, GuidedFilterSettings, guided_filter
 
 UNIT_SPACING = (1.0, 1.0, 1.0)

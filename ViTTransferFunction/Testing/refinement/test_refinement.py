@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement import bilateral_grid
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout

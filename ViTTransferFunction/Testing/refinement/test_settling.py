@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.bounding_box import whole_box
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.refinement.refinement import refine
 from ViTTransferFunction.Logic.refinement.settling import settle
 from ViTTransferFunction.Testing.support.masks import dice

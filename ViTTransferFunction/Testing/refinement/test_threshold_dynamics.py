@@ -9,8 +9,8 @@ import pytest
 import torch
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.refinement import threshold_dynamics, workers
 from ViTTransferFunction.Logic.refinement.neighbourhood_sums import WHOLE
 from ViTTransferFunction.Logic.refinement.threshold_dynamics import Mark, settled

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.refinement.workers import SHARED_VOXELS, Workers
 
 CPU = torch.device("cpu")

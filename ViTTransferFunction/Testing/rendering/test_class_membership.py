@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.bounding_box import bounding_box, whole_box
+from ViTTransferFunction.Logic.core.volumes.bounding_box import bounding_box, whole_box
 from ViTTransferFunction.Logic.rendering.class_membership import Membership, PartialMap, memberships, nearest_voxels
 from ViTTransferFunction.Testing.support.views import ball
 

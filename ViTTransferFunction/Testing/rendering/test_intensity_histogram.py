@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER
 from ViTTransferFunction.Logic.rendering.intensity_histogram import (
     NEIGHBOURHOOD_MM,

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.rendering.composition import (
     DEPTH,
     LIGHT,

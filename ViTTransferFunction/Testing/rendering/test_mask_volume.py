@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.class_membership import memberships
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER, SURFACE
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume

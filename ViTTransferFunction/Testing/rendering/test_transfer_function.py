@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.rendering.composition import (
     DEPTH,
     SURFACE,

@@ -15,8 +15,8 @@ import slicer
 import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, put_under
 from ViTTransferFunction.Testing.support.segments import everything_about

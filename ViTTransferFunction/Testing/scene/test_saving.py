@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import vtk
 
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
+from ViTTransferFunction.Logic.scene.views.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, open_spheres, write_all
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import items_without_node, keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, pixels

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume import set_image
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import add_volume, annotate, segment_masks
 

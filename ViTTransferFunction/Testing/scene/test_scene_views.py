@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import slicer
 
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import annotate, write_all
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras

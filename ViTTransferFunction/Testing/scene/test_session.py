@@ -14,15 +14,15 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import Event, SegmentationProxy
 from ViTTransferFunction.Logic.compute.requests import ComputeMaps, FirstMap
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import transform_points
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
-from ViTTransferFunction.Logic.scene.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.session_views import SessionViews
-from ViTTransferFunction.Logic.scene.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
+from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
+from ViTTransferFunction.Logic.scene.volumes.volume import set_image, vtk_matrix
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.segments import LABELMAP

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core import torch_arrays
+from ViTTransferFunction.Logic.core.volumes import torch_arrays
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.close_up_choice import close_up_of
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import CT_SOFT_TISSUE, display_window
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import CT_SOFT_TISSUE, display_window
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.network_channels import network_channels
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
 from ViTTransferFunction.Logic.session import segmentation_session

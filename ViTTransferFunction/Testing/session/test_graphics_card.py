@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.bounded_memory import BoundedMemory
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.device_check import device_trouble

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.session import labels as labels_module
 from ViTTransferFunction.Logic.session.labels import assign_labels, count_labels, keep_annotated_components
 

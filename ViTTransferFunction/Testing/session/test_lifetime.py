@@ -19,7 +19,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     TakeVolume,
 )
 from ViTTransferFunction.Logic.compute.service import SegmentationService
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import networks as networks_module
 from ViTTransferFunction.Logic.features import whitening
 from ViTTransferFunction.Logic.features.cache import FeatureCache

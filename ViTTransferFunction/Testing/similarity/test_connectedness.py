@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.similarity import connected_points
 from ViTTransferFunction.Logic.similarity.connected_points import (
     LARGEST_SHARE,

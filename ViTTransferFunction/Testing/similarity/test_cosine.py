@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
 from ViTTransferFunction.Logic.similarity.cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.features.whitening import unit_vectors
 from ViTTransferFunction.Logic.similarity import place_kernel as kernels
 from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, alike, nearness, place_kernel

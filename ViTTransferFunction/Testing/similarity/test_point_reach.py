@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.similarity import point_reach
 from ViTTransferFunction.Logic.similarity.place_kernel import CellKernel, Places, place_kernel
 from ViTTransferFunction.Logic.similarity.point_reach import FIRST_POINTS, PointReach, Reach, points_before

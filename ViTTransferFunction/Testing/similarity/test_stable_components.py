@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.errors import Cancelled
-from ViTTransferFunction.Logic.core.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.similarity.closed_structures import raise_within
 from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ViTTransferFunction.Logic.core.errors import Cancelled
+from ViTTransferFunction.Logic.core.system.errors import Cancelled
 
 
 def cancel_at_once(done: int, total: int, what: str) -> None:

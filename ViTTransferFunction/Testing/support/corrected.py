@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import slicer
 
-from ViTTransferFunction.Logic.core.class_map import FULL_SCALE, ClassMap
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
-from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
-from ViTTransferFunction.Logic.scene.class_requests import ClassRequests, class_requests
-from ViTTransferFunction.Logic.scene.class_state import ClassState
-from ViTTransferFunction.Logic.scene.close_up_hints import CloseUpHints
-from ViTTransferFunction.Logic.scene.volume import set_image
-from ViTTransferFunction.Logic.scene.volume_content import content_of
-from ViTTransferFunction.Logic.scene.wording import CloserLookReason
+from ViTTransferFunction.Logic.core.classes.class_map import FULL_SCALE, ClassMap
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotations
+from ViTTransferFunction.Logic.scene.annotation.close_up_hints import CloseUpHints
+from ViTTransferFunction.Logic.scene.classes.class_requests import ClassRequests, class_requests
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
+from ViTTransferFunction.Logic.scene.interface.wording import CloserLookReason
+from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_content import content_of
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node
 
 VOXELS = Geometry((60, 60, 60), np.diag([2.0, 2.0, 2.0, 1.0]))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.cache import FeatureCache
 from ViTTransferFunction.Logic.features.device import choose_device
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume

@@ -9,10 +9,10 @@ import slicer
 import vtk
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-from ViTTransferFunction.Logic.core.geometry import transform_points
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volume import (
+from ViTTransferFunction.Logic.scene.volumes.volume import (
     geometry_from_node,
     matrix_to_world,
     numpy_matrix,

@@ -6,8 +6,8 @@ from typing import Any
 
 import slicer
 
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.volume import set_image
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.volumes.volume import set_image
 
 
 class Sequence:

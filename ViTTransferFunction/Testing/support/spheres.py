@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 Spheres = tuple[Volume, np.ndarray]
 """The volume and its labels 1, 2 and 3."""

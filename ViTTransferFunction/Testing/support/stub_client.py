@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from ViTTransferFunction.Logic.compute.requests import TakeVolume
-from ViTTransferFunction.Logic.core.class_map import ClassMap
-from ViTTransferFunction.Logic.core.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.close_up import CloseUp
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings

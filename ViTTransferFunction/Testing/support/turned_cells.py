@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 
 TURNED_CELLS = Geometry((4, 5, 6), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 """I runs anterior, J left, K superior; cells of 3×2×4 mm."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
-from ViTTransferFunction.Logic.core.orientation import Orientation
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 
 def volume_of(array: np.ndarray, spacing_ijk: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ViTTransferFunction.Logic.core.private_folder import LOCK
+from ViTTransferFunction.Logic.core.system.private_folder import LOCK
 
 HELD = Path("/proc/self")
 """Where Linux tells what this process has open and mapped."""

@@ -27,12 +27,12 @@ import SimpleITK as sitk  # noqa: N813
 from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.CommandLine.interruption import Terminated
 from ViTTransferFunction.CommandLine.vittf import build_parser
-from ViTTransferFunction.Logic.core.colors import hex_color
-from ViTTransferFunction.Logic.core.errors import InputError
-from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
-from ViTTransferFunction.Logic.core.patient_sides import position_text, sides
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.volume import array_from_node, geometry_from_node, numpy_matrix
+from ViTTransferFunction.Logic.core.classes.colors import hex_color
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_intensity_text
+from ViTTransferFunction.Logic.core.volumes.patient_sides import position_text, sides
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.volumes.volume import array_from_node, geometry_from_node, numpy_matrix
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.spheres import Spheres

@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
-from ViTTransferFunction.Logic.core.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
 from ViTTransferFunction.Testing.support.web_app import AppPage
 from ViTTransferFunction.WebApp.app import WebApp
 

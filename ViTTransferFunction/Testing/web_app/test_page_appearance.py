@@ -12,11 +12,11 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
-from ViTTransferFunction.Logic.scene.class_state import ClassState
-from ViTTransferFunction.Logic.scene.session_views import SessionViews
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
+from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
-from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_form import panel_form

@@ -18,7 +18,7 @@ pytest.importorskip("trame_slicer")
 import vtk
 from PIL import Image
 
-from ViTTransferFunction.Logic.scene.filming import Filming
+from ViTTransferFunction.Logic.scene.views.filming import Filming
 from ViTTransferFunction.Testing.files.test_film import frames_of
 from ViTTransferFunction.Testing.web_app.test_saving import LONGEST_WAIT_S, browser_of, status_and_body, until
 from ViTTransferFunction.WebApp.app import WebApp
@@ -236,7 +236,7 @@ def test_a_film_that_cannot_be_made_says_why(with_ball: Callable[[Journey], None
 def test_a_film_that_breaks_off_is_told_and_can_be_begun_again(
     with_ball: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ViTTransferFunction.Logic.core.errors import InputError
+    from ViTTransferFunction.Logic.core.system.errors import InputError
 
     def full(self: Filming) -> bool:
         raise InputError("the disk is full")

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
-from ViTTransferFunction.Logic.core.progress import no_progress
+from ViTTransferFunction.Logic.core.system.progress import no_progress
 from ViTTransferFunction.WebApp.routes import _as_it_is
 
 

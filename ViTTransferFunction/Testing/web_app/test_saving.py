@@ -23,11 +23,11 @@ import aiohttp
 import numpy as np
 from aiohttp import web
 
-from ViTTransferFunction.Logic.core.file_names import kept_name
-from ViTTransferFunction.Logic.core.private_folder import PREFIX
-from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.core.system.file_names import kept_name
+from ViTTransferFunction.Logic.core.system.private_folder import PREFIX
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.segments.written_segments import WrittenSegments
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.written_segments import WrittenSegments
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.WebApp import routes

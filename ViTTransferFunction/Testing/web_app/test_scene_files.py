@@ -13,7 +13,7 @@ import SimpleITK as sitk  # noqa: N813
 
 pytest.importorskip("trame_slicer")
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras

@@ -17,10 +17,10 @@ import SimpleITK as sitk  # noqa: N813
 pytest.importorskip("trame_slicer")
 pytest.importorskip("psutil")
 
-from ViTTransferFunction.Logic.core.atomic_file import TEMPORARY
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.system.atomic_file import TEMPORARY
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
-from ViTTransferFunction.Logic.scene.volume import array_from_node
+from ViTTransferFunction.Logic.scene.volumes.volume import array_from_node
 from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.web_app import LONGEST_WAIT_S, Server, serving
 from ViTTransferFunction.Testing.web_app.test_points_file import points, send

@@ -15,7 +15,7 @@ pytest.importorskip("aiohttp")
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.WebApp import uploads
 
 DICOM = b"\0" * 128 + b"DICM" + b"slice"

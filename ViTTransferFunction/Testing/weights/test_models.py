@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel, pretrained_model
 
 every_model = pytest.mark.parametrize("model", PRETRAINED_MODELS.values(), ids=PRETRAINED_MODELS.keys())

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights, identify_model
 from ViTTransferFunction.Logic.weights.store import weights_folder

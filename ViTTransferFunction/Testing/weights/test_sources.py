@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from ViTTransferFunction.Logic.core.errors import Cancelled, InputError
+from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights import download as download_module
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, download
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel

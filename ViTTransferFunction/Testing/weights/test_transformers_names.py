@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from ViTTransferFunction.Logic.core.errors import InputError
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.expected_shapes import check_state_dict
 from ViTTransferFunction.Logic.weights.models import PretrainedModel, pretrained_model
 from ViTTransferFunction.Logic.weights.state_dict import load_state_dict

@@ -11,7 +11,7 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.appearance import STYLES
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume

@@ -18,7 +18,7 @@ from PySide6.QtGui import QFontMetrics
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLineEdit
 
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until

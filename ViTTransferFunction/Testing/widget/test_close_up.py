@@ -14,8 +14,8 @@ import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
-from ViTTransferFunction.Logic.core import close_up_choice
-from ViTTransferFunction.Logic.core.progress import WorkProgress
+from ViTTransferFunction.Logic.core.classes import close_up_choice
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras

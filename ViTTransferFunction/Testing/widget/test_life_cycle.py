@@ -15,8 +15,8 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
-from ViTTransferFunction.Logic.scene.annotations import SceneAnnotations
-from ViTTransferFunction.Logic.scene.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotations
+from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Testing.support.programs import OPEN, run
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node
 from ViTTransferFunction.Testing.support.standin import sample_data

@@ -30,9 +30,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from ViTTransferFunction.Logic.core.diameter_points import points_of_diameter
-from ViTTransferFunction.Logic.core.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.points_in_3d import MARKUPS_MANAGER
+from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
+from ViTTransferFunction.Logic.core.system.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
@@ -367,7 +367,7 @@ def test_the_list_of_keys_goes_with_the_module(widget: Any, host: Host) -> None:
 
 
 def test_the_keys_listed_are_the_keys_installed_and_only_brackets_are_slicer_s(widget: Any) -> None:
-    from ViTTransferFunction.Logic.scene.shortcuts import SHORTCUTS
+    from ViTTransferFunction.Logic.scene.interface.shortcuts import SHORTCUTS
     from ViTTransferFunction.Widget.shortcuts import OF_OTHER_PROGRAMS
 
     installed = [shortcut.key().toString() for shortcut in widget.panel.shortcuts.installed]

@@ -18,7 +18,7 @@ import slicer
 import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-from ViTTransferFunction.Logic.core.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.camera_files import read_camera
 from ViTTransferFunction.Logic.rendering.composition import DEPTH, NUMBER
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume

@@ -13,7 +13,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 
-from ViTTransferFunction.Logic.scene.rendering_cut import shown_cut
+from ViTTransferFunction.Logic.scene.views.rendering_cut import shown_cut
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.widgets import add_class
 

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_volume, annotate
 from ViTTransferFunction.Testing.support.spheres import Spheres
 

@@ -17,10 +17,10 @@ from PySide6.QtTest import QTest
 from vtkmodules.util.vtkConstants import VTK_UNSIGNED_CHAR
 from vtkmodules.vtkCommonDataModel import vtkImageData
 
-from ViTTransferFunction.Logic.core.missing_intensity import without_intensity_text
-from ViTTransferFunction.Logic.core.volume import Volume
-from ViTTransferFunction.Logic.scene.nodes import nodes_of_class
-from ViTTransferFunction.Logic.scene.slice_layer import COMPOSITE_CLASS
+from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_intensity_text
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.views.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Testing.support.downloads import DOWNLOAD
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_volume

@@ -15,7 +15,7 @@ from PySide6.QtGui import QGuiApplication, QImageReader
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel
 
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.standin.host import MODULE_FILE, PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.widgets import add_class
@@ -125,7 +125,7 @@ def test_what_is_copied_out_of_a_message_is_what_it_says(widget: Any, host: Host
 def test_the_cache_folder_is_written_so_that_it_can_be_broken(widget: Any, host: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     from pathlib import PureWindowsPath
 
-    from ViTTransferFunction.Logic.scene import cache_contents
+    from ViTTransferFunction.Logic.scene.interface import cache_contents
 
     before = width(host)
     monkeypatch.setattr(cache_contents, "cache_folder", lambda: PureWindowsPath(WINDOWS_PATH))

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 from trame_slicer.core import SlicerApp
 
-from ViTTransferFunction.Logic.core.cache_folder import CACHE_VARIABLE, cache_folder
+from ViTTransferFunction.Logic.core.system.cache_folder import CACHE_VARIABLE, cache_folder
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.readme_pictures.composition import save_small

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ViTTransferFunction.Logic.core.camera import Direction, direction
-from ViTTransferFunction.Logic.core.colors import Color
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.volumes.camera import Direction, direction
 from ViTTransferFunction.Testing.support.readme_pictures.intensity_rendering import IntensityStop
 
 WOOD, LEAF, CLAY, EARTH = (0.85, 0.70, 0.44), (0.30, 0.69, 0.31), (0.71, 0.33, 0.24), (0.48, 0.36, 0.26)

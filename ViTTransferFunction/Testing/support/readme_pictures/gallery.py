@@ -21,13 +21,13 @@ from ViTTransferFunction.CommandLine.pictures import open_rendering, shown_segme
 from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
 from ViTTransferFunction.CommandLine.rendering_picture import with_legend
 from ViTTransferFunction.CommandLine.segmenting import segment_classes
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.progress import Progress
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.system.progress import Progress
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.scene.view_picture import placed_camera
+from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, row, save_small

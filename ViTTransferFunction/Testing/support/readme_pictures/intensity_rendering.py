@@ -15,9 +15,9 @@ from vtkmodules.vtkRenderingVolume import vtkGPUVolumeRayCastMapper
 
 from ViTTransferFunction.CommandLine.offscreen_window import OffscreenWindow
 from ViTTransferFunction.CommandLine.rendering_picture import add_lights
-from ViTTransferFunction.Logic.core.camera import Size
-from ViTTransferFunction.Logic.core.colors import Color
-from ViTTransferFunction.Logic.core.volume import Volume
+from ViTTransferFunction.Logic.core.classes.colors import Color
+from ViTTransferFunction.Logic.core.volumes.camera import Size
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
 STEP_MM = 0.5
 """Length of a ray's steps, in voxels of the finest spacing."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from Benchmarks.shared.segmentation_metrics import dice
-from ViTTransferFunction.Logic.core.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Testing.support.readme_pictures.animation import Animation
 from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, column, row, save_small

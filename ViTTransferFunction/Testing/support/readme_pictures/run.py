@@ -15,7 +15,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from ViTTransferFunction.Logic.core.atomic_file import replacing
+from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 
 SUBJECTS = ("opening", "clicks", "closer", "outline", "diameter", "estimate", "ct", "mr", "app")
 

@@ -1,0 +1,57 @@
+"""Fewer points where there are so many that they mostly say the same: a painted structure, or a mask turned into points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..volumes.geometry import Geometry
+from .class_request import ClassRequest
+
+MOST_POINTS = 500
+"""Of all classes together. Time and memory grow with them, by megabytes each, and a structure is known long before."""
+_GROWTH = 1.25
+
+
+def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassRequest]:
+    """The same classes with `MOST_POINTS` points at most; as they are, where they have no more.
+
+    Otherwise the points of a class that lie in one voxel count once; and where these are still more than its share, those
+    that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its
+    features would be computed again whenever other points are left.
+
+    Args:
+        requests: whose points lie in the volume.
+        geometry: of the volume.
+    """
+    lists = [points for request in requests for points in (request.positive, request.negative) if len(points)]
+    if sum(map(len, lists)) <= MOST_POINTS:
+        return list(requests)
+    share = max(1, MOST_POINTS // len(lists))
+    return [
+        replace(
+            request,
+            positive=_thin(request.positive, geometry, share),
+            negative=_thin(request.negative, geometry, share),
+            close_up=request.close_up and request.close_up.enlarged(geometry, request.positive),
+        )
+        for request in requests
+    ]
+
+
+def _thin(points_ras: np.ndarray, geometry: Geometry, most: int) -> np.ndarray:
+    """The first point (x, y, z) in each cell, in the order of the points (N, 3)."""
+    if len(points_ras) <= most:
+        return points_ras
+    # Voxels first; then cubes in millimetres, whose borders do not move with the points.
+    cells, edge_mm = geometry.nearest_voxels(points_ras), float(geometry.spacing_mm.max())
+    # Points of a face may be rounded to before it, where no cube, however large, would join them to the others.
+    places_mm = np.maximum(geometry.ras_to_ijk(points_ras) + 0.5, 0.0) * geometry.spacing_mm
+    while True:
+        _, first = np.unique(cells, axis=0, return_index=True)
+        if len(first) <= most:
+            return points_ras[np.sort(first)]
+        cells = np.floor(places_mm / edge_mm)
+        edge_mm *= _GROWTH

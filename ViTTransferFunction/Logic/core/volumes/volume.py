@@ -1,0 +1,131 @@
+"""A scalar volume and where it lies in the patient: the form in which every part of the Logic passes intensities."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..system.errors import InputError
+from .geometry import Box, Geometry
+
+SMALLEST_SPREAD = 1e-30
+"""From the lowest to the highest intensity; of less, windows would be too narrow for single precision (`IntensityWindow`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Volume:
+    """Scalar intensities on a regular, possibly oblique and anisotropic, voxel grid.
+
+    Attributes:
+        array: intensities, (K, J, I), any real dtype; may hold NaN or infinities. Half and extended precision, and numbers in
+            another order of bytes, are converted, since neither SciPy nor PyTorch takes them everywhere.
+        geometry: where the voxels lie, in RAS millimetres.
+        name: what users call it; the file's stem, say.
+        part_of: the volume of which it is a part, and like which it is looked at; None: it is a whole.
+
+    Raises:
+        InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
+            only one value: there is nothing to tell apart; or its values are beyond single precision.
+    """
+
+    array: np.ndarray
+    geometry: Geometry
+    name: str = "volume"
+    part_of: Volume | None = None
+
+    def __post_init__(self) -> None:
+        self._check_shape()
+        computable = _computable(self.array.dtype)
+        # On Windows, NumPy takes extended precision for the same as double, and would keep it.
+        object.__setattr__(self, "array", self.array.astype(computable, copy=self.array.dtype.char != computable.char))
+        self._check_values()
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along (K, J, I)."""
+        return self.geometry.shape
+
+    @property
+    def whole(self) -> Volume:
+        """The volume of which it is a part, or itself: what decides the window in which it is looked at, and what is far."""
+        return self.part_of or self
+
+    @property
+    def longest_edge_mm(self) -> float:
+        """Of the whole: distances are measured by it, in its parts as well."""
+        return float(self.whole.geometry.extent_mm.max())
+
+    def part(self, box: Box) -> Volume:
+        """The voxels in a box, copied. Raises InputError where they are constant, or one of the extents is a single voxel."""
+        return Volume(np.ascontiguousarray(self.array[box]), self.geometry.part(box), self.name, self.whole)
+
+    @cached_property
+    def digest(self) -> bytes:
+        """SHA-256 of the voxels, and of those that they are part of. Found once: the array must stay as it is."""
+        digest = hashlib.sha256()
+        digest.update(f"{self.array.shape} {self.array.dtype.str}".encode())
+        digest.update(np.ascontiguousarray(self.array).data)
+        if self.part_of is not None:
+            digest.update(self.part_of.digest)
+        return digest.digest()
+
+    def _check_shape(self) -> None:
+        if self.array.ndim != 3:
+            raise InputError(
+                f"'{self.name}' has {self.array.ndim} array dimensions {self.array.shape}; expected a scalar 3D volume. "
+                "Choose one time point, channel or series and try again."
+            )
+        if not (np.issubdtype(self.array.dtype, np.floating) or np.issubdtype(self.array.dtype, np.integer)):
+            raise InputError(f"'{self.name}' holds {self.array.dtype} values; expected real numbers.")
+        if min(self.array.shape) < 2:
+            raise InputError(
+                f"'{self.name}' is {self.array.shape[2]}×{self.array.shape[1]}×{self.array.shape[0]} voxels; expected at least "
+                "2 along every axis. A single slice is not a volume: load the whole series."
+            )
+        if self.array.shape != self.geometry.shape:
+            raise ValueError(f"array shape {self.array.shape} and geometry shape {self.geometry.shape} differ")
+
+    def _check_values(self) -> None:
+        minimum, maximum = finite_range(self.array)
+        if not np.isfinite(minimum):
+            raise InputError(f"'{self.name}' holds no finite voxel (all NaN or infinite). Check the file.")
+        if minimum == maximum:
+            raise InputError(
+                f"'{self.name}' is constant: every finite voxel is {minimum:g}. Expected structures that differ in intensity; "
+                "check that the right volume was loaded."
+            )
+        # All that follows computes in single precision.
+        spread = maximum - minimum
+        largest = max(abs(minimum), abs(maximum), spread)
+        held = largest <= float(np.finfo(np.float32).max) and spread >= SMALLEST_SPREAD
+        if not held or np.float32(minimum) == np.float32(maximum):
+            raise InputError(
+                f"'{self.name}' has intensities from {minimum:g} to {maximum:g}, which cannot be told apart or held in single "
+                "precision. Save it with other units."
+            )
+
+
+def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """The dtype itself, or the nearest that everything computes with."""
+    # On Windows, extended precision has no more bytes than double.
+    if dtype.kind == "f" and dtype.char not in "fd":
+        return np.dtype(np.float32 if dtype.itemsize < 4 else np.float64)
+    native: np.dtype[Any] = dtype.newbyteorder("=")
+    return native
+
+
+def finite_range(array: np.ndarray) -> tuple[float, float]:
+    """Smallest and largest finite value of `array`; (nan, nan) where no value is finite."""
+    if not np.issubdtype(array.dtype, np.floating):
+        return float(array.min()), float(array.max())
+    low, high = float("inf"), float("-inf")
+    # Slice by slice, so that no copy of a volume is made.
+    for part in array if array.ndim > 1 else array[None]:
+        finite = part[np.isfinite(part)]
+        if finite.size:
+            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    return (low, high) if low <= high else (float("nan"), float("nan"))

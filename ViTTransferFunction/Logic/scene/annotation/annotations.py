@@ -1,0 +1,225 @@
+"""What the product's tools do to the classes and points of the volume that is chosen, each step of which can be undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+import slicer
+
+from ...core.classes.class_request import check_name
+from ...core.classes.colors import Color
+from ...core.system.errors import InputError
+from ..classes.class_size import stepped, turned
+from ..classes.class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, without_points
+from ..classes.classes import (
+    class_id,
+    class_nodes,
+    create_class,
+    negative_node,
+    order_classes,
+    remove_class,
+    write_class,
+    write_classes,
+)
+from ..classes.volume_histories import Classes
+from ..mrml.point_lists import Point
+from .watched_classes import WatchedClasses
+
+
+class SceneAnnotations(WatchedClasses):
+    """Edits classes; what users do to the same lists of points in views and other modules is known all the same."""
+
+    _brought: Classes = ()
+    """As `bring_along` left them."""
+
+    def add_class(self, name: str | None = None, color: Color | None = None) -> ClassState:
+        """Add a class without points."""
+        state = new_class_state(self.classes, name, color)
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+        return state
+
+    def add_classes(self, states: Sequence[ClassState]) -> None:
+        """Add classes with all that they have, after the others, or bring those that are there to it; one step for undo."""
+        self.set_classes(_put_among(states, self.classes))
+
+    def set_classes(self, states: Sequence[ClassState]) -> None:
+        """Have these classes, with all that they have, and no others; one step for undo."""
+        with self._edit():
+            write_classes(self._scene, self._parameter_node, states)
+
+    def bring_along(self, states: Sequence[ClassState]) -> None:
+        """Add classes for the same structures, which were made on another volume, without their points; one step for undo."""
+        self.add_classes([without_points(state) for state in states])
+        self._brought = self.classes
+
+    def leave(self) -> Callable[[], None]:
+        """The volume is about to be left; returns what is to be called when another one is chosen.
+
+        That removes what `bring_along` brought, where the user did nothing about it: as if nobody had been there.
+        """
+        brought = class_nodes(self._parameter_node) if self._brought and self.classes == self._brought else []
+        volume_id = self._histories.volume_id
+
+        def remove_brought() -> None:
+            if brought and self._histories.volume_id != volume_id:
+                with self._unheard():
+                    for node in brought:
+                        remove_class(self._scene, node)
+                self._histories.forget(volume_id)
+
+        return remove_brought
+
+    def duplicate_class(self, id_: str) -> ClassState:
+        """Add a class with the same settings and points below a class.
+
+        Where both have the same points, the voxels stay with the upper one.
+        """
+        state = duplicate_class_state(self.classes, self._class(id_))
+        ids = [present.id for present in self.classes]
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+            ids.insert(ids.index(id_) + 1, state.id)
+            order_classes(self._parameter_node, ids)
+        return state
+
+    def move_class(self, id_: str, step: int) -> None:
+        """Move a class `step` places down, or up if negative; no further than the ends.
+
+        Segments are written in this order, and a voxel that two classes claim alike goes to the upper one.
+        """
+        ids = [state.id for state in self.classes]
+        place = ids.index(id_)
+        ids.insert(min(max(place + step, 0), len(ids) - 1), ids.pop(place))
+        with self._edit():
+            order_classes(self._parameter_node, ids)
+
+    def continue_segment(self, segment_id: str, name: str, color: Color, points_ras: np.ndarray) -> ClassState:
+        """Add a class that begins with positive points (N, 3) in a segment, RAS millimetres; one step for undo."""
+        state = new_class_state(self.classes, name, color)
+        state = replace(state, positive=_as_points(points_ras), continues=segment_id)
+        with self._edit():
+            create_class(self._scene, self._parameter_node, state)
+        return state
+
+    def remove_class(self, id_: str) -> None:
+        """Remove a class and its points. Its segment, if it was written, stays until segments are written again."""
+        with self._edit():
+            remove_class(self._scene, self._positive(id_))
+
+    def set_class(self, id_: str, **fields: Any) -> None:
+        """Change fields of a class (see `ClassState`), or of its look (see `Appearance`).
+
+        The steps of a slider being dragged count as one for undo. A fixed iso value takes the place of the size.
+
+        Raises:
+            InputError: the name is empty, cannot be written, or is another class's.
+        """
+        state = changed(self._class(id_), **fields)
+        # The list of its points may have been given any name, in the Data module, and the rest is to be set all the same.
+        if "name" in fields:
+            state = replace(state, name=_usable_name(state.name, {other.name for other in self.classes if other.id != id_}))
+        if state.iso is not None:
+            state = replace(state, size=0.0)
+        with self._edit(kind=f"{id_} {' '.join(sorted(fields))}"):
+            write_class(self._scene, self._positive(id_), state)
+
+    def set_close_up(self, id_: str, close_up: CloseUpBox | None) -> None:
+        """Have a class looked at in a box of the volume, or in the whole (None); see `ClassState`."""
+        with self._edit():
+            write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+
+    def move_close_ups(self, close_ups: Mapping[str, CloseUpBox]) -> None:
+        """Have boxes elsewhere, by class id, since a transform has moved what is in them: no step for undo, as that is none."""
+        with self._correct():
+            for id_, close_up in close_ups.items():
+                write_class(self._scene, self._positive(id_), replace(self._class(id_), close_up=close_up))
+
+    def step_size(self, id_: str, direction: Literal[-1, 1]) -> None:
+        """Make a class one step smaller (−1) or larger (1)."""
+        with self._edit():
+            write_class(self._scene, self._positive(id_), stepped(self._class(id_), direction))
+
+    def turn_size(self, id_: str, notches: int) -> None:
+        """Make a class larger, or smaller, by notches of the wheel; those in a row count as one for undo."""
+        with self._edit(kind=f"{id_} wheel"):
+            write_class(self._scene, self._positive(id_), turned(self._class(id_), notches))
+
+    def points_node(self, id_: str, positive: bool) -> slicer.vtkMRMLMarkupsFiducialNode:
+        """The list that the user places a class's points in."""
+        node = self._positive(id_)
+        if not positive and negative_node(node) is None:
+            with self._edit():  # The user deleted it; it is made again.
+                write_class(self._scene, node, self._class(id_))
+        return node if positive else negative_node(node)
+
+    def add_points(self, id_: str, points_ras: np.ndarray, positive: bool, continued: bool = False) -> None:
+        """Add points (N, 3) to a class, RAS millimetres; `continued`: together with the ones before, one step for undo.
+
+        A hidden class is shown again: whoever adds to it is to see what that does.
+        """
+        field = "positive" if positive else "negative"
+        with self._edit(f"{id_} {field}", continued):
+            self._grow(id_, {field: points_ras})
+
+    def add_points_of_both(self, id_: str, positive_ras: np.ndarray, negative_ras: np.ndarray) -> None:
+        """As `add_points`, positive ones (N, 3) and negative ones (M, 3), which together are one step for undo."""
+        with self._edit():
+            self._grow(id_, {"positive": positive_ras, "negative": negative_ras})
+
+    def erase_points(self, points_ras: np.ndarray, radius_mm: float, continued: bool = False) -> None:
+        """Remove the points of visible classes that lie within `radius_mm` of one of `points_ras` (N, 3)."""
+        with self._edit("erase", continued):
+            for state in self.classes:
+                if state.visible:
+                    positive, negative = (_outside(p, points_ras, radius_mm) for p in (state.positive, state.negative))
+                    left = replace(state, positive=positive, negative=negative)
+                    if left != state:
+                        write_class(self._scene, self._positive(state.id), left)
+
+    def remove_last_point(self, id_: str) -> None:
+        """Remove the point of a class that was placed last, positive or negative."""
+        state = self._class(id_)
+        last = self._order.last(state)
+        if last is not None:
+            with self._edit():
+                write_class(self._scene, self._positive(id_), replace(state, **{last: getattr(state, last)[:-1]}))
+
+    def _grow(self, id_: str, points_ras: Mapping[str, np.ndarray]) -> None:
+        state = self._class(id_)
+        grown = {field: getattr(state, field) + _as_points(points) for field, points in points_ras.items()}
+        write_class(self._scene, self._positive(id_), replace(state, visible=True, **grown))
+
+    def _class(self, id_: str) -> ClassState:
+        return next(state for state in self.classes if state.id == id_)
+
+    def _positive(self, id_: str) -> slicer.vtkMRMLMarkupsFiducialNode:
+        return next(node for node in class_nodes(self._parameter_node) if class_id(node) == id_)
+
+
+def _put_among(states: Sequence[ClassState], present: Classes) -> Classes:
+    by_id = {state.id: state for state in (*present, *states)}
+    return tuple(by_id.values())
+
+
+def _usable_name(name: str, taken: Collection[str]) -> str:
+    """A name that a user has typed, as the class gets it. Raises InputError where it cannot have it."""
+    name = name.strip()
+    if not name:
+        raise InputError("A structure needs a name; it keeps the one that it had.")
+    check_name(name)
+    if name in taken:
+        raise InputError(f"There is a structure called '{name}' already; this one keeps the name that it had.")
+    return name
+
+
+def _as_points(points_ras: np.ndarray) -> tuple[Point, ...]:
+    return tuple((float(x), float(y), float(z)) for x, y, z in points_ras)
+
+
+def _outside(points: tuple[Point, ...], centres_ras: np.ndarray, radius_mm: float) -> tuple[Point, ...]:
+    """The points that lie further than `radius_mm` from every centre."""
+    return tuple(p for p in points if np.linalg.norm(centres_ras - np.array(p), axis=1).min() > radius_mm)

@@ -1,0 +1,90 @@
+"""Structures of other scans of the scene, points and all, for the scan that is chosen: where that lies in the same place.
+
+It may be a part of the other one, a copy, another phase, one that was registered to it, or the same, loaded again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import slicer
+
+from ...core.system.errors import InputError
+from ..classes.annotated_classes import new_among
+from ..classes.class_state import ClassState, new_class_id
+from ..classes.classes import class_nodes_of_all, lists_of, read_class, volume_name
+from ..classes.of_volume import volume_of
+from ..interface.parameters import SceneParameters
+from ..interface.translation import tr as _
+from .annotations import SceneAnnotations
+
+
+class OtherScans:
+    """What can be taken over from them.
+
+    Args:
+        parameters: say which scan is chosen.
+        annotations: get the structures.
+        in_volume: tells which of some points (N, 3), RAS millimetres in the scene, lie in the scan that is chosen.
+    """
+
+    def __init__(
+        self, parameters: SceneParameters, annotations: SceneAnnotations, in_volume: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        self._parameters = parameters
+        self._annotations = annotations
+        self._in_volume = in_volume
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What users call the scans that have points, by a key; also those that were removed from the scene."""
+        names = {}
+        chosen = self._parameters.volume
+        for positive in class_nodes_of_all(self._parameters.node):
+            if volume_of(positive) is not chosen and any(points.GetNumberOfControlPoints() for points in lists_of(positive)):
+                name = volume_name(positive)
+                removed = _("{name} (removed)").format(name=name)
+                names[_key(positive)] = name if volume_of(positive) is not None else removed
+        return names
+
+    def take_over(self, key: str) -> ClassState:
+        """Add the structures of a scan as they are there, but for close-ups; one step for undo.
+
+        Where a structure has the name, and no points yet, it gets theirs. What is there already is left out.
+
+        Args:
+            key: one of `names`.
+
+        Returns:
+            The first one.
+
+        Raises:
+            InputError: none of the points lies in the scan that is chosen, or all is there already.
+        """
+        nodes = [node for node in class_nodes_of_all(self._parameters.node) if _key(node) == key]
+        theirs = [state for state in map(read_class, nodes) if state.positive or state.negative]
+        points = [point for state in theirs for point in (*state.positive, *state.negative)]
+        if not points or not self._in_volume(np.array(points)).any():
+            text = _("None of the points of '{name}' lies in this scan: the two are not in the same place.")
+            raise InputError(text.format(name=self.names.get(key, "")))
+        present = self._annotations.classes
+        empty = {state.name: state.id for state in present if not (state.positive or state.negative)}
+        filled = [_copy(state, empty[state.name]) for state in theirs if state.name in empty]
+        others = [_copy(state, new_class_id()) for state in theirs if state.name not in empty]
+        added = new_among(others, present)
+        if not (filled or added):
+            raise InputError(_("The structures of that scan are all there already, with the same points and settings."))
+        self._annotations.add_classes([*filled, *added])
+        return (*filled, *added)[0]
+
+
+def _copy(state: ClassState, id_: str) -> ClassState:
+    """A structure for the same place in another scan. Boxes lie along the axes of the scan that they were chosen in."""
+    return replace(state, id=id_, close_up=None, continues="", visible=True)
+
+
+def _key(positive: slicer.vtkMRMLMarkupsFiducialNode) -> str:
+    volume = volume_of(positive)
+    return volume.GetID() if volume is not None else f"removed {volume_name(positive)}"

@@ -1,0 +1,217 @@
+"""Numbers in words, as coarse as people talk about them, and what front ends call the choices of the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+from ...core.classes.close_up import EdgesMm
+from ...core.system.progress import WorkProgress
+from ...rendering.appearance import STYLES
+from .context import OFF
+from .shortcuts import SHORTCUTS
+from .translation import tr as _
+
+CloserLookReason = Literal["large corrections", "small drawing", "small outline"]
+"""Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
+
+_MOST_NAMES = 5
+"""In one message."""
+
+
+def duration(seconds: float) -> str:
+    """Such as "40 s", "2 min" or "1 h 10 min"."""
+    if seconds < 60:
+        return _("{seconds} s").format(seconds=max(1, round(seconds / 5) * 5 if seconds > 20 else round(seconds)))
+    minutes = round(seconds / 60)
+    if minutes < 60:
+        return _("{minutes} min").format(minutes=minutes)
+    return _("{hours} h {minutes} min").format(hours=minutes // 60, minutes=minutes % 60)
+
+
+def size(n_bytes: float) -> str:
+    """Such as "88 MB" or "1.2 GB"."""
+    if n_bytes < 1e9:
+        return _("{megabytes} MB").format(megabytes=round(n_bytes / 1e6))
+    return _("{gigabytes} GB").format(gigabytes=f"{n_bytes / 1e9:.1f}")
+
+
+def size_in_steps(steps: float, fixed: bool) -> str:
+    """How far a structure is from the size that was chosen, as annotation files count it; `fixed`: nothing is chosen."""
+    if fixed:
+        return _("set by hand")
+    if steps == 0.0:
+        return _("as chosen")
+    if abs(steps) == 1.0:
+        return _("one step larger") if steps > 0.0 else _("one step smaller")
+    size = f"{abs(steps):g}"
+    return _("larger (+{size})").format(size=size) if steps > 0.0 else _("smaller (−{size})").format(size=size)
+
+
+def close_up_text(edges_mm: EdgesMm | None) -> str:
+    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None)."""
+    if edges_mm is None:
+        return ""
+    edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in edges_mm)
+    return _("In a box of {edges} mm").format(edges=edges)
+
+
+def closer_look_text(reason: CloserLookReason | None) -> str:
+    """That a closer look may help with a structure, or has begun by itself, and why; "" where no reason is known."""
+    if reason is None:
+        return ""
+    key = next(shortcut.key for shortcut in SHORTCUTS if shortcut.action == "lookCloser")
+    words = {
+        "large corrections": _('Large corrections so far. If the structure is small or thin, "Look closer" ({key}) may help.'),
+        "small drawing": _(
+            'What you drew is smaller than four cells of the scan. If the structure is compact, "Look closer" ({key}) may help.'
+        ),
+        "small outline": _(
+            'Small, and in the whole scan unlike your outline: so it is looked at closely. "Look at whole" leads back.'
+        ),
+    }
+    return words[reason].format(key=key)
+
+
+def progress_text(progress: WorkProgress) -> str:
+    """What is being done, and how long it will still take."""
+    if progress.seconds_left is None:
+        return _("{what}…").format(what=progress.what)
+    return _("{what}: about {time} left").format(what=progress.what, time=duration(progress.seconds_left))
+
+
+def threshold_text(iso: float | None, chosen: float | None) -> str:
+    """A class's threshold as the user set it, `iso`; else in brackets as it was chosen, None where there is no map yet."""
+    if iso is not None:
+        return f"{iso:.2f}"
+    return "–" if chosen is None else f"({chosen:.2f})"
+
+
+def volume_text(volume_ml: float | None) -> str:
+    """Millilitres: two figures of small structures, else a tenth as long as that is more than noise; None: not known."""
+    if volume_ml is None:
+        return "–"
+    if 0.0 < volume_ml < 0.0005:
+        return "<0.001"
+    steps = ((99.95, 0), (0.995, 1), (0.0995, 2))
+    decimals = next((decimals for least, decimals in steps if volume_ml >= least), 3 if volume_ml else 1)
+    return f"{volume_ml:.{decimals}f}"
+
+
+def empty_text(names: Sequence[str]) -> str:
+    """Of structures that have no voxel anywhere."""
+    return _(
+        "The segment of {names} is empty: nothing is similar enough to its points, or all that is similar belongs to another "
+        "structure. Make it larger, or check its points and place more of them."
+    ).format(names=_listing(names))
+
+
+def taken_text(names: Sequence[str]) -> str:
+    """Of structures whose voxels other segments have, all of them."""
+    return _(
+        "The segment of {names} is empty: all its voxels belong to other segments. To have it overlap them, switch "
+        '"Do not overlap other segments" off and create the segments again.'
+    ).format(names=_listing(names))
+
+
+def outdated_text() -> str:
+    """Of segments that are not those of the structures as they are now."""
+    return _("Not in the segments yet: the latest changes.")
+
+
+def older_segments_text(segmentation_name: str) -> str:
+    """Of segments of a frame that users come back to, after they changed structures for another one."""
+    return _(
+        "'{name}' is older than the structures, which were changed for another frame: Update segments would replace it. To "
+        "keep it, choose New segmentation first."
+    ).format(name=segmentation_name)
+
+
+def left_behind_text(volume: str, names: Sequence[str]) -> str:
+    """Of structures whose points stayed where they were when the volume was moved."""
+    return _(
+        "'{volume}' was moved, and the points of {names} were not: they lie elsewhere in it now. If that is not meant, put "
+        "their lists under the same transform, in Slicer's module Data, or move the image back."
+    ).format(volume=volume, names=_listing(names))
+
+
+def former_model_text(former: str, model: str) -> str:
+    """Of structures that were made with one model, where another one has to do."""
+    return _(
+        "The structures of this scene were made with the model {former}, whose weights are not on this computer. With "
+        "{model} they come out otherwise. To have them as they were, get the weights of {former}, and choose them "
+        "under Advanced. To go on with {model}, look at each structure again."
+    ).format(former=former, model=model)
+
+
+def nothing_in_3d_text() -> str:
+    """Of cameras, which files keep by where structures are."""
+    return _(
+        "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and choose under "
+        "Display what 3D views show."
+    )
+
+
+def _listing(names: Sequence[str]) -> str:
+    """Names in quotes, as many as one reads."""
+    quoted = [f"'{name}'" for name in names[:_MOST_NAMES]]
+    return ", ".join(quoted) + (" …" if len(names) > _MOST_NAMES else "")
+
+
+def not_in_slices_text(volume_name: str) -> str:
+    """What to do where slice views show other scans than the one that clicks in them are about."""
+    return _(
+        "No slice view shows '{name}', which is segmented; clicks are points in it all the same. Show it by its eye in the "
+        "module Data, or choose the scan that the views show."
+    ).format(name=volume_name)
+
+
+def no_structure_text(has_volume: bool) -> str:
+    """What to do first where somebody takes a tool and there is no structure to work on."""
+    if has_volume:
+        return _("Points belong to a structure, and there is none yet: add a structure first.")
+    return _("Points belong to a structure in a scan, and there is no scan yet: open one first, then add a structure.")
+
+
+def nothing_hit_text() -> str:
+    """Why a click in a 3D view placed no point."""
+    return _("Nothing is shown there in the 3D view, so no point was placed: click on what is shown, or in a slice.")
+
+
+def choice_words() -> dict[str, str]:
+    """What users read for the values of parameters that have few."""
+    return {
+        "": _("as in the preset"),
+        "balanced": _("Balanced"),
+        "fine": _("Fine (8 to 24 times as slow)"),
+        "paper": _("As in the paper (many times slower)"),
+        "auto": _("Automatic"),
+        "cpu": _("Processor (CPU)"),
+        "cuda": _("NVIDIA graphics card (CUDA)"),
+        "mps": _("Apple graphics processor (MPS)"),
+        "bilateral": _("Bilateral solver"),
+        "guided": _("Guided filter"),
+        "none": _("None"),
+        "off": _("Off"),
+        "similarity": _("Similarity"),
+        "transfer function": _("Transfer function"),
+        "box": _("To a box"),
+        "plane": _("By a plane"),
+    }
+
+
+def style_words() -> dict[str, str]:
+    """What users read for the styles of structures, of all of them and in their order."""
+    words = {
+        "surface": _("Surface"),
+        "glass": _("Glass"),
+        "X-ray": _("X-ray"),
+        "vessels": _("Vessels"),
+        "as scanned": _("As scanned"),
+    }
+    return {name: words.get(name, name) for name in STYLES}
+
+
+def context_words() -> dict[str, str]:
+    """What users read for what is shown around structures, beside Slicer's presets, which go by their names."""
+    return {OFF: _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}

@@ -1,0 +1,278 @@
+"""From the wish to have segments to segments in the scene, without the event loop standing still in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+import slicer
+
+from ...compute.requests import Labels
+from ...core.system.errors import InputError
+from ...core.system.progress import WorkProgress
+from ...core.volumes.stepped_work import SteppedWork, Steps
+from ..classes.class_state import ClassState
+from ..interface.parameters import SceneParameters
+from ..interface.wording import empty_text, taken_text
+from ..mrml.nodes import name_for_scene
+from ..volumes.volume_content import frame_of
+from .corrections import Corrections, corrected_segments
+from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
+from .segment_tags import segments_of_classes
+from .segments import ClassLook, check_writable, write_prepared
+from .terminology import StandardCodes
+from .written_segments import written_classes
+
+WRITING = "Writing segments"
+"""What `progress` is about, once labels are there."""
+
+
+class SegmentOutput:
+    """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
+
+    It ends quietly where a node that it is about leaves the scene.
+
+    Args:
+        scene: the scene.
+        app_logic: the application's logic.
+        parameters: say which volume and segmentation, and whether other segments are respected.
+        classes: tells the classes as they are.
+    """
+
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        parameters: SceneParameters,
+        classes: Callable[[], tuple[ClassState, ...]],
+    ) -> None:
+        self._scene = scene
+        self._codes = StandardCodes(app_logic)
+        self._parameters = parameters
+        self._classes = classes
+        self._work: _Work | None = None
+        self._then: Callable[[], None] = lambda: None
+        self._corrected: tuple[str, ...] = ()
+        self._notices: tuple[str, ...] = ()
+        self._written = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether `advance` has something to do."""
+        return self._work is not None
+
+    @property
+    def progress(self) -> WorkProgress | None:
+        """Of what runs."""
+        return self._work.progress if self._work else None
+
+    def find_corrections(self, if_none: Callable[[], None]) -> None:
+        """Begin to look for corrected segments; `if_none` is called where there are none, else `take_corrected` names them."""
+        self.cancel()
+        node = self._parameters.segmentation
+        if node is None:
+            if_none()
+        else:
+            search = _CorrectionSearch(node, self._annotated())
+            self._work, self._then = search, lambda: self._on_searched(search, if_none)
+
+    def take_corrected(self) -> tuple[str, ...]:
+        """Names of the corrected segments that were found since the last call."""
+        names, self._corrected = self._corrected, ()
+        return names
+
+    def take_notices(self) -> tuple[str, ...]:
+        """What the user should know of the segments that were written since the last call: which of them are empty, and why."""
+        notices, self._notices = self._notices, ()
+        return notices
+
+    def take_written(self) -> bool:
+        """Whether segments were written since the last call."""
+        written, self._written = self._written, False
+        return written
+
+    def write(
+        self,
+        node: slicer.vtkMRMLSegmentationNode | None,
+        labels: Labels,
+        class_ids: Sequence[str],
+        corrections: Corrections,
+        source: str,
+    ) -> None:
+        """Begin to turn labels into segments of the classes that are still there.
+
+        Segments of classes that are gone, or have no positive point any more, are removed unless they were corrected.
+
+        Args:
+            node: that gets the segments; None: a new one, which is chosen then.
+            labels: of the volume.
+            class_ids: what its labels 1, 2, … stand for.
+            corrections: what becomes of segments that were corrected by hand.
+            source: what the labels were made from (`WrittenSegments.source_now`).
+
+        Raises:
+            InputError: they cannot be written there.
+        """
+        self.cancel()
+        there = {state.id for state in self._classes()}
+        present = tuple(id_ if id_ in there else None for id_ in class_ids)
+        volume = self._parameters.volume
+        gone = (written_classes(node, volume) if node else set()) - self._annotated() - set(present)
+        is_there = node is None or self._scene.IsNodePresent(node)
+        if volume is None or not is_there or not (any(present) or gone):
+            return
+        wanted = ClassLabels(labels.array, labels.first, present)
+        continued = {state.id: state.continues for state in self._classes() if state.continues}
+        respect_others = self._parameters.get("respectOtherSegments")
+        writing = _SegmentWriting(
+            node,
+            volume,
+            2 * wanted.array.size,  # Each voxel is copied, and then digested.
+            lambda: prepare_segments(node, volume, wanted, respect_others, corrections, continued, gone),
+        )
+
+        def on_prepared() -> None:
+            looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
+            if wanted.label_of_class.keys() <= looks.keys() and not gone & self._annotated():
+                empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
+                self._written = True
+                self._notices = tuple(_about_empty(empty, wanted, looks))
+            else:  # A class was removed meanwhile, or came back.
+                self.write(node, labels, class_ids, corrections, source)
+
+        self._work, self._then = writing, on_prepared
+
+    def advance(self) -> None:
+        """Go on for some milliseconds. Raises InputError where segments can no longer be written there; that is then over."""
+        work = self._work
+        if work is None:
+            return
+        if not all(self._scene.IsNodePresent(node) for node in work.nodes):
+            self._work = None
+            return
+        unknown = next((state.name for state in self._classes() if not self._codes.looked_for(state.name)), None)
+        if unknown is not None:
+            self._codes.entry(unknown)
+            return
+        try:
+            finished = work.advance()
+        except InputError:
+            self._work = None
+            raise
+        if finished:
+            self._work = None
+            self._then()
+
+    def cancel(self) -> None:
+        """Stop; nothing has changed."""
+        self._work, self._corrected, self._notices = None, (), ()
+
+    def _annotated(self) -> set[str]:
+        """Ids of the classes that a segment can be made of."""
+        return {state.id for state in self._classes() if state.positive}
+
+    def _on_searched(self, search: _CorrectionSearch, if_none: Callable[[], None]) -> None:
+        self._corrected = search.names
+        if not search.names:
+            if_none()
+
+    def _new_segmentation(self, volume: slicer.vtkMRMLScalarVolumeNode) -> slicer.vtkMRMLSegmentationNode:
+        frame = frame_of(volume)
+        of = f"{volume.GetName()} frame {frame.number}" if frame else volume.GetName()
+        node = self._scene.AddNewNodeByClass("vtkMRMLSegmentationNode", name_for_scene(f"{of} segmentation"))
+        self._parameters.set_reference("segmentation", node)
+        return node
+
+
+def _about_empty(class_ids: Sequence[str], labels: ClassLabels, looks: Mapping[str, ClassLook]) -> Iterator[str]:
+    """What to tell the user of classes whose segments have no voxel."""
+    lost = {id_: bool((labels.array == labels.label_of_class[id_]).any()) for id_ in class_ids}
+    for names, text in (
+        ([looks[id_].name for id_ in class_ids if not lost[id_]], empty_text),
+        ([looks[id_].name for id_ in class_ids if lost[id_]], taken_text),
+    ):
+        if names:
+            yield text(names)
+
+
+class _Work(Protocol):
+    """Something that is done a little at a time, about some nodes of the scene."""
+
+    nodes: tuple[Any, ...]
+
+    def advance(self) -> bool:
+        """Go on; returns whether it is finished."""
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is."""
+
+
+class _CorrectionSearch:
+    """Looks for segments that were corrected by hand; `names` has theirs once it is finished."""
+
+    def __init__(self, segmentation_node: Any, class_ids: Collection[str]) -> None:
+        self.nodes = (segmentation_node,)
+        self.names: tuple[str, ...] = ()
+        self._segmentation = segmentation_node.GetSegmentation()
+        self._search = SteppedWork(corrected_segments(self._segmentation, segments_of_classes(self._segmentation, class_ids)))
+
+    def advance(self) -> bool:
+        """Look on; returns whether it is finished."""
+        if not self._search.advance():
+            return False
+        found = set((self._search.result or {}).values())
+        self.names = tuple(
+            self._segmentation.GetSegment(segment_id).GetName()
+            for segment_id in self._segmentation.GetSegmentIDs()
+            if segment_id in found
+        )
+        return True
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is, which cannot be told."""
+        return WorkProgress(0, 0, "Looking for corrections by hand", None)
+
+
+class _SegmentWriting:
+    """Has segments prepared, anew where the segmentation changes meanwhile; nothing has changed until `write`."""
+
+    def __init__(
+        self, segmentation_node: Any, volume_node: Any, total: int, prepare: Callable[[], Steps[PreparedSegments]]
+    ) -> None:
+        self.nodes = (volume_node, *((segmentation_node,) if segmentation_node else ()))
+        self._segmentation_node, self._volume_node = segmentation_node, volume_node
+        self._total, self._prepare = max(total, 1), prepare
+        if segmentation_node is not None:
+            check_writable(segmentation_node, volume_node)
+        self._begin()
+
+    def advance(self) -> bool:
+        """Prepare what is to be written, anew where the segmentation was changed meanwhile; returns whether it is ready."""
+        if not self._preparation.advance():
+            return False
+        if self._segmentation_node is not None:
+            check_writable(self._segmentation_node, self._volume_node)
+        if segmentation_state(self._segmentation_node, self._volume_node) != self._state:
+            self._begin()
+            return False
+        return True
+
+    def write(
+        self, new_segmentation: Callable[[], Any], looks: Mapping[str, ClassLook], codes: StandardCodes, source: str
+    ) -> list[str]:
+        """Write what is ready, at once, into a new segmentation where none was given; returns whose segments have no voxel."""
+        prepared: PreparedSegments | None = self._preparation.result
+        assert prepared is not None
+        write_prepared(prepared, self._segmentation_node or new_segmentation(), self._volume_node, looks, codes, source)
+        return prepared.empty
+
+    @property
+    def progress(self) -> WorkProgress:
+        """How far it is."""
+        return WorkProgress(min(self._preparation.done, self._total), self._total, WRITING, None)
+
+    def _begin(self) -> None:
+        self._state = segmentation_state(self._segmentation_node, self._volume_node)
+        self._preparation = SteppedWork(self._prepare())

@@ -1,0 +1,147 @@
+"""From the user's word to segments: whether there is something to write, what is asked for, and what the user is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+import slicer
+
+from ...compute.proxy import SegmentationProxy
+from ...compute.requests import Labels
+from ...core.classes.class_request import ClassRequest
+from ...core.system.errors import InputError
+from ...core.system.progress import WorkProgress
+from ..classes.class_state import ClassState
+from ..interface.parameters import SceneParameters
+from ..interface.problems import Problems
+from ..volumes.opened_volume import OpenedVolume
+from .corrections import Corrections
+from .segment_output import SegmentOutput
+from .written_segments import WrittenSegments
+
+
+class SegmentWriting:
+    """Has the classes segmented in the compute process, and written as segments.
+
+    Args:
+        scene: that gets the segments.
+        app_logic: the application's logic.
+        parameters: say which volume and segmentation.
+        proxy: asks the compute process.
+        problems: get what the user has to know.
+        volume: as it was opened.
+        classes: all, as they are now.
+        requests: what is asked for of them.
+
+    Attributes:
+        written: which segments there are of the classes, and whether they are of the classes as these are now.
+    """
+
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        parameters: SceneParameters,
+        proxy: SegmentationProxy,
+        problems: Problems,
+        volume: OpenedVolume,
+        classes: Callable[[], tuple[ClassState, ...]],
+        requests: Callable[[], Sequence[ClassRequest]],
+    ) -> None:
+        self._parameters = parameters
+        self._proxy = proxy
+        self._problems = problems
+        self._volume = volume
+        self._classes = classes
+        self._requests = requests
+        self._output = SegmentOutput(scene, app_logic, parameters, classes)
+        self._corrections: Corrections = "keep"
+        self._written_from = ""
+        self._into: slicer.vtkMRMLSegmentationNode | None = None
+        self.written = WrittenSegments(parameters, classes, requests, lambda: proxy.voxels)
+
+    @property
+    def busy(self) -> bool:
+        """Whether labels are being turned into segments."""
+        return self._output.busy
+
+    @property
+    def progress(self) -> WorkProgress | None:
+        """Of that."""
+        return self._output.progress
+
+    @property
+    def can_write(self) -> bool:
+        """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
+        if self._is_annotated:
+            return self._proxy.phase == "ready"
+        return self._proxy.phase != "no volume" and bool(self.written.left)
+
+    def write(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
+        """Begin to; see `SceneSession.write_segments`."""
+        self._problems.solve("segments")
+        self._problems.solve("older segments")
+        self._problems.solve("computing")
+        if self.can_write and not self._is_annotated:
+            self._remove_left()
+        elif self._proxy.phase != "ready" or not self._requests():
+            self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
+        elif self._volume.changed:
+            self._report("The image has just changed. Wait until its features are ready, then create the segments.")
+        elif corrections == "ask":
+            self._output.find_corrections(if_none=self.write)
+        else:
+            self._corrections, self._written_from = corrections, self.written.source_now
+            # Another one that is chosen meanwhile is not what was asked about, nor what the answer about corrections is for.
+            self._into = self._parameters.segmentation
+            self._proxy.segment(self._parameters.refinement())
+
+    def advance(self) -> None:
+        """Take labels in that have arrived, or go on to turn them into segments."""
+        arrived, self._proxy.labels = self._proxy.labels, None
+        if self._volume.changed:
+            self._output.cancel()
+            self._report(
+                "The image has changed meanwhile, so no segments were written. Write them again when its features are ready."
+            )
+            return
+        try:
+            if arrived is not None:
+                labels, ids = arrived
+                self._output.write(self._into, labels, ids, self._corrections, self._written_from)
+            else:
+                self._output.advance()
+            if notices := self._output.take_notices():
+                self._report(" ".join(notices))
+        except InputError as error:
+            self._report(str(error))
+
+    def cancel(self) -> None:
+        """Stop turning labels into segments; nothing has changed."""
+        self._output.cancel()
+
+    def take_written(self) -> bool:
+        """Whether segments were written since the last call."""
+        return self._output.take_written()
+
+    def take_corrected(self) -> tuple[str, ...]:
+        """Names of the segments about which the front end has to ask the user since the last call; most often none."""
+        return self._output.take_corrected()
+
+    @property
+    def _is_annotated(self) -> bool:
+        """Whether there is a class that a segment can be made of."""
+        return any(state.positive for state in self._classes())
+
+    def _remove_left(self) -> None:
+        """Write that there are no structures any more, for which nothing has to be computed."""
+        nothing = Labels(np.zeros((0, 0, 0), dtype=np.uint8), (0, 0, 0))
+        try:
+            self._output.write(self._parameters.segmentation, nothing, (), "keep", self.written.source_now)
+        except InputError as error:
+            self._report(str(error))
+
+    def _report(self, message: str) -> None:
+        self._problems.put("segments", message)

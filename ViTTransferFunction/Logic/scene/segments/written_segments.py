@@ -1,0 +1,214 @@
+"""What was written into a segmentation, as its node notes it: by attributes, which are saved with the scene alone.
+
+By these, segments whose classes were removed in this scene are told from finished ones that came in a file of segments, which
+have no such note and are somebody else's; and segments that are as the structures are now from those that are not any more.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from ...core.classes.class_request import ClassRequest
+from ..classes.class_state import ClassState
+from ..classes.of_volume import bring_back, put_away, set_volume_of, volume_of
+from ..interface.parameters import REFERENCES, SceneParameters
+from ..mrml.nodes import nodes_of_class
+from ..volumes.volume_content import changes_with, frame_of
+from .segment_tags import segments_of_classes
+
+CLASSES_ATTRIBUTE = "ViTTransferFunction.writtenClasses"
+"""Ids of the classes that were written there, percent-encoded, with spaces between."""
+SOURCE_ATTRIBUTE = "ViTTransferFunction.writtenFrom"
+"""What the segments were made from when they were written last (`WrittenSegments.source_now`)."""
+FRAME_ATTRIBUTE = "ViTTransferFunction.writtenFrame"
+"""Where the volume is a sequence: the number of the frame that they are of, from 1."""
+DECISIVE = ("preset", "model", "grid", "refinement", "onlyAnnotatedParts", "respectOtherSegments")
+"""Parameters that segments follow from. Device and file of weights are those of a computer; `window` says its own."""
+DECIMALS = 3
+"""Of millimetres and colours: a file and a transform there and back change the digits behind, and no voxel."""
+
+
+class WrittenSegments:
+    """The segments of a session's classes in the chosen segmentation, and the classes as they are now.
+
+    Args:
+        parameters: say which segmentation, and what segments follow from.
+        classes: of the session.
+        requests: what is asked for of them.
+        voxels: a digest of those of the volume; empty where it is not known.
+    """
+
+    def __init__(
+        self,
+        parameters: SceneParameters,
+        classes: Callable[[], Sequence[ClassState]],
+        requests: Callable[[], Sequence[ClassRequest]],
+        voxels: Callable[[], str],
+    ) -> None:
+        self._parameters = parameters
+        self._classes = classes
+        self._requests = requests
+        self._voxels = voxels
+
+    @property
+    def exist(self) -> bool:
+        """Whether there are any, also of classes that are gone."""
+        node = self._parameters.segmentation
+        return node is not None and bool(self._of({state.id for state in self._classes()} | self._written))
+
+    @property
+    def outdated(self) -> bool:
+        """Whether they are not those of the classes as they are now, so that writing again would change them."""
+        if self._parameters.volume is None or not self.exist:
+            return False
+        asked = {request.id for request in self._requests()}
+        return bool(asked - self._of(asked).keys() or self.left) or not _are_alike(self.source, self.source_now)
+
+    @property
+    def left(self) -> dict[str, str]:
+        """By class that is gone or has no point: IDs of segments that the next writing removes unless they were corrected."""
+        gone = self._written - {state.id for state in self._classes() if state.positive}
+        return self._of(gone) if gone else {}
+
+    @property
+    def source(self) -> str:
+        """What they were made from (see `source_now`), which is another text when others are written; empty: there are none."""
+        return self._parameters.segmentation.GetAttribute(SOURCE_ATTRIBUTE) or "" if self.exist else ""
+
+    @property
+    def source_now(self) -> str:
+        """What segments would be made from now: `source_digest`, and the digest of the volume's voxels where that is known."""
+        return f"{source_digest(self._classes(), self._requests(), self._parameters)} {self._voxels()}".rstrip()
+
+    @property
+    def _written(self) -> set[str]:
+        node = self._parameters.segmentation
+        return written_classes(node, self._parameters.volume) if node else set()
+
+    def _of(self, class_ids: Collection[str]) -> dict[str, str]:
+        return segments_of_classes(self._parameters.segmentation.GetSegmentation(), class_ids)
+
+
+def note_written(segmentation_node: Any, class_ids: Collection[str], source: str, volume_node: Any) -> None:
+    """Note that classes were written, made from `source`, of a volume, and of the frame of it that it shows."""
+    _note_classes(segmentation_node, written_classes(segmentation_node, volume_node) | set(class_ids))
+    segmentation_node.SetAttribute(SOURCE_ATTRIBUTE, source)
+    set_volume_of(segmentation_node, volume_node)
+    frame = frame_of(volume_node)
+    segmentation_node.SetAttribute(FRAME_ATTRIBUTE, str(frame.number) if frame else None)
+
+
+def _note_classes(segmentation_node: Any, class_ids: Collection[str]) -> None:
+    text = " ".join(sorted(quote(id_, safe="") for id_ in class_ids))
+    segmentation_node.SetAttribute(CLASSES_ATTRIBUTE, text or None)
+
+
+def written_classes(segmentation_node: Any, volume_node: Any) -> set[str]:
+    """Ids of the classes that were written there, of a volume; not of those whose segments are finished (`finish_segments`).
+
+    What was written of another volume is finished, as far as this one is concerned: its classes are others.
+    """
+    if volume_node is not None and volume_of(segmentation_node) is not volume_node:
+        return set()
+    return {unquote(id_) for id_ in (segmentation_node.GetAttribute(CLASSES_ATTRIBUTE) or "").split()}
+
+
+def finish_segments(segmentation_node: Any, present: Collection[str]) -> None:
+    """Have the segments of classes that are not `present` any more stay as they are, whatever is written there later."""
+    _note_classes(segmentation_node, written_classes(segmentation_node, volume_of(segmentation_node)) & set(present))
+
+
+def finish_segments_elsewhere(volume_node: Any, class_ids: Collection[str]) -> None:
+    """Have what was written of classes for other volumes stay as it is: they belong to this one from now on."""
+    for node in nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"]):
+        if volume_of(node) is not volume_node:
+            finish_segments(node, written_classes(node, volume_of(node)) - set(class_ids))
+
+
+def choose_segmentation_of(volume_node: Any, parameters: SceneParameters) -> bool:
+    """Choose the segmentation that gets segments of a volume, or frame of it, which is chosen now (`segmentation_for`).
+
+    It is seen then, and the one that was chosen before is not: that is of another picture.
+
+    Returns:
+        Whether it is another one, which was written before.
+    """
+    before = parameters.segmentation
+    node = segmentation_for(volume_node, before)
+    if node is before:
+        return False
+    parameters.set_reference("segmentation", node)
+    if before is not None:
+        put_away(before)
+    if node is not None:
+        bring_back(node)
+    return node is not None
+
+
+def segmentation_for(volume_node: Any, chosen: Any) -> Any:
+    """The segmentation that gets segments of a volume, or frame of it, which is chosen now in place of another one, or of none.
+
+    The results of one scan are not to be overwritten by those of the next: where the chosen segmentation has some, it is the
+    one that has those of this volume, or None, a new one. Somebody else's, which has none, stays.
+
+    Frames of a sequence are as several scans, unless the segmentation is a sequence, too, which changes with them.
+    """
+    if chosen is not None and (not _was_written(chosen) or _is_of(chosen, volume_node)):
+        return chosen
+    known = nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"])
+    return next((node for node in known if _was_written(node) and _is_of(node, volume_node)), None)
+
+
+def _was_written(segmentation_node: Any) -> bool:
+    return segmentation_node.GetAttribute(SOURCE_ATTRIBUTE) is not None
+
+
+def _is_of(segmentation_node: Any, volume_node: Any) -> bool:
+    if volume_of(segmentation_node) is not volume_node:
+        return False
+    frame = frame_of(volume_node)
+    noted = segmentation_node.GetAttribute(FRAME_ATTRIBUTE)
+    return frame is None or noted == str(frame.number) or changes_with(segmentation_node, volume_node)
+
+
+def source_digest(states: Sequence[ClassState], requests: Sequence[ClassRequest], parameters: SceneParameters) -> str:
+    """Of all that segments follow from, with their names and colours: the same as long as writing again would change nothing.
+
+    The voxels of the volume are not in it, only which volume it is.
+
+    Args:
+        states: the classes.
+        requests: what is asked for of them.
+        parameters: say which volume, and how.
+    """
+    looks = {state.id: (state.name, _rounded(state.color)) for state in states}
+    # While a scene is closed, requests may be of classes that are gone already.
+    of_classes = sorted((request.id, looks.get(request.id), *_values(request)) for request in requests)
+    window = () if parameters.get("windowAutomatic") else parameters.window
+    settings = [parameters.get(name) for name in DECISIVE]
+    volume = parameters.volume.GetID() if parameters.volume else ""
+    return hashlib.sha256(repr((of_classes, window, settings, volume)).encode()).hexdigest()
+
+
+def _are_alike(source: str, other: str) -> bool:
+    """Whether the same segments follow from both; voxels of which nothing is known (yet) are taken to be the same."""
+    (classes, _, voxels), (other_classes, _, other_voxels) = source.partition(" "), other.partition(" ")
+    return classes == other_classes and (not voxels or not other_voxels or voxels == other_voxels)
+
+
+def _values(request: ClassRequest) -> tuple[Any, ...]:
+    box = request.close_up
+    close_up = () if box is None else (_rounded(box.centre_ras), _rounded(box.size_mm))
+    points = _rounded(request.positive), _rounded(request.negative)
+    return (*points, repr(request.iso), request.size, request.proximity, request.refine, close_up)
+
+
+def _rounded(numbers: Any) -> bytes:
+    # The sum makes zero of minus zero.
+    rounded: np.ndarray = np.round(np.asarray(numbers, dtype=np.float64), DECIMALS) + 0.0
+    return rounded.tobytes()

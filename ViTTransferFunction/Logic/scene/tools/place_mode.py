@@ -1,0 +1,108 @@
+"""Slicer's own way to place points: it works in every slice and 3D view, and users know it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import slicer
+
+from ..classes.classes import LIST_CLASS, is_list_of_a_class
+
+
+@dataclass(frozen=True)
+class _Placing:
+    """What Slicer places, and whether it goes on after each point."""
+
+    list_class: str | None
+    list_id: str | None
+    persistence: int
+
+
+class PlaceMode:
+    """Lets the user place points in a list until somebody ends it; then Slicer places what it placed before.
+
+    Args:
+        app_logic: the application's logic, which knows the nodes that decide what the mouse does.
+        on_ended: called when the user ended it in a view, or another tool took the mouse.
+    """
+
+    def __init__(self, app_logic: Any, on_ended: Callable[[], None]) -> None:
+        self._selection = app_logic.GetSelectionNode()
+        self._interaction = app_logic.GetInteractionNode()
+        self._on_ended = on_ended
+        self._before: _Placing | None = None
+        self._list_id = ""
+        self._tags: list[tuple[Any, int]] = []
+
+    def start(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+        """Have clicks in the views add points to `points`, one after the other."""
+        self._stop_watching()
+        if self._before is None:
+            self._before = self._placing()
+        self._list_id = points.GetID()
+        self._selection.SetReferenceActivePlaceNodeClassName(LIST_CLASS)
+        self._selection.SetActivePlaceNodeID(self._list_id)
+        self._interaction.SetPlaceModePersistence(1)
+        self._interaction.SetCurrentInteractionMode(slicer.vtkMRMLInteractionNode.Place)
+        self._watch()
+
+    def stop(self) -> None:
+        """Give the mouse back to the views."""
+        if self._before is not None:
+            self._restore()
+            self._interaction.SwitchToViewTransformMode()
+
+    def end_unfinished(self) -> None:
+        """End what the scene was saved in the midst of: clicks that add points to a structure, and no tool that says so."""
+        place = slicer.vtkMRMLInteractionNode.Place
+        if self._before is not None or self._interaction.GetCurrentInteractionMode() != place:
+            return
+        node = self._selection.GetScene().GetNodeByID(self._selection.GetActivePlaceNodeID() or "")
+        if node is not None and is_list_of_a_class(node):
+            self._interaction.SetPlaceModePersistence(0)
+            self._selection.SetActivePlaceNodeID(None)
+            self._interaction.SwitchToViewTransformMode()
+
+    def _placing(self) -> _Placing:
+        selection, persistence = self._selection, self._interaction.GetPlaceModePersistence()
+        list_class, list_id = selection.GetActivePlaceNodeClassName(), selection.GetActivePlaceNodeID()
+        node = selection.GetScene().GetNodeByID(list_id or "")
+        # Slicer begins to place points in each list that is made, and so in a structure's.
+        return _Placing(list_class, None if node is None or is_list_of_a_class(node) else list_id, persistence)
+
+    def _watch(self) -> None:
+        mode_changed = slicer.vtkMRMLInteractionNode.InteractionModeChangedEvent
+        for node, event in ((self._interaction, mode_changed), (self._selection, "ModifiedEvent")):
+            self._tags.append((node, node.AddObserver(event, self._on_changed)))
+
+    def _stop_watching(self) -> None:
+        for node, tag in self._tags:
+            node.RemoveObserver(tag)
+        self._tags = []
+
+    def _on_changed(self, caller: Any, event: str) -> None:
+        placing = self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place
+        placed_in = self._selection.GetActivePlaceNodeID()
+        if placing and placed_in is None:
+            # The list was deleted: a view would make one of its own for the next click.
+            self.stop()
+            self._on_ended()
+        elif not placing or placed_in != self._list_id:
+            self._restore()
+            self._on_ended()
+
+    def _restore(self) -> None:
+        """Undo what `start` did, as far as nobody has changed it since: another tool may place its own points by now."""
+        self._stop_watching()
+        before, self._before = self._before, None
+        assert before is not None
+        if self._interaction.GetPlaceModePersistence():
+            self._interaction.SetPlaceModePersistence(before.persistence)
+        placed_in = self._selection.GetActivePlaceNodeID()
+        is_gone = placed_in is None and self._selection.GetScene().GetNodeByID(self._list_id) is None
+        if placed_in == self._list_id or is_gone:
+            # Otherwise Slicer's own button would go on to place points in this structure.
+            self._selection.SetReferenceActivePlaceNodeClassName(before.list_class or "")
+            self._selection.SetActivePlaceNodeID(before.list_id)

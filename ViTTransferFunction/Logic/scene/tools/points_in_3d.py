@@ -1,0 +1,149 @@
+"""In 3D views, dragging turns the view, also where it begins on a point of a class, and while points are placed: by clicks.
+
+Slicer's own widgets have points dragged in every view. A class's points lie within what volume rendering shows of it, which
+hides them from users, but not from these widgets; and a point that is dragged in 3D jumps to the nearest visible surface.
+While points are placed, these widgets keep the left button to themselves, and place a point wherever it is released: a view
+that somebody wants to turn stays as it is, and has a point more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import slicer
+import vtk
+
+from ..classes.classes import is_list_of_a_class
+from ..mrml.nodes import displays_of
+from .view_mouse import ViewMouse
+
+MARKUPS_MANAGER = "vtkMRMLMarkupsDisplayableManager"
+"""What shows points in a view of Slicer's, and moves them."""
+CLICK_PIXELS = 4.0
+"""A hand that clicks moves the mouse by less than this."""
+_PRESSES = (vtk.vtkCommand.LeftButtonPressEvent, vtk.vtkCommand.MiddleButtonPressEvent)
+"""The first one takes hold of a point, the second one of all points of a list."""
+
+
+class PointsIn3D:
+    """Has 3D views turned by what else drags the points of classes, or places some.
+
+    Args:
+        app_logic: the application's logic, which knows what is being placed.
+        managers: of points, of all 3D views that there are now.
+        on_nothing_hit: called where a click was to place a point, and the view shows nothing there. None is placed then.
+    """
+
+    def __init__(
+        self,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        managers: Callable[[], Iterable[Any]],
+        on_nothing_hit: Callable[[], None],
+    ) -> None:
+        self._app_logic = app_logic
+        self._managers = managers
+        self._on_nothing_hit = on_nothing_hit
+        self._clicks: dict[Any, _PlacingClicks] = {}
+
+    def hold(self, points: slicer.vtkMRMLMarkupsNode) -> None:
+        """Have the points of a class's list stay where they are when 3D views are dragged, and placed by clicks alone.
+
+        Views may not have a widget for the list yet, or make another one later: this is to be called again whenever the list is
+        displayed otherwise, as it is when a point is pointed at, or hangs on the mouse. By then the widget is there.
+        """
+        managers = list(self._managers())
+        for gone in [manager for manager in self._clicks if manager not in managers]:
+            self._clicks.pop(gone).close()
+        for manager in managers:
+            if manager not in self._clicks:
+                self._clicks[manager] = _PlacingClicks(manager, self._placed_in, self._on_nothing_hit)
+            for widget in filter(None, (manager.GetWidget(display) for display in displays_of(points))):
+                for press in _PRESSES:
+                    _ignore(widget, widget.WidgetStateOnWidget, press)
+                _ignore(widget, widget.WidgetStateDefine, vtk.vtkCommand.LeftButtonPressEvent)
+
+    def close(self) -> None:
+        """Have clicks place points no longer."""
+        for clicks in self._clicks.values():
+            clicks.close()
+        self._clicks = {}
+
+    def _placed_in(self) -> slicer.vtkMRMLMarkupsNode | None:
+        """The list of a class in which points are being placed."""
+        selection, interaction = self._app_logic.GetSelectionNode(), self._app_logic.GetInteractionNode()
+        if interaction.GetCurrentInteractionMode() != slicer.vtkMRMLInteractionNode.Place:
+            return None
+        node = selection.GetScene().GetNodeByID(selection.GetActivePlaceNodeID() or "")
+        return node if node is not None and is_list_of_a_class(node) else None
+
+
+class _PlacingClicks:
+    """Places points where one 3D view is clicked at: where the left button is released near to where it was pressed.
+
+    Args:
+        manager: of the view's points.
+        placed_in: the list in which points are being placed, or None.
+        on_nothing_hit: see `PointsIn3D`.
+    """
+
+    def __init__(
+        self,
+        manager: Any,
+        placed_in: Callable[[], slicer.vtkMRMLMarkupsNode | None],
+        on_nothing_hit: Callable[[], None],
+    ) -> None:
+        self._view = manager.GetInteractor()
+        self._renderer = manager.GetRenderer()
+        self._placed_in = placed_in
+        self._on_nothing_hit = on_nothing_hit
+        self._pressed: tuple[float, float] | None = None
+        self._mouse = ViewMouse(self._view)
+        self._mouse.listen({
+            vtk.vtkCommand.LeftButtonPressEvent: self._press,
+            vtk.vtkCommand.MouseMoveEvent: self._move,
+            vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+        })  # fmt: skip
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self._mouse.stop()
+
+    def _press(self) -> bool:
+        self._pressed = None if self._mouse.modifiers or self._placed_in() is None else self._mouse.position
+        return False
+
+    def _move(self) -> bool:
+        if self._pressed and np.hypot(*np.subtract(self._mouse.position, self._pressed)) >= CLICK_PIXELS:
+            self._pressed = None
+        return False
+
+    def _release(self) -> bool:
+        points = self._placed_in() if self._pressed else None
+        self._pressed = None
+        if points is None:
+            return False
+        # The view began to turn with the press, which also took the point from the mouse; the next move brings it back.
+        self._view.InvokeEvent(vtk.vtkCommand.LeftButtonReleaseEvent)
+        self._view.InvokeEvent(vtk.vtkCommand.MouseMoveEvent)
+        if self._hits_nothing(points):
+            self._on_nothing_hit()
+        else:
+            self._view.InvokeEvent(vtk.vtkCommand.LeftButtonReleaseEvent)
+        return True
+
+    def _hits_nothing(self, points: slicer.vtkMRMLMarkupsNode) -> bool:
+        """Whether the point that hangs on the mouse is as deep as the camera's focus: Slicer puts it there before nothing."""
+        last = points.GetNumberOfControlPoints() - 1
+        if last < 0 or points.GetNthControlPointPositionStatus(last) != points.PositionPreview:
+            return False
+        camera = self._renderer.GetActiveCamera()
+        from_focus_mm = np.subtract(points.GetNthControlPointPositionWorld(last), camera.GetFocalPoint())
+        depth_mm = float(np.dot(from_focus_mm, camera.GetDirectionOfProjection()))
+        return abs(depth_mm) < 1e-6 * camera.GetDistance()
+
+
+def _ignore(widget: Any, state: int, event: int) -> None:
+    """Leave an event to the view, where no key is held."""
+    widget.SetEventTranslation(state, event, vtk.vtkEvent.NoModifier, widget.WidgetEventNone)

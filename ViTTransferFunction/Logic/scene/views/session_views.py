@@ -1,0 +1,204 @@
+"""What a session shows in the views: which maps, outlines and structures, as its parameters say; and what is known of these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import slicer
+
+from ...compute.proxy import SegmentationProxy
+from ...core.system.errors import InputError
+from ...core.volumes.camera import middle_of
+from ...core.volumes.geometry import transform_points
+from ...rendering.appearance import UNSEEN, Appearance, detailed
+from ...rendering.composition import DEPTH, SURFACE
+from ...rendering.histogram_picture import histogram_svg
+from ...rendering.intensity_histogram import IntensityHistogram, intensity_histogram
+from ...rendering.structure_volume import StructureVolume
+from ...rendering.surroundings import Surroundings
+from ..classes.class_requests import ClassRequests
+from ..classes.class_state import ClassState
+from ..interface.context import OFF, context_names, named_surroundings
+from ..interface.parameters import SceneParameters
+from ..interface.problems import Problems
+from ..interface.wording import nothing_in_3d_text
+from ..mrml.drawn_together import drawn_together
+from ..mrml.nodes import name_for_scene
+from ..volumes.volume import matrix_to_world
+from .contours import ShownMap
+from .display import SceneDisplay
+from .proposal_outlines import Proposals
+from .rendering_cut import shown_cut
+
+
+class SessionViews:
+    """Brings the views up to date with a session, and knows how structures look in them.
+
+    Args:
+        scene: the scene.
+        app_logic: the application's logic, which has the logics of its modules.
+        parameters: what is to be shown.
+        proxy: has the maps and the rendering.
+        problems: gets what stands in the way of showing them.
+        windows_3d: the vtkRenderWindows of the 3D views that are shown.
+    """
+
+    def __init__(
+        self,
+        scene: slicer.vtkMRMLScene,
+        app_logic: slicer.vtkMRMLApplicationLogic,
+        parameters: SceneParameters,
+        proxy: SegmentationProxy,
+        problems: Problems,
+        windows_3d: Callable[[], Iterable[Any]],
+    ) -> None:
+        self._scene = scene
+        self._app_logic = app_logic
+        self._parameters = parameters
+        self._proxy = proxy
+        self._problems = problems
+        self._display = SceneDisplay(scene, app_logic, windows_3d)
+        self._histograms: WeakKeyDictionary[StructureVolume, dict[int, IntensityHistogram]] = WeakKeyDictionary()
+
+    @property
+    def pending(self) -> bool:
+        """Whether there is something still to be shown, by `advance`."""
+        return self._display.pending
+
+    @property
+    def drawing_quickly(self) -> bool:
+        """Whether the look of 3D views is being changed, so that somebody waits for their pictures."""
+        return self._display.drawing_quickly
+
+    @property
+    def context_names(self) -> list[str]:
+        """What the parameter `context` may be: what 3D views can show around the structures."""
+        return context_names(self._app_logic)
+
+    def look(self, state: ClassState) -> Appearance:
+        """How 3D views show a class where it is visible."""
+        return detailed(state.look) if self._parameters.rendering_mode() == "transfer function" else state.look
+
+    def window(self, state: ClassState) -> tuple[float, float] | None:
+        """The intensities between which a class gets brighter and more opaque in 3D; None where it is not in 3D yet."""
+        rendering, rendered = self._proxy.rendering, self._proxy.rendered
+        if rendering is None or state.id not in rendered:
+            return None
+        return rendering.window(rendered.index(state.id), state.look)
+
+    def histogram(self, state: ClassState) -> IntensityHistogram | None:
+        """Of the intensities in a class and around it; None where it is not in 3D yet."""
+        rendering, rendered = self._proxy.rendering, self._proxy.rendered
+        if rendering is None or state.id not in rendered:
+            return None
+        known, index = self._histograms.setdefault(rendering, {}), rendered.index(state.id)
+        if index not in known:
+            known[index] = intensity_histogram(rendering, index)
+        return known[index]
+
+    def histogram_svg(self, state: ClassState) -> str | None:
+        """The same as a picture, with the class's transfer function over it (`histogram_picture`); None likewise."""
+        histogram, window = self.histogram(state), self.window(state)
+        if histogram is None or window is None:
+            return None
+        return histogram_svg(histogram, window, self.look(state))
+
+    def middle_ras(self) -> np.ndarray:
+        """Of the structures in 3D, (3,) RAS millimetres: what cameras in files are relative to. InputError: there are none."""
+        rendering, volume = self._proxy.rendering, self._parameters.volume
+        inside = None if rendering is None else rendering.voxels[..., DEPTH] > SURFACE
+        if rendering is None or volume is None or inside is None or not inside.any():
+            raise InputError(nothing_in_3d_text())
+        middle: np.ndarray = transform_points(matrix_to_world(volume), middle_of(rendering.geometry, [inside])[None])[0]
+        return middle
+
+    def show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
+        """Bring the views up to date with maps, classes and parameters.
+
+        Args:
+            classes: all of them.
+            selected: the one whose similarity is overlaid.
+            requests: what was asked for last of the classes.
+            stale: whether the volume has got other voxels than those that maps are of.
+
+        Returns:
+            Whether slice views have another overlay now.
+        """
+        with drawn_together(self._app_logic):
+            return self._show(classes, selected, requests, stale)
+
+    def advance(self) -> None:
+        """Go on with what is still to be shown: some hundredths of a second of work."""
+        with drawn_together(self._app_logic):
+            self._try_to(self._display.advance)
+
+    def export_rendering(self) -> bool:
+        """Leave what 3D views show as ordinary nodes of the scene; whether they show something."""
+        volume = self._parameters.volume
+        return (
+            volume is not None and self._display.export_rendering(name_for_scene(f"{volume.GetName()} structures")) is not None
+        )
+
+    def remove(self) -> None:
+        """Take all that is shown out of the scene."""
+        self._display.remove()
+
+    def _show(self, classes: Sequence[ClassState], selected: ClassState | None, requests: ClassRequests, stale: bool) -> bool:
+        volume = self._parameters.volume
+        visible = {state.id: state for state in classes if state.visible}
+        rendered = {selected.id: selected} if selected and self._parameters.get("renderingSolo") else visible
+        self._ask_for_rendering(rendered)
+        maps = self._proxy.maps
+        if volume is None:
+            # What is hidden alone keeps its voxels.
+            self._display.remove()
+            return False
+        if not maps or stale:
+            self._display.hide()
+            return False
+        overlaid = selected.id if selected and selected.id in visible and self._parameters.get("overlayVisible") else None
+        overlay_changed = self._display.show_maps(
+            volume,
+            [ShownMap(id_, class_map, visible[id_].color) for id_, class_map in maps.items() if id_ in visible],
+            overlaid,
+            self._parameters.get("overlayOpacity"),
+        )
+        self._display.show_proposals(volume, self._other_proposals(selected, requests))
+        cut = shown_cut(self._scene, self._parameters, volume)
+        looks = [self.look(rendered[id_]) if id_ in rendered else UNSEEN for id_ in self._proxy.rendered]
+        self._try_to(lambda: self._display.show_rendering(volume, self._proxy.rendering, looks, self._surroundings(), cut))
+        return overlay_changed
+
+    def _ask_for_rendering(self, rendered: dict[str, ClassState]) -> None:
+        mode = self._parameters.rendering_mode()
+        casting = {id_: state.look.opacity > 0.0 for id_, state in rendered.items() if state.visible}
+        surroundings = self._parameters.get("context") != OFF and self._parameters.get("contextStrength") > 0.0
+        self._proxy.look(mode, casting, surroundings)
+        if mode is None:
+            self._problems.solve("views")
+
+    def _surroundings(self) -> Surroundings:
+        """What the 3D views show around the structures."""
+        name, strength, cut_away = (self._parameters.get(name) for name in ("context", "contextStrength", "contextCutAway"))
+        return named_surroundings(self._app_logic, name, strength, cut_away, self._proxy.rendering)
+
+    def _other_proposals(self, selected: ClassState | None, requests: ClassRequests) -> Proposals | None:
+        """What the selected class might be instead; None where nobody wants to know, or the user fixed its iso value."""
+        maps = self._proxy.low_maps
+        if selected is None or not selected.visible or not self._parameters.get("proposalsVisible"):
+            return None
+        points_ras = [request.positive for request in requests.requests if request.id == selected.id]
+        if selected.id not in maps or not points_ras or maps[selected.id].proposals is None:
+            return None
+        others = tuple(class_map for id_, class_map in maps.items() if id_ != selected.id)
+        only_annotated = self._parameters.refinement().only_annotated_components
+        return Proposals(selected.id, selected.color, maps[selected.id], others, points_ras[0], only_annotated)
+
+    def _try_to(self, show: Callable[[], None]) -> None:
+        try:
+            show()
+        except InputError as error:
+            self._problems.put("views", str(error))

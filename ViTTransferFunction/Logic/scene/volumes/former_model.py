@@ -1,0 +1,50 @@
+"""The model that a scene's structures were made with: they are made with it again where that can be, or the user is told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...compute.proxy import SegmentationProxy
+from ...session.settings import SessionSettings
+from ..interface.parameters import SceneParameters
+from ..interface.problems import Problems
+from ..interface.wording import former_model_text
+
+
+class FormerModel:
+    """Remembers which model features were got with, in the scene, and speaks of the one that was there when the scene came.
+
+    Args:
+        parameters: of the scene.
+        problems: are told where another model has to do.
+    """
+
+    def __init__(self, parameters: SceneParameters, problems: Problems) -> None:
+        self._parameters = parameters
+        self._problems = problems
+        self._name = parameters.get("usedModel")
+        self._preset = parameters.get("preset")
+
+    def applied_to(self, settings: SessionSettings) -> SessionSettings:
+        """Settings that prefer it, unless the user has chosen anew."""
+        if settings.preset != self._preset or settings.model not in (None, self._name):
+            self._name = ""
+        return replace(settings, former_model=self._name or None)
+
+    def remember(self, name: str, proxy: SegmentationProxy) -> None:
+        """Structures come that were made with this model, "" if that is not known: features are to be of it, too."""
+        # Features that are of it already, or are just being computed, stay.
+        if name and (proxy.estimate is None or proxy.estimate.model != name):
+            self._name, self._preset = name, self._parameters.get("preset")
+
+    def look(self, proxy: SegmentationProxy, has_structures: bool) -> None:
+        """Take in which model the features are or will be of, and tell the user if their structures were made with another."""
+        model = proxy.estimate.model if proxy.estimate is not None else ""
+        if not model:
+            return
+        if self._name in ("", model) or not has_structures:
+            self._problems.solve("model")
+        else:
+            self._problems.put("model", former_model_text(self._name, model))
+        if proxy.phase == "ready" and self._parameters.get("usedModel") != model:
+            self._parameters.set("usedModel", model)

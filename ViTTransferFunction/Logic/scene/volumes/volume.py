@@ -1,0 +1,139 @@
+"""Volume nodes of the MRML scene, to arrays in patient space and back.
+
+Everything numeric is done in a volume's *local* frame, its IJK-to-RAS matrix without parent transforms, so that features stay
+valid when the volume is moved. Only linear parent transforms can be undone exactly, so others are refused.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+from ...core.system.errors import InputError
+from ...core.volumes.geometry import Geometry, transform_points
+
+
+def array_from_node(node: Any) -> np.ndarray:
+    """The voxels of a scalar volume node that `geometry_from_node` accepts, (K, J, I): a view on them, not a copy."""
+    image = node.GetImageData()
+    return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions()[::-1])
+
+
+def geometry_from_node(node: Any) -> Geometry:
+    """The voxel grid of a scalar volume node in its local frame, whatever its voxels hold.
+
+    Raises:
+        InputError: the node has no voxels, more than one number in each, a degenerate geometry or a non-linear parent
+            transform.
+    """
+    name, image = node.GetName(), node.GetImageData()
+    scalars = image.GetPointData().GetScalars() if image else None
+    if scalars is None or not scalars.GetNumberOfTuples():
+        raise InputError(f"'{name}' has no voxels; expected a loaded volume. Load it again, or choose another one.")
+    if scalars.GetNumberOfComponents() != 1:
+        raise InputError(
+            f"'{name}' has {scalars.GetNumberOfComponents()} numbers in each voxel, as colour and vector volumes do; expected "
+            "a scalar volume. Choose another one, or convert this one in Slicer, with the module Vector to Scalar Volume."
+        )
+    matrix_to_world(node)
+    ijk_to_ras = vtkMatrix4x4()
+    node.GetIJKToRASMatrix(ijk_to_ras)
+    try:
+        return Geometry(image.GetDimensions()[::-1], numpy_matrix(ijk_to_ras))
+    except ValueError as error:
+        raise InputError(
+            f"'{name}' has a spacing of zero or axes that lie in one plane. Load the volume again, or correct it in Slicer: "
+            "module Volumes, Volume Information."
+        ) from error
+
+
+def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
+    """Points of the scene (N, 3) in RAS millimetres, in the local frame of `node`, (N, 3) RAS millimetres.
+
+    Raises:
+        InputError: the node is under a non-linear transform.
+    """
+    return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
+
+
+def matrix_to_world(node: Any) -> np.ndarray:
+    """All parent transforms of `node` in one (4, 4) float64 matrix, from its local frame to the scene's.
+
+    Raises:
+        InputError: one of them is not linear, or leaves no volume.
+    """
+    matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
+    # Asked first: VTK prints an error where the matrix is asked for and there is none.
+    if parent is not None and not parent.IsTransformToWorldLinear():
+        raise InputError(
+            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
+            "or none. Harden it in Slicer, in the module Data: right-click the transform icon of "
+            f"'{node.GetName()}', Harden transform."
+        )
+    if parent is not None:
+        parent.GetMatrixTransformToWorld(matrix)
+        if not matrix.Determinant():
+            raise InputError(
+                f"'{node.GetName()}' is under a transform ('{parent.GetName()}' or one above it) that makes it flat. Correct "
+                "its matrix in Slicer, in the module Transforms."
+            )
+    return numpy_matrix(matrix)
+
+
+def set_image(node: Any, array: np.ndarray, ijk_to_ras: np.ndarray) -> None:
+    """Replace voxels and geometry of a volume node, which stays the same node and reports one modification.
+
+    Args:
+        node: a scalar volume node, or a vector volume node.
+        array: (K, J, I), or (K, J, I, C) with C numbers in each voxel; any real dtype. It is copied.
+        ijk_to_ras: (4, 4), in the node's local frame, RAS millimetres.
+    """
+    take_image(node, own_copy(image_of(array)), ijk_to_ras)
+
+
+def image_of(array: np.ndarray) -> vtkImageData:
+    """An image whose voxels are an array itself, not a copy: (K, J, I), or (K, J, I, C) with C numbers in each voxel.
+
+    It lives no longer than Python, and the array must not be changed meanwhile.
+    """
+    image = vtkImageData()
+    image.SetDimensions(*array.shape[2::-1])
+    image.GetPointData().SetScalars(numpy_to_vtk(_as_tuples(array)))
+    return image
+
+
+def own_copy(image: vtkImageData) -> vtkImageData:
+    """An image with the same voxels in memory of VTK's own, which may be changed, and outlives Python."""
+    copy = vtkImageData()
+    copy.DeepCopy(image)
+    return copy
+
+
+def take_image(node: Any, image: vtkImageData, ijk_to_ras: np.ndarray) -> None:
+    """Replace voxels and geometry of a volume node by an image itself; see `set_image`."""
+    was_modifying = node.StartModify()
+    node.SetIJKToRASMatrix(vtk_matrix(ijk_to_ras))
+    node.SetAndObserveImageData(image)
+    node.EndModify(was_modifying)
+
+
+def _as_tuples(array: np.ndarray) -> np.ndarray:
+    """One row for each voxel, in the order in which VTK stores them."""
+    components = array.shape[3] if array.ndim == 4 else 1
+    return np.ascontiguousarray(array).reshape(-1, components)
+
+
+def numpy_matrix(matrix: vtkMatrix4x4) -> np.ndarray:
+    """A VTK matrix as a (4, 4) float64 array."""
+    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
+
+
+def vtk_matrix(matrix: np.ndarray) -> vtkMatrix4x4:
+    """A (4, 4) array as a VTK matrix."""
+    converted = vtkMatrix4x4()
+    converted.DeepCopy(np.asarray(matrix, dtype=np.float64).ravel().tolist())
+    return converted

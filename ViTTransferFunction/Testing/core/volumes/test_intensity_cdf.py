@@ -1,0 +1,34 @@
+"""What share of a volume's voxels is darker, around cells and around points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.intensity_cdf import IntensityCdf
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+
+OBLIQUE = np.array([[0.9, -0.3, 0.1, 4.0], [0.2, 1.1, 0.0, -7.0], [0.0, 0.4, 2.5, 30.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("cells", [(4, 5, 4), (21, 16, 13), (1, 1, 1), (30, 20, 14)], ids=str)
+@pytest.mark.parametrize("holes", [False, True])
+def test_around_all_cells_of_a_grid_is_around_each_of_their_centres(cells: tuple[int, int, int], holes: bool) -> None:
+    array = np.random.default_rng(0).normal(0.0, 100.0, (21, 16, 13)).astype(np.float32)
+    if holes:
+        array[3:6, 2:9, 4], array[20, 15, 12] = np.nan, np.inf
+    volume = Volume(array, Geometry(array.shape, OBLIQUE))
+    cdf, grid = IntensityCdf(volume), volume.geometry.resized(cells)
+    np.testing.assert_allclose(cdf.around_cells(grid), cdf.around(grid.voxel_centres_ras()), atol=1e-6)
+
+
+def test_a_value_that_fills_half_of_the_volume_takes_no_more_room_than_others() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (20, 16, 12))
+    array[:10] = -1000.0
+    array[15, 8, 6] = 50.0
+    geometry = Geometry(array.shape, OBLIQUE)
+    cdf = IntensityCdf(Volume(array, geometry))
+    at_air, at_half = cdf.at(geometry.ijk_to_ras_points(np.array([[6.0, 8.0, 2.0], [6.0, 8.0, 15.0]])))
+    assert at_air == 0.0
+    assert at_half == pytest.approx(0.5, abs=0.05)

@@ -1,0 +1,66 @@
+"""Which voxels a volume's intensity windows are chosen by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ViTTransferFunction.Logic.core.volumes import intensity_window
+from ViTTransferFunction.Logic.core.volumes.intensity_window import finite_sample, quantiles
+from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
+from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+@pytest.mark.parametrize("mirrored", [(False, False, False), (True, True, True), (False, True, False)])
+def test_a_scan_is_looked_at_all_over_and_alike_however_it_is_stored(
+    order: tuple[int, int, int], mirrored: tuple[bool, bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every n-th voxel of the flattened array would be one of a single plane: each across I has as many as are looked at."""
+    monkeypatch.setattr(intensity_window, "SAMPLE_SIZE", 2000)
+    scan = volume_of(np.arange(30.0) + np.random.default_rng(0).random((40, 50, 30)))
+    sample = finite_sample(scan)
+    assert 1000 < len(sample) <= 2000
+    np.testing.assert_allclose(np.percentile(sample, (5, 50, 95)), np.percentile(scan.array, (5, 50, 95)), atol=1.0)
+    np.testing.assert_array_equal(finite_sample(stored_as(scan, Orientation(order, mirrored))), sample)
+
+
+def test_the_few_voxels_that_are_finite_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(intensity_window, "SAMPLE_SIZE", 10)
+    array = np.full((10, 12, 14), np.nan)
+    array[0, 0, 0], array[9, 11, 13] = 1.0, 2.0
+    assert sorted(finite_sample(volume_of(array))) == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("kind", ["int8", "uint8", "int16", "uint16", "int32", "float32"])
+def test_percentiles_are_the_same_whatever_kind_of_numbers_voxels_are(kind):
+    """Of numbers as far apart as the kind has them: their differences are beyond it."""
+    limits = np.iinfo(kind) if kind != "float32" else np.iinfo("int16")
+    array = np.where(np.arange(1000).reshape(10, 10, 10) < 500, limits.min, limits.max).astype(kind)
+    percents = [0.5, 30.0, 50.0, 99.5]
+
+    np.testing.assert_array_equal(
+        np.percentile(finite_sample(volume_of(array)), percents), np.percentile(array.astype(np.float64), percents)
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.int8, np.uint8, np.int16, np.uint16])
+@pytest.mark.parametrize("count", [1, 2, 7, 1000, 60_001])
+def test_quantiles_of_whole_numbers_are_those_of_numpy_to_the_last_bit(count: int, dtype: type) -> None:
+    generator = np.random.default_rng(count)
+    limits = np.iinfo(dtype)
+    shares = np.concatenate([np.linspace(0.0, 1.0, 513), generator.random(200)])
+    for values in (
+        generator.integers(limits.min, limits.max, count, dtype=dtype, endpoint=True),
+        np.clip(generator.normal(40.0, 20.0, count), limits.min, limits.max).astype(dtype),
+        np.full(count, limits.min),
+    ):
+        sample = values.astype(np.int32)
+        np.testing.assert_array_equal(quantiles(sample, shares), np.quantile(sample, shares))
+        np.testing.assert_array_equal(quantiles(sample, np.array([0.5, 99.5]) / 100.0), np.percentile(sample, (0.5, 99.5)))
+
+
+def test_quantiles_of_fractions_are_those_of_numpy() -> None:
+    sample = np.random.default_rng(0).normal(size=1001)
+    shares = np.linspace(0.0, 1.0, 33)
+    np.testing.assert_array_equal(quantiles(sample, shares), np.quantile(sample, shares))

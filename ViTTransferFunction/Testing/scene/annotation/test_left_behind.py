@@ -1,0 +1,137 @@
+"""Points that stay where they are while their volume is moved are told of, until that is over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import vtk
+
+from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotations
+from ViTTransferFunction.Logic.scene.annotation.left_behind import LeftBehind
+from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.interface.problems import Problems
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volumes.volume import set_image, vtk_matrix
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_volume, put_under
+from ViTTransferFunction.Testing.support.spheres import Spheres
+
+ARRAY = np.arange(60, dtype=np.int16).reshape(3, 4, 5)
+
+
+class Place:
+    """A volume, a class with two points on it and one off it, and one without points.
+
+    Attributes:
+        volume: the volume.
+        lists: of points.
+        transform: nothing is under it yet.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        parameters = SceneParameters(add_parameter_node(scene))
+        self.annotations = SceneAnnotations(scene, parameters.node, lambda: None)
+        self.volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+        set_image(self.volume, ARRAY, OBLIQUE)
+        parameters.set_reference("volume", self.volume)
+        self.id = self.annotations.add_class("liver").id
+        self.annotations.add_points(self.id, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), positive=True)
+        self.annotations.add_points(self.id, np.array([[7.0, 8.0, 9.0]]), positive=False)
+        self.annotations.add_class("nothing yet")
+        self.lists = [self.annotations.points_node(self.id, positive) for positive in (True, False)]
+        self.transform = scene.AddNewNodeByClass("vtkMRMLLinearTransformNode", "Registration")
+        self.transform.SetMatrixTransformToParent(vtk_matrix(MOVED))
+        self._problems = Problems()
+        self._left_behind = LeftBehind(parameters, self.annotations, self._problems)
+        assert self.told() == ()
+
+    def put_under_transform(self, *nodes: Any) -> None:
+        for node in nodes:
+            node.SetAndObserveTransformNodeID(self.transform.GetID())
+
+    def told(self) -> tuple[str, ...]:
+        """What stands after a look."""
+        before = self._problems.standing
+        assert self._left_behind.look() == (self._problems.standing != before)
+        return self._problems.standing
+
+
+@pytest.fixture
+def place(slicer_app: Any) -> Iterator[Place]:
+    place = Place(slicer_app.scene)
+    yield place
+    place.annotations.close()
+
+
+def test_a_volume_that_is_moved_alone_is_told_of_until_the_points_follow(place: Place) -> None:
+    place.put_under_transform(place.volume)
+    (message,) = place.told()
+    assert "'CT' was moved, and the points of 'liver' were not" in message
+    assert place.told() == (message,)
+    place.put_under_transform(*place.lists)
+    assert place.told() == ()
+
+
+def test_what_is_moved_together_is_not_told_of_in_whatever_order(place: Place) -> None:
+    place.put_under_transform(*place.lists, place.volume)
+    assert place.told() == ()
+    place.transform.SetMatrixTransformToParent(vtk_matrix(np.eye(4)))
+    assert place.told() == ()
+
+
+def test_points_that_are_moved_alone_are_their_users_affair(place: Place) -> None:
+    place.put_under_transform(*place.lists)
+    assert place.told() == ()
+
+
+def test_it_is_over_when_the_volume_comes_back_though_not_at_once(place: Place) -> None:
+    place.put_under_transform(place.volume)
+    assert place.told()
+    place.transform.SetMatrixTransformToParent(vtk_matrix(np.diag([1.0, -1.0, 1.0, 1.0])))
+    assert place.told()
+    place.volume.SetAndObserveTransformNodeID(None)
+    assert place.told() == ()
+
+
+def test_it_is_over_when_points_are_placed_anew(place: Place) -> None:
+    place.put_under_transform(place.volume)
+    assert place.told()
+    place.annotations.remove_last_point(place.id)
+    assert place.told() == ()
+
+
+def test_an_origin_that_is_corrected_moves_the_volume_as_well(place: Place) -> None:
+    place.volume.SetOrigin(0.0, 0.0, 0.0)
+    assert place.told()
+
+
+def test_hardening_a_transform_moves_nothing(place: Place) -> None:
+    place.put_under_transform(place.volume, *place.lists)
+    assert place.told() == ()
+    place.volume.HardenTransform()
+    assert place.told() == ()
+
+
+def test_other_voxels_elsewhere_are_no_move(place: Place) -> None:
+    set_image(place.volume, ARRAY[1:], MOVED)
+    assert place.told() == ()
+
+
+def test_a_session_tells_it_once(slicer_app: Any, spheres: Spheres) -> None:
+    session = SceneSession(slicer_app.scene, slicer_app.app_logic, add_parameter_node(slicer_app.scene))
+    state = session.annotations.add_class("liver")
+    points = session.annotations.points_node(state.id, positive=True)
+    points.AddControlPointWorld(vtk.vtkVector3d(0.0, 0.0, 0.0))
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    session.poll()
+    heard: list[str | None] = []
+    session.add_observer(lambda: heard.append(session.take_error()))
+    put_under(session.parameters.volume, MOVED)
+    session.poll()
+    session.poll()
+    (message,) = filter(None, heard)
+    assert "was moved, and the points of 'liver' were not" in message
+    assert message in session.errors
+    session.close()

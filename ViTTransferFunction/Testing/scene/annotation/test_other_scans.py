@@ -1,0 +1,91 @@
+"""Structures with their points from another scan of the scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("slicer")
+
+from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.scenes import FollowUp, add_volume, annotate, put_under
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+
+def test_structures_without_points_get_those_of_another_scan_in_one_step(
+    slicer_app: Any, session: SceneSession, spheres: Spheres
+) -> None:
+    ids, baseline = annotate(session, spheres), session.parameters.volume
+    session.annotations.add_points(ids[0], centre_ras(spheres, 2), positive=False)
+    session.annotations.step_size(ids[0], 1)
+    session.annotations.set_close_up(ids[1], (1.0, 2.0, 3.0, 40.5, 50.0, 60.0))
+    session.annotations.add_class("empty")
+    assert session.other_scans.names == {}
+    theirs = session.classes
+    copy = add_volume(slicer_app.scene, Volume(spheres[0].array, spheres[0].geometry, "copy"))
+    session.set_volume(copy)
+    brought = session.classes
+    session.annotations.remove_class(brought[2].id)
+    before = session.classes
+    ((key, name),) = session.other_scans.names.items()
+    assert name == baseline.GetName()
+    session.take_over(key)
+    mine = {state.name: state for state in session.classes}
+    assert list(mine) == ["sphere 1", "sphere 2", "empty", "sphere 3"]
+    assert [mine[name].id for name in ("sphere 1", "sphere 2")] == [state.id for state in brought[:2]]
+    for state in theirs[:3]:
+        got = mine[state.name]
+        assert (got.positive, got.negative, got.size) == (state.positive, state.negative, state.size)
+        assert got.close_up is None
+        assert got.id != state.id
+    assert session.selected_class == mine["sphere 1"]
+    session.wait()
+    assert session.chosen_iso(mine["sphere 3"].id) is not None
+    with pytest.raises(InputError, match="all there already"):
+        session.take_over(key)
+    session.annotations.undo()
+    assert session.classes == before
+    session.set_volume(baseline)
+    assert session.classes == theirs
+
+
+def test_a_structure_that_has_points_keeps_them_and_the_other_one_gets_a_number(
+    session: SceneSession, follow_up: FollowUp, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    session.set_volume(follow_up.volume)
+    follow_up.click(session)
+    mine = session.classes
+    session.take_over(*session.other_scans.names)
+    assert session.classes[:3] == mine
+    assert [state.name for state in session.classes[3:]] == ["sphere 1 (2)", "sphere 2 (2)", "sphere 3 (2)"]
+    assert len({state.color for state in session.classes}) == 6
+
+
+def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
+    slicer_app: Any, session: SceneSession, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    classes = session.classes
+    slicer_app.scene.RemoveNode(session.parameters.volume)
+    assert session.other_scans.names == {}
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    assert list(session.other_scans.names.values()) == [f"{spheres[0].name} (removed)"]
+    session.take_over(*session.other_scans.names)
+    assert [state.positive for state in session.classes] == [state.positive for state in classes]
+
+
+def test_points_of_a_scan_that_lies_elsewhere_are_refused(session: SceneSession, follow_up: FollowUp, spheres: Spheres) -> None:
+    annotate(session, spheres)
+    put_under(
+        follow_up.volume, np.array([[1.0, 0.0, 0.0, 5000.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    )
+    session.set_volume(follow_up.volume)
+    before = session.classes
+    with pytest.raises(InputError, match="None of the points of 'spheres' lies in this scan"):
+        session.take_over(*session.other_scans.names)
+    assert session.classes == before

@@ -1,0 +1,107 @@
+"""A scene that was made with one model, where another one would be taken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
+from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.scene.interface.choices import choices, make_possible
+from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate, open_spheres
+from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
+
+MODEL, OTHER = "dinov2_vits14", "dinov2_vits14_focus"
+RED = (1.0, 0.0, 0.0)
+Reopen = Callable[..., SceneSession]
+
+
+@pytest.fixture
+def reopen(slicer_app: Any, spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> Reopen:
+    """Opens the scene with the three spheres again, as if it had been made otherwise; features of `MODEL` are in the cache."""
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+
+    def reopened(with_structures: bool = True, **parameters: str) -> SceneSession:
+        session = open_spheres(slicer_app, spheres)
+        if with_structures:
+            annotate(session, spheres)
+        session.close()
+        for name, value in parameters.items():
+            session.parameters.set(name, value)
+        again = SceneSession(slicer_app.scene, slicer_app.app_logic, session.parameters.node)
+        again.wait()
+        return again
+
+    return reopened
+
+
+@pytest.mark.slow
+def test_a_scene_remembers_which_model_its_features_were_of_and_goes_on_with_it_in_silence(reopen: Reopen) -> None:
+    session = reopen()
+    assert session.parameters.get("usedModel") == MODEL
+    assert session.take_error() is None
+
+
+@pytest.mark.slow
+def test_where_the_weights_of_a_scenes_model_are_missing_the_user_is_told_what_to_do(reopen: Reopen) -> None:
+    session = reopen(usedModel=OTHER)
+    assert session.phase == "ready"
+    told = session.take_error()
+    assert told is not None
+    assert f"made with the model {OTHER}" in told
+    assert f"go on with {MODEL}" in told
+    assert session.take_error() is None
+
+
+@pytest.mark.slow
+def test_who_has_no_structures_is_told_nothing(reopen: Reopen) -> None:
+    assert reopen(with_structures=False, usedModel=OTHER).take_error() is None
+
+
+@pytest.mark.slow
+def test_who_chooses_a_model_is_told_nothing(reopen: Reopen) -> None:
+    assert reopen(usedModel=OTHER, model=MODEL).take_error() is None
+
+
+@pytest.mark.slow
+def test_structures_that_are_restored_go_on_with_their_model_and_leave_features_of_it_as_they_are(
+    reopen: Reopen, spheres: Spheres
+) -> None:
+    session = reopen(with_structures=False)
+    session.file_classes.restore([AnnotatedClass(ClassRequest("1", centre_ras(spheres, 1)), RED)], MODEL, ())
+    assert session.phase == "ready"
+    session.wait()
+    assert session.take_error() is None
+    session.file_classes.restore([AnnotatedClass(ClassRequest("2", centre_ras(spheres, 2)), RED)], OTHER, ())
+    session.wait()
+    told = session.take_error()
+    assert told is not None
+    assert f"made with the model {OTHER}" in told
+
+
+def test_a_model_that_is_not_offered_here_is_told_of_once_by_whoever_can_say_what_to_do(
+    slicer_app: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("VITTF_WEIGHTS", raising=False)
+    parameters = SceneParameters(add_parameter_node(slicer_app.scene))
+    for used, count in ((OTHER, 0), ("", 1)):
+        parameters.set("model", OTHER)
+        parameters.set("usedModel", used)
+        assert len(make_possible(parameters, choices())) == count
+        assert parameters.get("model") == ""
+
+
+def test_weights_of_another_computer_are_forgotten_and_the_user_is_told(slicer_app: Any, tmp_path: Path) -> None:
+    parameters = SceneParameters(add_parameter_node(slicer_app.scene))
+    parameters.set("weightsPath", str(tmp_path))
+    assert make_possible(parameters, choices()) == []
+    assert parameters.get("weightsPath") == str(tmp_path)
+    parameters.set("weightsPath", str(tmp_path / "gone.pt"))
+    (told,) = make_possible(parameters, choices())
+    assert "gone.pt" in told
+    assert parameters.get("weightsPath") == ""
