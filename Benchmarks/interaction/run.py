@@ -14,8 +14,6 @@ Writes `interaction.json` and `interaction.md`.
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,6 +28,7 @@ from Benchmarks.interaction.made_up_volume import CELLS, cache_features, centres
 from Benchmarks.interaction.update_cost import CHANNELS, measure_updates
 from Benchmarks.interaction.watched_session import open_session
 from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
@@ -54,9 +53,7 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=256, help="voxels along each edge of the volume (default 256)")
     parser.add_argument("--clicks", type=int, default=20, help="clicks that are timed at each pace (default 20)")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as cache:
-        os.environ["VITTF_CACHE"] = cache
-        os.environ.pop("VITTF_WEIGHTS", None)  # Made-up features are those of the preset's own model.
+    with cache_of_its_own():
         volume = phantom((options.size, options.size, options.size))
         measured: dict[str, Any] = {
             "machine": machine(),

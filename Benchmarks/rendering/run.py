@@ -15,8 +15,6 @@ and `rendering.json`.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -28,6 +26,7 @@ from Benchmarks.interaction.made_up_volume import centres, phantom
 from Benchmarks.rendering.clicks import CLASSES, measure_clicks
 from Benchmarks.rendering.stage import Stage, timed
 from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
@@ -56,9 +55,7 @@ def main() -> None:
     options = parser.parse_args()
     volume = phantom((options.size,) * 3)
     structures, making = made_structures(volume)
-    with tempfile.TemporaryDirectory() as cache:
-        os.environ["VITTF_CACHE"] = cache
-        os.environ.pop("VITTF_WEIGHTS", None)  # Made-up features are those of the preset's own model.
+    with cache_of_its_own():
         clicks = measure_clicks(volume, options.pixels, options.clicks)
     app = SlicerApp()
     node = add_volume(app.scene, volume)

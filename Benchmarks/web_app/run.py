@@ -11,9 +11,7 @@ The page itself looks at the axial view as often as it draws, and says when the 
 
 from __future__ import annotations
 
-import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +20,7 @@ import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.interaction.made_up_volume import CELLS, cache_features, phantom
 from Benchmarks.shared.arguments import benchmark_parser
+from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
@@ -81,10 +80,8 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=256, help="voxels along each edge of the volume (default 256)")
     parser.add_argument("--clicks", type=int, default=20, help="clicks that are timed (default 20)")
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as cache:
-        os.environ["VITTF_CACHE"] = cache
-        os.environ.pop("VITTF_WEIGHTS", None)  # Made-up features are those of the preset's own model.
-        path = Path(cache) / "phantom.nrrd"
+    with cache_of_its_own() as cache:
+        path = cache / "phantom.nrrd"
         sitk.WriteImage(sitk.GetImageFromArray(phantom((options.size,) * 3).array), str(path))
         cache_features(read_volume(path))
         measured = {
