@@ -11,6 +11,7 @@ from trame_slicer.rca_view import RemoteSliceViewFactory, RemoteThreeDViewFactor
 from trame_slicer.views import ScheduledRenderStrategy
 
 from ..Logic.scene.mrml.software_drawing import draws_in_software
+from .picture_delivery import send_last_again
 from .pixel_density import follow_density
 
 PICTURES_PER_S = 30.0
@@ -18,7 +19,8 @@ PICTURES_PER_S = 30.0
 PICTURES_PER_S_ELSEWHERE = 15.0
 
 QUALITY = 90
-"""Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once."""
+"""Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once, and
+`send_last_again` does for what was lost."""
 SOFTWARE_PIXELS = 40_000
 """Of the 3D view, drawn by a processor, at most; the browser enlarges the picture."""
 STEP_S = 0.02
@@ -117,6 +119,7 @@ class PatientSliceViewFactory(RemoteSliceViewFactory):
         created = super()._create_view(view, scene, app_logic)
         created.slicer_view.set_scheduled_render(EnteredFirst(created.view_adapter, self._is_urgent))
         follow_density(created.slicer_view, created.view_adapter)
+        send_last_again(created.view_adapter)
         return created
 
 
@@ -144,6 +147,7 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
         self.strategies.append(AfterClicks(created.view_adapter, self._is_urgent))
         created.slicer_view.set_scheduled_render(self.strategies[-1])
         _spare_the_processor(created)
+        send_last_again(created.view_adapter)
         return created
 
 
