@@ -6,6 +6,7 @@ from typing import Any
 
 import qt
 import slicer
+from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
@@ -58,7 +59,7 @@ class OfferedVolume:
         session = self._session
         if session is None or slicer.mrmlScene.IsBatchProcessing():
             return
-        shown, there = self._selection.GetActiveVolumeID(), _volumes()
+        shown, there = self._shown(), _volumes()
         known, self._known = self._known, (shown, *(node.GetID() for node in there))
         if self._known == known or session.parameters.volume is not None:
             return
@@ -68,13 +69,22 @@ class OfferedVolume:
         elif reason := _why_not(slicer.mrmlScene.GetNodeByID(shown) if shown else None):
             self._report(reason, solved=lambda: self._is_solved(shown))
 
-    def _is_solved(self, shown: str) -> bool:
+    def _shown(self) -> str | None:
+        """ID of the volume in the views, or, where none is there, of the label map."""
+        return self._selection.GetActiveVolumeID() or self._selection.GetActiveLabelVolumeID()
+
+    def _is_solved(self, shown: str | None) -> bool:
         session = self._session
-        return session is None or session.parameters.volume is not None or self._selection.GetActiveVolumeID() != shown
+        return session is None or session.parameters.volume is not None or self._shown() != shown
 
 
 def _why_not(node: slicer.vtkMRMLVolumeNode | None) -> str:
-    """Why a volume is not among those that can be chosen, as one in colour is not; "" for others."""
+    """Why a volume is not among those that can be chosen, as one in colour and a label map are not; "" for others."""
+    if isinstance(node, slicer.vtkMRMLLabelMapVolumeNode):
+        return _(
+            "'{name}' is a label map: it says where structures are, and has no intensities to find them by. Load the scan "
+            "itself. If this is the scan, load it again with 'LabelMap' unticked in the options of 'Add Data'."
+        ).format(name=node.GetName())
     image = node.GetImageData() if node is not None else None
     try:
         if image is not None and image.GetNumberOfScalarComponents() > 1:

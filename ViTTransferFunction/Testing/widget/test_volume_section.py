@@ -91,6 +91,21 @@ def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_there(
     assert not widget.ui.messageFrame.isVisible()
 
 
+def test_why_a_label_map_cannot_be_chosen_is_told_until_a_scan_is_there(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
+    """Slicer has another place for the label map in the views (`qSlicerVolumesReader`)."""
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLLabelMapVolumeNode", "liver labels")
+    image = vtkImageData()
+    image.SetDimensions(4, 5, 6)
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 1)
+    node.SetAndObserveImageData(image)
+    slicer.app.applicationLogic().GetSelectionNode().SetActiveLabelVolumeID(node.GetID())
+    QTest.qWait(1)
+    assert "'liver labels' is a label map" in widget.ui.messageLabel.text()
+    assert widget.panel.session.parameters.volume is None
+    show(add_volume(slicer_app.scene, spheres[0]))
+    assert not widget.ui.messageFrame.isVisible()
+
+
 def test_beside_a_volume_that_is_chosen_nothing_is_told_of_a_colour_volume(widget: Any, volume: Any, slicer_app: Any) -> None:
     QTest.qWait(1)
     assert widget.ui.volumeSelector.currentNode() is volume
