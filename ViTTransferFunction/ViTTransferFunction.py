@@ -309,7 +309,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
 
     def _annotate(self, session: Any, volume: Any) -> list[str]:
         from ViTTransferFunction.Logic.files.annotation_files import read_annotations
-        from ViTTransferFunction.Logic.scene.volumes.volume import geometry_from_node
+        from ViTTransferFunction.Logic.scene.volumes.volume_nodes import geometry_from_node
 
         self.delayDisplay("Placing points")
         path = Path(__file__).parent / "Resources" / "Annotations" / "ct_chest.json"

@@ -39,7 +39,7 @@ from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.views.quick_pictures import GOAL_S
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volumes.volume import image_of
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
 from ViTTransferFunction.Testing.support.scenes import add_volume
 
 PRESET = "CT-AAA"

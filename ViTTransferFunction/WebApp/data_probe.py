@@ -10,8 +10,9 @@ from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.system.errors import InputError
 from ..Logic.core.volumes.patient_sides import position_text
+from ..Logic.scene.mrml.transforms import world_to_local
 from ..Logic.scene.tools.view_mouse import SliceMouse
-from ..Logic.scene.volumes.volume import array_from_node, geometry_from_node, world_to_local
+from ..Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
 
 
 class DataProbe:

@@ -13,9 +13,9 @@ from trame_slicer.views.threed_view import ViewDirection
 from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.volumes.patient_sides import sides
+from ..Logic.scene.mrml.transforms import numpy_matrix
 from ..Logic.scene.tools.slice_tools import SliceTools
 from ..Logic.scene.views.view_sight import look_at
-from ..Logic.scene.volumes.volume import numpy_matrix
 from .data_probe import DataProbe
 from .rendering_pace import PICTURES_PER_S, PICTURES_PER_S_ELSEWHERE, PatientSliceViewFactory, PatientThreeDViewFactory
 from .scale_bar import scale_bar

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..Logic.core.system.errors import InputError
 from ..Logic.scene.classes.class_state import ClassState
-from ..Logic.scene.volumes.volume import array_from_node
+from ..Logic.scene.volumes.volume_nodes import array_from_node
 from .unsaved_files import LeftPoints, UnsavedFile, remove_left
 
 if TYPE_CHECKING:

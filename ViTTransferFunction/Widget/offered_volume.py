@@ -10,7 +10,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import geometry_from_node
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import geometry_from_node
 from ViTTransferFunction.Widget.section import Report
 
 _VOLUME = "vtkMRMLScalarVolumeNode"

@@ -18,7 +18,7 @@ import SimpleITK as sitk  # noqa: N813
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.volume_files import read_volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import array_from_node
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_segment, add_volume, segment_masks
 

@@ -11,7 +11,7 @@ import slicer
 import vtk
 
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.corrected import Corrected
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, FollowUp, add_parameter_node, add_segment, open_spheres
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, SURFACE, block, everything_about

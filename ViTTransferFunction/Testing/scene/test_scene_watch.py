@@ -10,7 +10,7 @@ import pytest
 
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.scene_watch import SceneWatch
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment, put_under
 from ViTTransferFunction.Testing.support.segments import SHAPE, block
 

@@ -19,10 +19,11 @@ from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.segments import LABELMAP

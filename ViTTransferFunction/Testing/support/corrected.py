@@ -17,8 +17,8 @@ from ViTTransferFunction.Logic.scene.annotation.close_up_hints import CloseUpHin
 from ViTTransferFunction.Logic.scene.classes.class_requests import ClassRequests, class_requests
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.interface.wording import CloserLookReason
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
 from ViTTransferFunction.Logic.scene.volumes.volume_content import content_of
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node
 
 VOXELS = Geometry((60, 60, 60), np.diag([2.0, 2.0, 2.0, 1.0]))

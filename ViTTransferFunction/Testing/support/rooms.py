@@ -32,9 +32,9 @@ ARROWS: dict[str, tuple[str, ...]] = {
     "rendering": _CORE,
     "session": (*_CORE, "weights", "features", "similarity", "refinement"),
     "compute": (*_CORE, "features", "refinement", "rendering", "session"),
-    "scene/mrml": (),
+    "scene/mrml": ("core/system", "core/volumes"),
     "scene/interface": (*_CORE, "weights", "features", "refinement", "rendering", "session", "compute", "scene/mrml"),
-    "scene/volumes": ("core/system", "core/volumes", "session", "compute", "scene/interface"),
+    "scene/volumes": ("core/system", "core/volumes", "session", "compute", "scene/mrml", "scene/interface"),
     "scene/classes": (*_CORE, "rendering", "scene/mrml", "scene/interface", "scene/volumes"),
     "scene/segments": (*_CORE, "compute", "scene/mrml", "scene/interface", "scene/volumes", "scene/classes"),
     "scene/annotation": (

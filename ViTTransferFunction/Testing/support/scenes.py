@@ -11,15 +11,9 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world, numpy_matrix, vtk_matrix, world_to_local
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import (
-    geometry_from_node,
-    matrix_to_world,
-    numpy_matrix,
-    set_image,
-    vtk_matrix,
-    world_to_local,
-)
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import geometry_from_node, set_image
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 

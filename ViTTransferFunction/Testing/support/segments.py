@@ -13,11 +13,11 @@ from ViTTransferFunction.Logic.compute.service import cropped_labels
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.core.volumes.stepped_work import finished
+from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world, numpy_matrix
 from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
 from ViTTransferFunction.Logic.scene.segments.segment_preparation import ClassLabels, prepare_segments
 from ViTTransferFunction.Logic.scene.segments.segments import ClassLook, check_writable, write_prepared
 from ViTTransferFunction.Logic.scene.segments.terminology import StandardCodes
-from ViTTransferFunction.Logic.scene.volumes.volume import matrix_to_world, numpy_matrix
 from ViTTransferFunction.Testing.support.scenes import segment_points
 
 SHAPE = (6, 7, 8)

@@ -7,7 +7,7 @@ from typing import Any
 import slicer
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 
 
 class Sequence:

@@ -32,7 +32,8 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_intensity_text
 from ViTTransferFunction.Logic.core.volumes.patient_sides import position_text, sides
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.scene.volumes.volume import array_from_node, geometry_from_node, numpy_matrix
+from ViTTransferFunction.Logic.scene.mrml.transforms import numpy_matrix
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
 from ViTTransferFunction.Testing.support.spheres import Spheres

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
-from ViTTransferFunction.Logic.scene.volumes.volume import array_from_node
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
 from ViTTransferFunction.Testing.support.web_app import SLOW_NETWORK, AppPage
 from ViTTransferFunction.WebApp.app import WebApp
 

@@ -23,8 +23,8 @@ from ..classes.class_state import ClassState, Polarity
 from ..interface.parameters import SceneParameters
 from ..interface.wording import CloserLookReason
 from ..mrml.point_lists import Point
+from ..mrml.transforms import world_to_local
 from ..volumes.opened_volume import OpenedVolume
-from ..volumes.volume import world_to_local
 from .annotations import SceneAnnotations
 
 ENOUGH = 2

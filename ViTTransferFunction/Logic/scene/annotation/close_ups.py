@@ -15,8 +15,8 @@ from ..classes.class_requests import ClassRequests
 from ..classes.class_state import ClassState, CloseUpBox
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
+from ..mrml.transforms import matrix_to_world
 from ..volumes.opened_volume import OpenedVolume
-from ..volumes.volume import matrix_to_world
 from .annotations import SceneAnnotations
 
 _SAME_MM = 1e-3

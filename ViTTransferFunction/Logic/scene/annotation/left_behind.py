@@ -17,7 +17,7 @@ from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import left_behind_text
 from ..mrml.point_lists import Point
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from ..volumes.volume_content import content_of
 from .annotations import SceneAnnotations
 

@@ -12,7 +12,7 @@ from ...core.classes.diameter_points import points_of_diameter
 from ...core.classes.region_points import points_of_outline, points_within_box, points_within_outline
 from ...core.system.errors import InputError
 from ..mrml.nodes import nodes_of_class
-from ..volumes.volume import numpy_matrix
+from ..mrml.transforms import numpy_matrix
 from .annotations import SceneAnnotations
 
 _CURVE, _BOX, _LINE = "vtkMRMLMarkupsClosedCurveNode", "vtkMRMLMarkupsROINode", "vtkMRMLMarkupsLineNode"

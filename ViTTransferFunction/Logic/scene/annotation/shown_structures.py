@@ -7,10 +7,9 @@ import slicer
 
 from ...compute.proxy import SegmentationProxy
 from ...core.classes.class_map import is_near
-from ...core.volumes.geometry import transform_points
 from ..interface.parameters import SceneParameters
+from ..mrml.transforms import matrix_to_world, world_to_local
 from ..volumes.opened_volume import OpenedVolume
-from ..volumes.volume import matrix_to_world
 from .annotations import SceneAnnotations
 from .selected_class import SelectedClass
 from .surface_points import moved_inside, placed_in_3d_view
@@ -56,8 +55,7 @@ class ShownStructures:
         class_map = self._proxy.maps.get(selected.id) if selected and selected.visible else None
         if volume is None or class_map is None or self._volume.changed:
             return False
-        local_ras = transform_points(np.linalg.inv(matrix_to_world(volume)), point_ras)[0]
-        return is_near(class_map, local_ras, REACH_OF_STRUCTURE_MM)
+        return is_near(class_map, world_to_local(volume, point_ras)[0], REACH_OF_STRUCTURE_MM)
 
     def settled(self, point_ras: np.ndarray) -> np.ndarray:
         """Where a point is to lie that was placed at `point_ras`, (3,) RAS millimetres: itself, or a place inside a structure.

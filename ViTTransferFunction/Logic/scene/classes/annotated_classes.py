@@ -16,7 +16,7 @@ from ...core.classes.class_request import check_requests
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import Geometry, transform_points
 from ..mrml.point_lists import Point
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from .class_requests import ClassRequests
 from .class_state import ClassState, changed, new_class_state
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import slicer
 
 from ...core.system.errors import InputError
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from .classes import class_nodes_of_all, lists_of, remove_widowed_lists
 from .of_volume import bring_back, put_away
 

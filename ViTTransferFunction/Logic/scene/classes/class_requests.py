@@ -14,7 +14,7 @@ from ...core.classes.close_up import CloseUp
 from ...core.volumes.geometry import Geometry, transform_points
 from ...core.volumes.missing_intensity import without_intensity
 from ..mrml.point_lists import Point
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from ..volumes.volume_content import VolumeContent
 from .class_state import ClassState, CloseUpBox
 

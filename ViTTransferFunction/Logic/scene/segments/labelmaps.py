@@ -13,7 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ...core.volumes.geometry import Box, Geometry
 from ...core.volumes.stepped_work import Steps, slabs
-from ..volumes.volume import numpy_matrix, vtk_matrix
+from ..mrml.transforms import numpy_matrix, vtk_matrix
 
 LABELMAP = slicer.vtkSegmentationConverter.GetSegmentationBinaryLabelmapRepresentationName()
 

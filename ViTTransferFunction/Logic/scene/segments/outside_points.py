@@ -10,7 +10,7 @@ import numpy as np
 from ...core.volumes.geometry import Geometry, transform_points
 from ..classes.class_state import ClassState
 from ..classes.of_volume import volume_of
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from .labelmaps import labelmaps_of
 from .segment_points import SegmentPoints
 from .segment_tags import CORRECTED_TAG, read_tag, segments_of_classes

@@ -11,7 +11,7 @@ from ...core.classes.label_points import points_in_label
 from ...core.volumes.geometry import Box, transform_points
 from ...core.volumes.stepped_work import SteppedWork, Steps
 from ...core.volumes.voxel_digest import label_boxes
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from .labelmaps import LABELMAP, Labelmap, labelmaps_of
 
 _Key = tuple[str, str, int]

@@ -13,7 +13,8 @@ from ...core.volumes.geometry import Box, Geometry
 from ...core.volumes.resampling import resample_labels
 from ...core.volumes.stepped_work import STEP_VOXELS, Steps, slabs
 from ...core.volumes.voxel_digest import VoxelDigest, voxel_digests
-from ..volumes.volume import geometry_from_node, matrix_to_world
+from ..mrml.transforms import matrix_to_world
+from ..volumes.volume_nodes import geometry_from_node
 from .corrections import Corrections, corrected_segments
 from .labelmaps import LABELMAP, Labelmap, labelmaps_of, new_image, without_labels
 from .segment_tags import CLASS_TAG, CORRECTED_TAG, read_tag, segments_of_classes

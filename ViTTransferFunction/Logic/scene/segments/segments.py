@@ -13,7 +13,8 @@ from ...core.classes.colors import Color
 from ...core.system.errors import InputError
 from ..mrml.data_tree import put_beside
 from ..mrml.nodes import one_modification
-from ..volumes.volume import geometry_from_node, matrix_to_world
+from ..mrml.transforms import matrix_to_world
+from ..volumes.volume_nodes import geometry_from_node
 from .labelmaps import LABELMAP
 from .segment_preparation import PreparedSegments, takes_transform
 from .segment_tags import CLASS_TAG, COLOR_TAG, CORRECTED_TAG, NAME_TAG, SEGMENT_TAG, VOXELS_TAG, read_tag, set_tag

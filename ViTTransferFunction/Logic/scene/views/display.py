@@ -11,7 +11,7 @@ from ...core.volumes.stepped_work import SteppedWork
 from ...rendering.appearance import Appearance
 from ...rendering.structure_volume import StructureVolume
 from ...rendering.surroundings import Surroundings
-from ..volumes.volume import image_of
+from ..volumes.volume_nodes import image_of
 from .contours import Contours, ShownMap, Surface, iso_surface
 from .overlay import SimilarityOverlay
 from .proposal_outlines import ProposalOutlines, Proposals

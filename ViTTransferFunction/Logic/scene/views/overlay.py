@@ -17,7 +17,7 @@ from ...core.classes.colors import Color
 from ...core.volumes.geometry import Geometry
 from ...core.volumes.resampling import cell_positions, interpolated
 from ..mrml.derived_nodes import DerivedNodes
-from ..volumes.volume import set_image
+from ..volumes.volume_nodes import set_image
 from .slice_layer import SliceLayer
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from ...core.system.errors import InputError
 from ..mrml.derived_nodes import DerivedNodes
 from ..mrml.nodes import displays_of
 from ..mrml.observers import SceneObservers
-from ..volumes.volume import own_copy, take_image
+from ..volumes.volume_nodes import own_copy, take_image
 from .quick_pictures import QuickPictures
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing

@@ -27,7 +27,7 @@ from ..interface.problems import Problems
 from ..interface.wording import nothing_in_3d_text
 from ..mrml.drawn_together import drawn_together
 from ..mrml.nodes import name_for_scene
-from ..volumes.volume import matrix_to_world
+from ..mrml.transforms import matrix_to_world
 from .contours import ShownMap
 from .display import SceneDisplay
 from .proposal_outlines import Proposals

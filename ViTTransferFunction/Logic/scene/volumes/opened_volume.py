@@ -13,9 +13,10 @@ from ...core.system.errors import InputError
 from ...session.settings import SessionSettings
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
+from ..mrml.transforms import world_to_local
 from .former_model import FormerModel
-from .volume import array_from_node, world_to_local
 from .volume_content import VolumeContent, content_of, is_playing
+from .volume_nodes import array_from_node
 from .volume_window import replace_impossible_window
 
 REST_S = 0.5

@@ -14,7 +14,7 @@ import slicer
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ...core.volumes.geometry import Geometry
-from .volume import geometry_from_node
+from .volume_nodes import geometry_from_node
 
 
 @dataclass(frozen=True)

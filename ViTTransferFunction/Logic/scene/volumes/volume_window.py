@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.volumes.intensity_window import IntensityWindow, display_window
 from ...core.volumes.volume import Volume
-from .volume import array_from_node, geometry_from_node
+from .volume_nodes import array_from_node, geometry_from_node
 
 
 def set_window(node: Any, low: float, high: float) -> None:

@@ -10,8 +10,8 @@ import pytest
 
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import vtk_matrix
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.scenes import annotate, put_under, segment_masks

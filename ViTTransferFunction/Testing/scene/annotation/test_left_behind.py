@@ -13,8 +13,9 @@ from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotati
 from ViTTransferFunction.Logic.scene.annotation.left_behind import LeftBehind
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.interface.problems import Problems
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_volume, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres
 

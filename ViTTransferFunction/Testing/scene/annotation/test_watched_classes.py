@@ -10,8 +10,8 @@ import vtk
 
 from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotations
 from ViTTransferFunction.Logic.scene.classes.classes import class_nodes
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Logic.scene.volumes.volume import vtk_matrix
 from ViTTransferFunction.Testing.support.scenes import add_hanging_point, add_parameter_node, annotate, open_spheres, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 

@@ -12,7 +12,7 @@ import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.scene.volumes.volume import vtk_matrix
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Testing.support.scenes import MOVED, put_under
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,

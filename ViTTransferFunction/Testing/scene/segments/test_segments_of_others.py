@@ -10,7 +10,8 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
-from ViTTransferFunction.Logic.scene.volumes.volume import matrix_to_world, set_image
+from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_segment, put_under
 from ViTTransferFunction.Testing.support.segments import (
     LABELMAP,

@@ -9,7 +9,7 @@ import pytest
 import vtk
 
 from ViTTransferFunction.Logic.scene.tools.drawing_tool import DrawingTool, Shape
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.views import Views, pixels
 
 COLOR = (0.0, 1.0, 0.0)

@@ -21,7 +21,7 @@ from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.views.exported_renderings import exported_renderings, remove_exported
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volumes.volume import image_of
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
 

@@ -19,7 +19,7 @@ from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.views.contours import PART_VOXELS, Contours, ShownMap, Surface, iso_surface
 from ViTTransferFunction.Logic.scene.views.display import SceneDisplay
 from ViTTransferFunction.Logic.scene.views.overlay import SimilarityOverlay, similarity_levels
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import put_under
 from ViTTransferFunction.Testing.support.views import Views, ball, pixels, slice_pixel
 

@@ -23,9 +23,10 @@ from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 from ViTTransferFunction.Logic.rendering.structure_volume import StructureVolume
 from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.views import rendering as rendering_module
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volumes.volume import image_of, set_image, vtk_matrix
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of, set_image
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

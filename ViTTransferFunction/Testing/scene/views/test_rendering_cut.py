@@ -11,7 +11,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Logic.scene.views.rendering_cut import shown_cut
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 
 
 def test_the_box_is_made_around_the_volume_when_wanted_and_hidden_when_not(slicer_app: Any) -> None:

@@ -11,7 +11,7 @@ import slicer
 
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.views.slice_layer import COMPOSITE_CLASS, SliceLayer
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.views import BACKGROUND_GRAY, Views, pixels, slice_pixel
 
 SHAPE = (32, 32, 32)

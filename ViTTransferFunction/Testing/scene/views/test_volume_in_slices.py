@@ -10,7 +10,7 @@ import pytest
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.views.slice_layer import COMPOSITE_CLASS
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import fit_in_slices, is_in_slices, show_in_slices
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.views import BACKGROUND_GRAY, Views, pixels
 
 WHITE = 255

@@ -9,7 +9,7 @@ import slicer
 import slicerio
 
 from ViTTransferFunction.Logic.files.volume_files import read_volume
-from ViTTransferFunction.Logic.scene.volumes.volume import set_image
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 
 
 class SampleDataLogic:

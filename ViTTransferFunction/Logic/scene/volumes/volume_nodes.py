@@ -1,7 +1,7 @@
 """Volume nodes of the MRML scene, to arrays in patient space and back.
 
 Everything numeric is done in a volume's *local* frame, its IJK-to-RAS matrix without parent transforms, so that features stay
-valid when the volume is moved. Only linear parent transforms can be undone exactly, so others are refused.
+valid when the volume is moved (`mrml/transforms.py`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ...core.system.errors import InputError
-from ...core.volumes.geometry import Geometry, transform_points
+from ...core.volumes.geometry import Geometry
+from ..mrml.transforms import matrix_to_world, numpy_matrix, vtk_matrix
 
 
 def array_from_node(node: Any) -> np.ndarray:
@@ -49,39 +50,6 @@ def geometry_from_node(node: Any) -> Geometry:
             f"'{name}' has a spacing of zero or axes that lie in one plane. Load the volume again, or correct it in Slicer: "
             "module Volumes, Volume Information."
         ) from error
-
-
-def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
-    """Points of the scene (N, 3) in RAS millimetres, in the local frame of `node`, (N, 3) RAS millimetres.
-
-    Raises:
-        InputError: the node is under a non-linear transform.
-    """
-    return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
-
-
-def matrix_to_world(node: Any) -> np.ndarray:
-    """All parent transforms of `node` in one (4, 4) float64 matrix, from its local frame to the scene's.
-
-    Raises:
-        InputError: one of them is not linear, or leaves no volume.
-    """
-    matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
-    # Asked first: VTK prints an error where the matrix is asked for and there is none.
-    if parent is not None and not parent.IsTransformToWorldLinear():
-        raise InputError(
-            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
-            "or none. Harden it in Slicer, in the module Data: right-click the transform icon of "
-            f"'{node.GetName()}', Harden transform."
-        )
-    if parent is not None:
-        parent.GetMatrixTransformToWorld(matrix)
-        if not matrix.Determinant():
-            raise InputError(
-                f"'{node.GetName()}' is under a transform ('{parent.GetName()}' or one above it) that makes it flat. Correct "
-                "its matrix in Slicer, in the module Transforms."
-            )
-    return numpy_matrix(matrix)
 
 
 def set_image(node: Any, array: np.ndarray, ijk_to_ras: np.ndarray) -> None:
@@ -125,15 +93,3 @@ def _as_tuples(array: np.ndarray) -> np.ndarray:
     """One row for each voxel, in the order in which VTK stores them."""
     components = array.shape[3] if array.ndim == 4 else 1
     return np.ascontiguousarray(array).reshape(-1, components)
-
-
-def numpy_matrix(matrix: vtkMatrix4x4) -> np.ndarray:
-    """A VTK matrix as a (4, 4) float64 array."""
-    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
-
-
-def vtk_matrix(matrix: np.ndarray) -> vtkMatrix4x4:
-    """A (4, 4) array as a VTK matrix."""
-    converted = vtkMatrix4x4()
-    converted.DeepCopy(np.asarray(matrix, dtype=np.float64).ravel().tolist())
-    return converted

@@ -16,15 +16,13 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
-from ViTTransferFunction.Logic.scene.volumes.volume import (
+from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world, numpy_matrix, world_to_local
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import (
     array_from_node,
     geometry_from_node,
     image_of,
-    matrix_to_world,
-    numpy_matrix,
     own_copy,
     set_image,
-    world_to_local,
 )
 from ViTTransferFunction.Testing.support.scenes import OBLIQUE, put_under
 

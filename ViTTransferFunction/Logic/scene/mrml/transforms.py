@@ -1,0 +1,59 @@
+"""Where nodes of the scene lie, by the transforms that they are under; and matrices of VTK as arrays.
+
+Only linear transforms can be undone exactly, so others are refused.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+
+from ...core.system.errors import InputError
+from ...core.volumes.geometry import transform_points
+
+
+def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
+    """Points of the scene (N, 3) in RAS millimetres, in the local frame of `node`, (N, 3) RAS millimetres.
+
+    Raises:
+        InputError: the node is under a non-linear transform.
+    """
+    return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
+
+
+def matrix_to_world(node: Any) -> np.ndarray:
+    """All parent transforms of `node` in one (4, 4) float64 matrix, from its local frame to the scene's.
+
+    Raises:
+        InputError: one of them is not linear, or leaves no volume.
+    """
+    matrix, parent = vtkMatrix4x4(), node.GetParentTransformNode()
+    # Asked first: VTK prints an error where the matrix is asked for and there is none.
+    if parent is not None and not parent.IsTransformToWorldLinear():
+        raise InputError(
+            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
+            "or none. Harden it in Slicer, in the module Data: right-click the transform icon of "
+            f"'{node.GetName()}', Harden transform."
+        )
+    if parent is not None:
+        parent.GetMatrixTransformToWorld(matrix)
+        if not matrix.Determinant():
+            raise InputError(
+                f"'{node.GetName()}' is under a transform ('{parent.GetName()}' or one above it) that makes it flat. Correct "
+                "its matrix in Slicer, in the module Transforms."
+            )
+    return numpy_matrix(matrix)
+
+
+def numpy_matrix(matrix: vtkMatrix4x4) -> np.ndarray:
+    """A VTK matrix as a (4, 4) float64 array."""
+    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
+
+
+def vtk_matrix(matrix: np.ndarray) -> vtkMatrix4x4:
+    """A (4, 4) array as a VTK matrix."""
+    converted = vtkMatrix4x4()
+    converted.DeepCopy(np.asarray(matrix, dtype=np.float64).ravel().tolist())
+    return converted
