@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.scene.classes.classes import class_nodes, read_class
+from ViTTransferFunction.Logic.scene.classes.class_nodes import class_nodes, read_class
 from ViTTransferFunction.Logic.scene.classes.volume_histories import Classes
 from ViTTransferFunction.Logic.scene.mrml.nodes import displays_of, nodes_of_class
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_segment, open_spheres, segment_masks

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.scene.classes.classes import CLASS_ROLE, NEGATIVE_ROLE, class_nodes
+from ViTTransferFunction.Logic.scene.classes.class_nodes import CLASS_ROLE, NEGATIVE_ROLE, class_nodes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import annotate, segment_masks

@@ -17,7 +17,7 @@ from PySide6.QtCore import QEventLoop, QObject, QTimerEvent
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.scene.classes.classes import class_nodes_of_all
+from ViTTransferFunction.Logic.scene.classes.class_nodes import class_nodes_of_all
 from ViTTransferFunction.Logic.scene.classes.of_volume import volume_of
 from ViTTransferFunction.Testing.support.known_features import GRID
 from ViTTransferFunction.Testing.support.scenes import add_volume

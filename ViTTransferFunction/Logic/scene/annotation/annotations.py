@@ -12,9 +12,7 @@ import slicer
 from ...core.classes.class_request import check_name
 from ...core.classes.colors import Color
 from ...core.system.errors import InputError
-from ..classes.class_size import stepped, turned
-from ..classes.class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, without_points
-from ..classes.classes import (
+from ..classes.class_nodes import (
     class_id,
     class_nodes,
     create_class,
@@ -24,6 +22,8 @@ from ..classes.classes import (
     write_class,
     write_classes,
 )
+from ..classes.class_size import stepped, turned
+from ..classes.class_state import ClassState, CloseUpBox, changed, duplicate_class_state, new_class_state, without_points
 from ..classes.volume_histories import Classes
 from ..mrml.point_lists import Point
 from .watched_classes import WatchedClasses

@@ -13,8 +13,8 @@ import slicer
 
 from ...core.system.errors import InputError
 from ..classes.annotated_classes import new_among
+from ..classes.class_nodes import class_nodes_of_all, lists_of, read_class, volume_name
 from ..classes.class_state import ClassState, new_class_id
-from ..classes.classes import class_nodes_of_all, lists_of, read_class, volume_name
 from ..classes.of_volume import volume_of
 from ..interface.parameters import SceneParameters
 from ..interface.translation import tr as _

@@ -2,7 +2,7 @@
 
 Those of other volumes of the scene wait, with their undo, until their volume is chosen.
 
-It watches the point lists that `classes` describes, so that a point placed, dragged or deleted anywhere in the
+It watches the point lists that `class_nodes` describes, so that a point placed, dragged or deleted anywhere in the
 application counts as one placed by our tools.
 """
 
@@ -16,8 +16,7 @@ import numpy as np
 import slicer
 
 from ..classes.class_lists import ClassLists
-from ..classes.class_state import sharing
-from ..classes.classes import (
+from ..classes.class_nodes import (
     class_id,
     class_nodes,
     class_nodes_of_all,
@@ -28,6 +27,7 @@ from ..classes.classes import (
     write_class,
     write_classes,
 )
+from ..classes.class_state import sharing
 from ..classes.history import AnnotationHistory
 from ..classes.point_order import PointOrder
 from ..classes.volume_histories import Classes, VolumeHistories

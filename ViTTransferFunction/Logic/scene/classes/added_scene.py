@@ -13,7 +13,7 @@ import vtk
 
 from ..interface.parameters import REFERENCES, referred
 from ..mrml.observers import SceneObservers
-from .classes import CLASS_ROLE, adopt_class, class_nodes_of_all, give_to_volume
+from .class_nodes import CLASS_ROLE, adopt_class, class_nodes_of_all, give_to_volume
 
 _FIRST = 1000.0
 """Before others hear that a scene was added: Slicer's subject hierarchy removes a node then, and the classes are read anew."""

@@ -8,7 +8,7 @@ import slicer
 
 from ...core.system.errors import InputError
 from ..mrml.transforms import matrix_to_world
-from .classes import class_nodes_of_all, lists_of, remove_widowed_lists
+from .class_nodes import class_nodes_of_all, lists_of, remove_widowed_lists
 from .of_volume import bring_back, put_away
 
 

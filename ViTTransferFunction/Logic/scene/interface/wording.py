@@ -8,7 +8,6 @@ from typing import Literal
 from ...core.classes.close_up import EdgesMm
 from ...core.system.progress import WorkProgress
 from ...rendering.appearance import STYLES
-from .context import OFF
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
 
@@ -214,4 +213,4 @@ def style_words() -> dict[str, str]:
 
 def context_words() -> dict[str, str]:
     """What users read for what is shown around structures, beside Slicer's presets, which go by their names."""
-    return {OFF: _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}
+    return {"off": _("Off"), "bones and vessels": _("Bones and vessels"), "skin": _("Skin")}

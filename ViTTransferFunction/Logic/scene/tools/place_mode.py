@@ -8,7 +8,7 @@ from typing import Any
 
 import slicer
 
-from ..classes.classes import LIST_CLASS, is_list_of_a_class
+from ..classes.class_nodes import LIST_CLASS, is_list_of_a_class
 
 
 @dataclass(frozen=True)

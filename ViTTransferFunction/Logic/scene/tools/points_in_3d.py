@@ -15,7 +15,7 @@ import numpy as np
 import slicer
 import vtk
 
-from ..classes.classes import is_list_of_a_class
+from ..classes.class_nodes import is_list_of_a_class
 from ..mrml.nodes import displays_of
 from .view_mouse import ViewMouse
 

@@ -9,7 +9,7 @@ import pytest
 import vtk
 
 from ViTTransferFunction.Logic.scene.annotation.annotations import SceneAnnotations
-from ViTTransferFunction.Logic.scene.classes.classes import class_nodes
+from ViTTransferFunction.Logic.scene.classes.class_nodes import class_nodes
 from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import add_hanging_point, add_parameter_node, annotate, open_spheres, put_under

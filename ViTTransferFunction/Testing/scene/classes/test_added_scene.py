@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
-from ViTTransferFunction.Logic.scene.classes.classes import class_nodes_of_all
+from ViTTransferFunction.Logic.scene.classes.class_nodes import class_nodes_of_all
 from ViTTransferFunction.Logic.scene.classes.of_volume import VOLUME_ROLE, volume_of
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
 from ViTTransferFunction.Testing.support.known_features import GRID

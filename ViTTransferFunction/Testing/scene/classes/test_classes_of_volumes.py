@@ -11,7 +11,7 @@ import vtk
 
 pytest.importorskip("slicer")
 
-from ViTTransferFunction.Logic.scene.classes.classes import CLASS_ROLE, class_nodes, class_nodes_of_all, lists_of
+from ViTTransferFunction.Logic.scene.classes.class_nodes import CLASS_ROLE, class_nodes, class_nodes_of_all, lists_of
 from ViTTransferFunction.Logic.scene.classes.of_volume import VOLUME_ROLE
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.scenes import (

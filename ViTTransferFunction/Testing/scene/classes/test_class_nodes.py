@@ -12,8 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
-from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
-from ViTTransferFunction.Logic.scene.classes.classes import (
+from ViTTransferFunction.Logic.scene.classes.class_nodes import (
     class_nodes,
     create_class,
     negative_node,
@@ -22,6 +21,7 @@ from ViTTransferFunction.Logic.scene.classes.classes import (
     remove_class,
     write_class,
 )
+from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
 from ViTTransferFunction.Logic.scene.mrml.data_tree import FOLDER_NAME
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, put_under
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
