@@ -199,12 +199,12 @@ class Actions:
     def _look_closer(self) -> None:
         selected = self._app.session.selected_class
         if selected is not None:
-            self._app.session.look_closer(selected.id)
+            self._app.session.close_ups.look_closer(selected.id)
 
     def _look_at_whole(self) -> None:
         selected = self._app.session.selected_class
         if selected is not None:
-            self._app.session.look_at_whole(selected.id)
+            self._app.session.close_ups.look_at_whole(selected.id)
 
     def _remove_last(self) -> None:
         selected = self._app.session.selected_class

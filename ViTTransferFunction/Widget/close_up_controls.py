@@ -27,11 +27,11 @@ class CloseUpControls(Section):
         """Say in what the selected class is looked at, and enable what can be done about it."""
         ui, session, selected = self.ui, self.session, self.selected
         ready = session is not None and session.phase == "ready"
-        words = "" if session is None or selected is None else close_up_text(session.close_up_mm(selected))
+        words = "" if session is None or selected is None else close_up_text(session.close_ups.size_mm(selected))
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
-        reason = None if session is None or selected is None else session.reason_to_look_closer(selected)
+        reason = None if session is None or selected is None else session.close_up_hints.of(selected)
         # In a close-up, what is said is why there is one.
         self._suggest(closer_look_text(reason), press=not ui.lookAtWholeButton.enabled)
         self._progress.show(session.progress if session is not None and session.looks_closer else None)
@@ -52,13 +52,13 @@ class CloseUpControls(Section):
         """Look at a box around the structure, fitted to what is shown of it now."""
         selected = self.selected
         if self.session is not None and selected is not None:
-            self.session.look_closer(selected.id)
+            self.session.close_ups.look_closer(selected.id)
 
     def look_at_whole(self) -> None:
         """Look at the whole volume again."""
         selected = self.selected
         if self.session is not None and selected is not None:
-            self.session.look_at_whole(selected.id)
+            self.session.close_ups.look_at_whole(selected.id)
 
     def _on_cancel(self) -> None:
         if self.session is not None:

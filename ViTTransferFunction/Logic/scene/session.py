@@ -16,7 +16,6 @@ import slicer
 
 from ..compute.client import ComputeClient
 from ..compute.proxy import Phase, SegmentationProxy
-from ..core.classes.close_up import EdgesMm
 from ..core.system.errors import InputError
 from ..core.system.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
@@ -37,7 +36,7 @@ from .classes.point_tour import PointTour
 from .interface.notices import Notices
 from .interface.parameters import SceneParameters
 from .interface.problems import Problems
-from .interface.wording import CloserLookReason, nothing_hit_text
+from .interface.wording import nothing_hit_text
 from .mrml.drawn_together import drawn_together
 from .mrml.point_lists import Point
 from .scan_change import ScanChange
@@ -72,6 +71,8 @@ class SceneSession:
         annotations: classes and points, and their undo and redo.
         file_classes: gives classes to annotation files, and takes them from there.
         regions: adds the points of regions that the user encloses.
+        close_ups: has classes looked at by themselves, or in the whole volume again.
+        close_up_hints: says why a closer look may find a class better, or has begun unasked.
         other_scans: which others have structures that could be taken over.
         views: what is shown in the views, and how.
         shown: which points lie on the structures that are shown.
@@ -142,9 +143,11 @@ class SceneSession:
             on_model=self._on_model,
         )
         self.other_scans = OtherScans(self.parameters, self.annotations, self._volume.contains)
-        self._close_ups = SceneCloseUps(self.parameters, self.annotations, self._volume, self._proxy, self._problems)
-        self._hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._proxy)
-        self.regions = SceneRegions(scene, self.annotations, self._volume.contains, self._hints.note_outline)
+        self.close_ups = SceneCloseUps(
+            self.parameters, self.annotations, self._volume, self._maps, self._proxy, self._problems, self._notices
+        )
+        self.close_up_hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._maps, self._proxy)
+        self.regions = SceneRegions(scene, self.annotations, self._volume.contains, self.close_up_hints.note_outline)
         self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
         self._look_due = True
         self._watch = SceneWatch(
@@ -301,23 +304,6 @@ class SceneSession:
         """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
         return self._proxy.volumes_ml.get(id_)
 
-    def look_closer(self, id_: str) -> None:
-        """Have a class looked at by itself, in a box around it as it is shown now: one step for undo. See `SceneCloseUps`."""
-        self._close_ups.look_closer(id_, self._maps.requests)
-        self._notices.tell()
-
-    def look_at_whole(self, id_: str) -> None:
-        """Have a class looked at in the whole volume again: one step for undo."""
-        self._close_ups.look_at_whole(id_)
-
-    def close_up_mm(self, state: ClassState) -> EdgesMm | None:
-        """Edges of the box that a class is looked at in; None: in the whole volume. See `SceneCloseUps.size_mm`."""
-        return self._close_ups.size_mm(state, self._maps.requests)
-
-    def reason_to_look_closer(self, state: ClassState) -> CloserLookReason | None:
-        """Why a closer look may find a class better, or has begun unasked; None: no reason is known. See `CloseUpHints`."""
-        return self._hints.of(state, self._maps.requests)
-
     def start_computing(self) -> None:
         """Start the compute process before there is a volume: it takes seconds to be ready."""
         self._proxy.start()
@@ -337,7 +323,7 @@ class SceneSession:
     def cancel(self) -> None:
         """Stop what runs: an extraction, a segmentation, a closer look; what was there before stays."""
         if self.looks_closer:
-            self._close_ups.take_back()
+            self.close_ups.take_back()
         else:
             self._proxy.cancel()
         self._writing.cancel()
@@ -390,7 +376,7 @@ class SceneSession:
         if "maps" in events:
             self._problems.solve("computing")
             if self._proxy.up_to_date:
-                self._close_ups.remember_shown()
+                self.close_ups.remember_shown()
         self._take_problem()
         if "state" in events:
             self._former_model.look(self._proxy, has_structures=bool(self.classes))
@@ -400,8 +386,8 @@ class SceneSession:
             # What is left to show of maps that give way to others would keep these waiting.
             self.views.advance()
         if "refined" in events:
-            for id_, close_up in self._hints.take_unasked(self._maps.requests).items():
-                self._close_ups.look_at(id_, close_up)
+            for id_, close_up in self.close_up_hints.take_unasked().items():
+                self.close_ups.look_at(id_, close_up)
         self._awaited.tell()
         searched = self._other_segments.busy and self._other_segments.advance()
         segments_changed, self._segments_changed = self._segments_changed, False
@@ -416,7 +402,7 @@ class SceneSession:
         look_due, self._look_due = self._look_due, False
         looked = look_due and self._left_behind.look()
         if look_due:
-            self._close_ups.go_along()
+            self.close_ups.go_along()
         came_to_rest = was_busy and not self.busy
         # What there is to tell of the first map is told with all.
         if events - {"first map"} or writing or segments_changed or looked or came_to_rest:
@@ -447,7 +433,7 @@ class SceneSession:
         self._problems.solve("older segments")
         self._problems.solve("close-up")
         self._problems.solve("placing")
-        self._hints.note()
+        self.close_up_hints.note()
         self._follow()
 
     def _follow(self) -> None:
@@ -482,16 +468,16 @@ class SceneSession:
         self._take_problem()
         self.annotations.refresh()
         if anew:
-            self._hints.forget()
+            self.close_up_hints.forget()
         self._follow()
         if anew and self._frames.tell_of_older(returned):
             self._notices.tell()
 
     def _on_other_scene(self) -> None:
         self.annotations.restart()
-        self._close_ups.forget()
+        self.close_ups.forget()
         self._left_behind.forget()
-        self._hints.forget()
+        self.close_up_hints.forget()
         self._other_segments.forget()
 
     def _on_segments(self) -> None:

@@ -171,11 +171,11 @@ class User:
 
     def look_closer(self) -> None:
         if self._ids:
-            self.session.look_closer(self._random.choice(self._ids))
+            self.session.close_ups.look_closer(self._random.choice(self._ids))
 
     def look_at_whole(self) -> None:
         if self._ids:
-            self.session.look_at_whole(self._random.choice(self._ids))
+            self.session.close_ups.look_at_whole(self._random.choice(self._ids))
 
     def remove_a_point(self) -> None:
         node, index = self._any_point()

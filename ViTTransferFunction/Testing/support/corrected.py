@@ -65,7 +65,8 @@ class Corrected:
         self.proxy = SimpleNamespace(phase="ready", up_to_date=True, maps={}, low_maps={}, refined=())
         self.annotations = SceneAnnotations(scene, add_parameter_node(scene), lambda: self.hints.note())
         parameters: Any = SimpleNamespace(volume=self.node)
-        self.hints = CloseUpHints(parameters, self.annotations, self.volume, self.proxy)
+        maps: Any = self  # Has the requests.
+        self.hints = CloseUpHints(parameters, self.annotations, self.volume, maps, self.proxy)
         self.id = self.annotations.add_class("aorta").id
         self.add(MIDDLE)
         self.show(self.id)
@@ -116,7 +117,7 @@ class Corrected:
 
     def unasked(self) -> list[str]:
         """The classes that are to be looked at closely now; they are at once."""
-        ids = list(self.hints.take_unasked(self.requests))
+        ids = list(self.hints.take_unasked())
         for id_ in ids:
             self.annotations.set_close_up(id_, (*MIDDLE.tolist(), 50.0, 50.0, 50.0))
         return ids
@@ -126,7 +127,7 @@ class Corrected:
         return class_requests(self.annotations.classes, {}, self.node, content_of(self.node))
 
     def reason(self, state: ClassState | None = None) -> CloserLookReason | None:
-        return self.hints.of(state or self.state, self.requests)
+        return self.hints.of(state or self.state)
 
     def suggests(self, state: ClassState | None = None) -> bool:
         reason = self.reason(state)

@@ -57,7 +57,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "scene/classes",
     ),
     "scene/tools": ("core/classes", "scene/mrml", "scene/classes"),
-    "scene": (*_CORE, "session", "compute", *_UNDER_SCENE),
+    "scene": ("core/system", "core/volumes", "session", "compute", *_UNDER_SCENE),
 }
 """Room → the rooms that its files may import."""
 

@@ -10,7 +10,10 @@ import pytest
 
 pytest.importorskip("trame_slicer")
 
+from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.annotation.close_up_hints import CloseUpHints
+from ViTTransferFunction.Logic.scene.annotation.close_ups import SceneCloseUps
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.panel_form import panel_form
@@ -26,7 +29,7 @@ WORDS = "In a box of 24 × 20 × 18 mm"
 def ready(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> Callable[[Journey], None]:
     """Runs a journey on an app that takes its volume for one with features, and in which every structure is in the same box."""
     monkeypatch.setattr(SceneSession, "phase", "ready")
-    monkeypatch.setattr(SceneSession, "look_closer", lambda self, id_: self.annotations.set_class(id_, close_up=BOX))
+    monkeypatch.setattr(SceneCloseUps, "look_closer", lambda self, id_: self.look_at(id_, CloseUp(BOX[:3], BOX[3:])))
     return opened
 
 
@@ -129,7 +132,7 @@ def test_the_page_suggests_a_closer_look_at_the_selected_structure(
         words = {"large corrections": "Large corrections so far. ", "small drawing": "What you drew is smaller than four cells"}
         for reason, beginning in words.items():
             reasons = {first.id: None, second.id: reason}
-            monkeypatch.setattr(SceneSession, "reason_to_look_closer", lambda self, state, reasons=reasons: reasons[state.id])
+            monkeypatch.setattr(CloseUpHints, "of", lambda self, state, reasons=reasons: reasons[state.id])
             app.refresh()
             assert app.server.state.settings["close_up_hint"].startswith(beginning)
             assert '"Look closer" (C) may help' in app.server.state.settings["close_up_hint"]
@@ -145,7 +148,7 @@ def test_the_page_says_that_a_closer_look_began_unasked(
 ) -> None:
     async def journey(app: WebApp) -> None:
         add_structure(app, positive=True)
-        monkeypatch.setattr(SceneSession, "reason_to_look_closer", lambda self, state: "small outline")
+        monkeypatch.setattr(CloseUpHints, "of", lambda self, state: "small outline")
         app.actions("lookCloser")
         assert app.server.state.settings["close_up_hint"].startswith("Small, and in the whole scan unlike your outline")
         assert shown(app) == (True, True, WORDS)

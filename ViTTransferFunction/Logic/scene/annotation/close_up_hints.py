@@ -18,7 +18,6 @@ from ...core.classes.close_up_choice import close_up_of
 from ...core.classes.gross_correction import corrects_grossly
 from ...core.classes.small_outlines import is_small, unasked_close_up
 from ...core.system.errors import InputError
-from ..classes.class_requests import ClassRequests
 from ..classes.class_state import ClassState, Polarity
 from ..interface.parameters import SceneParameters
 from ..interface.wording import CloserLookReason
@@ -26,6 +25,7 @@ from ..mrml.point_lists import Point
 from ..mrml.transforms import world_to_local
 from ..volumes.opened_volume import OpenedVolume
 from .annotations import SceneAnnotations
+from .asked_maps import AskedMaps
 
 ENOUGH = 2
 """Gross corrections of a class, from which on a box is worth it on average; see `Benchmarks/results/candidates.md`."""
@@ -82,15 +82,22 @@ class CloseUpHints:
         parameters: say which volume.
         annotations: hold the classes.
         volume: is being looked at.
+        maps: that were asked for last.
         proxy: has the maps that are shown.
     """
 
     def __init__(
-        self, parameters: SceneParameters, annotations: SceneAnnotations, volume: OpenedVolume, proxy: SegmentationProxy
+        self,
+        parameters: SceneParameters,
+        annotations: SceneAnnotations,
+        volume: OpenedVolume,
+        maps: AskedMaps,
+        proxy: SegmentationProxy,
     ) -> None:
         self._parameters = parameters
         self._annotations = annotations
         self._volume = volume
+        self._maps = maps
         self._proxy = proxy
         self._classes: dict[str, ClassState] = {}
         # None: it corrected nothing that was shown.
@@ -127,28 +134,25 @@ class CloseUpHints:
         if id_ in self._drawn:
             self._drawn[id_] = replace(self._drawn[id_], outline=outline_ras)
 
-    def take_unasked(self, requests: ClassRequests) -> dict[str, CloseUp]:
+    def take_unasked(self) -> dict[str, CloseUp]:
         """The classes that are to be looked at closely now, though nobody asked for it, and in which boxes, by their ids.
 
         Each outline is judged once, by the first refined map that follows from it; and a class that was looked at closely
         before is not again, since its user may have gone back to the whole. What was undone can still be redone: a closer look
         is a step of its own, and would put an end to that.
-
-        Args:
-            requests: what was asked for last of the classes.
         """
         if self._proxy.phase != "ready" or not self._proxy.up_to_date or self._volume.changed or self._annotations.can_redo:
             return {}
         refined = {id_ for id_, is_refined in zip(self._proxy.maps, self._proxy.refined, strict=True) if is_refined}
         close_ups: dict[str, CloseUp] = {}
         for state in self._annotations.classes:
-            close_up = self._unasked_close_up(state, requests) if state.id in refined - self._looked_at else None
+            close_up = self._unasked_close_up(state) if state.id in refined - self._looked_at else None
             if close_up is not None:
                 close_ups[state.id] = close_up
                 self._unasked[state.id] = frozenset(_placed(state))
         return close_ups
 
-    def of(self, state: ClassState, requests: ClassRequests) -> CloserLookReason | None:
+    def of(self, state: ClassState) -> CloserLookReason | None:
         """Why a class should be looked at closer, as far as one can tell; None: no reason is known, or it cannot be.
 
         "small outline": it is, without having been asked for; until the class gets other points.
@@ -160,17 +164,13 @@ class CloseUpHints:
           objects, clicked one after the other.
         - "small drawing": its last diameter or outline is small, and is not the outline that it begins with: whether a closer
           look is worth it then, is judged without the user.
-
-        Args:
-            state: of the class.
-            requests: what was asked for last of the classes.
         """
         if state.close_up is not None and self._unasked.get(state.id) == frozenset(_placed(state)):
             return "small outline"
         if self._proxy.phase != "ready" or state.id in self._looked_at:
             return None
         reason = self._reason(state)
-        return reason if reason and self._may_have_box(state.id, requests) else None
+        return reason if reason and self._may_have_box(state.id) else None
 
     def _note_points(self, was: ClassState | None, state: ClassState) -> None:
         known = self._known.setdefault(state.id, {})
@@ -222,9 +222,9 @@ class CloseUpHints:
         points = np.array([point for _, point in drawn.points])
         return is_small(points, cells.geometry.spacing_mm.max()) and placed - drawn.before - drawn.points <= gross
 
-    def _unasked_close_up(self, state: ClassState, requests: ClassRequests) -> CloseUp | None:
+    def _unasked_close_up(self, state: ClassState) -> CloseUp | None:
         """The box of a class that begins with a small outline and is shown as something else; None: it stays in the whole."""
-        volume, content, request = self._parameters.volume, self._volume.content, requests.of(state.id)
+        volume, content, request = self._parameters.volume, self._volume.content, self._maps.requests.of(state.id)
         drawn = self._drawn.get(state.id)
         if volume is None or content is None or request is None or drawn is None or not drawn.begins or drawn.judged:
             return None
@@ -236,9 +236,9 @@ class CloseUpHints:
         outline = world_to_local(volume, drawn.outline)
         return unasked_close_up(shown, outline, request.positive, content.geometry, cell_mm)
 
-    def _may_have_box(self, id_: str, requests: ClassRequests) -> bool:
+    def _may_have_box(self, id_: str) -> bool:
         """Whether a class's box is small enough, by its newest map; while a map is awaited, by the one before."""
-        cells, request, content = self._proxy.low_maps.get(id_), requests.of(id_), self._volume.content
+        cells, request, content = self._proxy.low_maps.get(id_), self._maps.requests.of(id_), self._volume.content
         if cells is None or request is None or content is None:
             return False
         judged, has_box = self._boxes.get(id_, (None, False))

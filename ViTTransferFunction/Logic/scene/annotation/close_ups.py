@@ -11,13 +11,14 @@ from ...core.classes.close_up import CloseUp, EdgesMm
 from ...core.classes.close_up_choice import close_up_of
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import transform_points
-from ..classes.class_requests import ClassRequests
 from ..classes.class_state import ClassState, CloseUpBox
+from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..mrml.transforms import matrix_to_world
 from ..volumes.opened_volume import OpenedVolume
 from .annotations import SceneAnnotations
+from .asked_maps import AskedMaps
 
 _SAME_MM = 1e-3
 """Points that a transform has moved are rounded by less."""
@@ -38,8 +39,10 @@ class SceneCloseUps:
         parameters: say which volume.
         annotations: hold the classes, and so the boxes.
         volume: is being looked at.
+        maps: that were asked for last.
         proxy: has the maps that boxes are chosen by, and gets what the boxes show.
         problems: are told why a class cannot be looked at by itself.
+        notices: front ends hear of that.
     """
 
     def __init__(
@@ -47,38 +50,38 @@ class SceneCloseUps:
         parameters: SceneParameters,
         annotations: SceneAnnotations,
         volume: OpenedVolume,
+        maps: AskedMaps,
         proxy: SegmentationProxy,
         problems: Problems,
+        notices: Notices,
     ) -> None:
         self._parameters = parameters
         self._annotations = annotations
         self._volume = volume
+        self._maps = maps
         self._proxy = proxy
         self._problems = problems
+        self._notices = notices
         self._shown: dict[str, CloseUpBox | None] = {}
         self._places: dict[tuple[str, str], _Place] = {}  # By the IDs of volume and class: what is chosen may change.
 
-    def look_closer(self, id_: str, requests: ClassRequests) -> None:
-        """Have a class looked at in a box around it as it is shown now.
+    def look_closer(self, id_: str) -> None:
+        """Have a class looked at in a box around it as it is shown now, or tell the user why it cannot be.
 
         What is small or thin shows better there. The box's own features take a few seconds, in which the map of the whole
         volume stays. Once more, and the box fits what the structure looks like by then.
-
-        Args:
-            id_: of the class.
-            requests: what is asked for of the classes as they are.
         """
         self._problems.solve("close-up")  # The same one again is told again.
-        content, class_map = self._volume.content, self._proxy.maps.get(id_)
-        state = next(state for state in self._annotations.classes if state.id == id_)
-        request = requests.of(id_)
+        content, class_map, request = self._volume.content, self._proxy.maps.get(id_), self._maps.requests.of(id_)
+        name = next(state.name for state in self._annotations.classes if state.id == id_)
         if content is None or class_map is None or request is None:
-            self._problems.put("close-up", f"Place a point on {state.name} first, and wait until it is shown.")
-            return
-        try:
-            self.look_at(id_, close_up_of(class_map, request.positive, content.geometry))
-        except InputError as error:
-            self._problems.put("close-up", f"{state.name}: {error}")
+            self._problems.put("close-up", f"Place a point on {name} first, and wait until it is shown.")
+        else:
+            try:
+                self.look_at(id_, close_up_of(class_map, request.positive, content.geometry))
+            except InputError as error:
+                self._problems.put("close-up", f"{name}: {error}")
+        self._notices.tell()
 
     def look_at(self, id_: str, close_up: CloseUp) -> None:
         """Have a class looked at in a box, in the frame of the volume that is opened.
@@ -96,12 +99,12 @@ class SceneCloseUps:
         self._problems.solve("close-up")
         self._annotations.set_close_up(id_, None)
 
-    def size_mm(self, state: ClassState, requests: ClassRequests) -> EdgesMm | None:
+    def size_mm(self, state: ClassState) -> EdgesMm | None:
         """Of the box that a class is looked at in, with what points beyond have added to it; None: it is in the whole volume.
 
         Where the class has no point in the volume, or there is none, of the box as it was set.
         """
-        content, request = self._volume.content, requests.of(state.id)
+        content, request = self._volume.content, self._maps.requests.of(state.id)
         if content is None or request is None or request.close_up is None:
             return None if state.close_up is None else state.close_up[3:]
         return request.close_up.enlarged(content.geometry, request.positive).size_mm

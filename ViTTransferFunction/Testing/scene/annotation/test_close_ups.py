@@ -27,7 +27,7 @@ def know_close_up(session: SceneSession, spheres: Spheres) -> None:
 
 def test_a_structure_is_looked_at_closely_and_written_so(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     know_close_up(session, spheres)
     session.wait()
     session.write_segments()
@@ -40,9 +40,9 @@ def test_a_structure_is_looked_at_closely_and_written_so(session: SceneSession, 
 
 def test_looking_closer_and_at_the_whole_again_are_steps_of_undo(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     closer = session.classes[0].close_up
-    session.look_at_whole(id_)
+    session.close_ups.look_at_whole(id_)
     assert session.classes[0].close_up is None
     session.annotations.undo()
     assert session.classes[0].close_up == closer is not None
@@ -53,14 +53,14 @@ def test_looking_closer_and_at_the_whole_again_are_steps_of_undo(session: SceneS
 
 def test_a_moved_volume_takes_the_box_of_a_later_look_along(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     before = session.classes[0].close_up
     assert before is not None
-    session.look_at_whole(id_)
+    session.close_ups.look_at_whole(id_)
     put_under(session.parameters.volume, np.array([[1, 0, 0, 100.0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
     session.annotations.add_points(id_, centre_ras(spheres, 1) + np.array([100.0, 0.0, 0.0]), positive=True)
     session.wait()
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     after = session.classes[0].close_up
     assert after is not None
     assert after[0] == pytest.approx(before[0] + 100.0, abs=5.0)
@@ -76,7 +76,7 @@ def under_transform(session: SceneSession, spheres: Spheres) -> tuple[tuple[floa
     transform = put_under(session.parameters.volume, np.eye(4))
     for node in lists_of(session):
         node.SetAndObserveTransformNodeID(transform.GetID())
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     know_close_up(session, spheres)
     session.wait()
     box = session.classes[0].close_up
@@ -122,14 +122,14 @@ def test_a_box_of_another_scene_is_where_that_has_it(
 def test_one_structure_after_the_other_may_be_looked_at_without_waiting(session: SceneSession, spheres: Spheres) -> None:
     ids = annotate(session, spheres)
     for id_ in ids:
-        session.look_closer(id_)
+        session.close_ups.look_closer(id_)
     assert all(state.close_up is not None for state in session.classes)
     assert session.take_error() is None
 
 
 def test_a_closer_look_that_is_cancelled_is_taken_back(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     cancel_looking(session)
     assert session.classes[0].close_up is None
     session.wait()
@@ -142,7 +142,7 @@ def test_a_closer_look_goes_on_and_what_is_shown_stays_while_structures_are_put_
     session: SceneSession, spheres: Spheres
 ) -> None:
     ids = annotate(session, spheres)
-    session.look_closer(ids[0])
+    session.close_ups.look_closer(ids[0])
     wait_until_under_way(session)
     lacking: set[str] = set()
     session.add_observer(lambda: lacking.update(id_ for id_ in ids if session.chosen_iso(id_) is None))
@@ -153,35 +153,35 @@ def test_a_closer_look_goes_on_and_what_is_shown_stays_while_structures_are_put_
 
 def test_the_box_in_use_is_as_large_as_points_beyond_make_it(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    assert session.close_up_mm(session.classes[0]) is None
-    session.look_closer(id_)
+    assert session.close_ups.size_mm(session.classes[0]) is None
+    session.close_ups.look_closer(id_)
     set_one = session.classes[0].close_up
     assert set_one is not None
-    assert session.close_up_mm(session.classes[0]) == pytest.approx(set_one[3:])
+    assert session.close_ups.size_mm(session.classes[0]) == pytest.approx(set_one[3:])
     beyond = centre_ras(spheres, 2)
     session.annotations.add_points(id_, beyond, positive=True)
     geometry, points = spheres[0].geometry, np.concatenate([centre_ras(spheres, 1), beyond])
     used = CloseUp(set_one[:3], set_one[3:]).box_in(geometry, points)
-    in_use = session.close_up_mm(session.classes[0])
+    in_use = session.close_ups.size_mm(session.classes[0])
     assert in_use == pytest.approx(geometry.part(used).extent_mm)
     assert in_use is not None
     assert max(np.subtract(in_use, set_one[3:])) > 10.0
     # What was set is what is saved, and what a point that is taken back leads to again.
     assert session.classes[0].close_up == set_one
     session.annotations.undo()
-    assert session.close_up_mm(session.classes[0]) == pytest.approx(set_one[3:])
+    assert session.close_ups.size_mm(session.classes[0]) == pytest.approx(set_one[3:])
 
 
 def test_without_a_volume_a_box_is_as_large_as_it_was_set(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_close_up(id_, (1.0, 2.0, 3.0, 40.5, 50.0, 60.0))
     slicer_app.scene.RemoveNode(session.parameters.volume)
-    assert session.close_up_mm(session.classes[0]) == (40.5, 50.0, 60.0)
+    assert session.close_ups.size_mm(session.classes[0]) == (40.5, 50.0, 60.0)
 
 
 def test_where_another_closer_look_is_cancelled_the_one_before_stays(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     know_close_up(session, spheres)
     session.wait()
     before = session.classes[0].close_up
@@ -195,7 +195,7 @@ def test_where_another_closer_look_is_cancelled_the_one_before_stays(session: Sc
 
 def test_where_a_point_enlarged_the_box_cancelling_leads_back_to_the_whole(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     know_close_up(session, spheres)
     session.wait()
     session.annotations.add_points(id_, centre_ras(spheres, 2), positive=True)
@@ -224,13 +224,13 @@ def test_a_closer_look_is_suggested_after_large_corrections_until_there_is_one(
 ) -> None:
     monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
     id_ = correct_grossly(session, spheres)
-    assert session.reason_to_look_closer(session.classes[0]) == "large corrections"
+    assert session.close_up_hints.of(session.classes[0]) == "large corrections"
     session.annotations.undo()
-    assert session.reason_to_look_closer(session.classes[0]) is None
+    assert session.close_up_hints.of(session.classes[0]) is None
     session.annotations.redo()
-    assert session.reason_to_look_closer(session.classes[0]) == "large corrections"
-    session.look_closer(id_)
-    assert session.reason_to_look_closer(session.classes[0]) is None
+    assert session.close_up_hints.of(session.classes[0]) == "large corrections"
+    session.close_ups.look_closer(id_)
+    assert session.close_up_hints.of(session.classes[0]) is None
     assert session.take_error() is None
 
 
@@ -245,7 +245,7 @@ def test_a_closer_look_is_suggested_after_a_diameter_that_is_short_for_the_cells
         half = np.array([0.0, 0.5 * share * four_cells_mm, 0.0])
         session.regions.add_diameter(id_, centre_ras(spheres, 1) + np.stack([-half, half]))
         session.wait()
-        said[share] = session.reason_to_look_closer(session.classes[-1])
+        said[share] = session.close_up_hints.of(session.classes[-1])
     assert said == {0.9: "small drawing", 1.1: None}
 
 
@@ -275,9 +275,9 @@ def test_a_small_outline_of_what_is_shown_as_something_else_is_looked_at_closely
     unasked: SceneSession, spheres: Spheres
 ) -> None:
     know_close_up(unasked, spheres)
-    assert unasked.reason_to_look_closer(unasked.classes[0]) == "small outline"
+    assert unasked.close_up_hints.of(unasked.classes[0]) == "small outline"
     unasked.wait()
-    assert unasked.close_up_mm(unasked.classes[0]) is not None
+    assert unasked.close_ups.size_mm(unasked.classes[0]) is not None
     assert unasked.volume_ml(unasked.classes[0].id) is not None
     assert unasked.take_error() is None
 
@@ -305,11 +305,11 @@ def test_a_close_up_that_began_unasked_is_cancelled_or_left_and_does_not_begin_a
     if cancelled:
         cancel_looking(unasked)
     else:
-        unasked.look_at_whole(unasked.classes[0].id)
+        unasked.close_ups.look_at_whole(unasked.classes[0].id)
     unasked.wait()
     unasked.annotations.add_points(unasked.classes[0].id, centre_ras(spheres, 1) + 1.0, positive=True)
     unasked.wait()
-    assert (unasked.classes[0].close_up, unasked.reason_to_look_closer(unasked.classes[0])) == (None, None)
+    assert (unasked.classes[0].close_up, unasked.close_up_hints.of(unasked.classes[0])) == (None, None)
     assert unasked.take_error() is None
 
 
@@ -320,7 +320,7 @@ def test_a_small_outline_of_what_is_shown_so_stays_in_the_whole(
     id_ = session.annotations.add_class("sphere").id
     session.regions.add_outline(id_, outline_in_sphere(spheres, 1.0))
     session.wait()
-    assert (session.classes[0].close_up, session.reason_to_look_closer(session.classes[0])) == (None, None)
+    assert (session.classes[0].close_up, session.close_up_hints.of(session.classes[0])) == (None, None)
 
 
 def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
@@ -332,14 +332,14 @@ def test_other_volumes_and_other_sessions_know_nothing_of_large_corrections(
     session.set_volume(None)
     session.set_volume(volume)
     session.wait()
-    assert (session.phase, session.reason_to_look_closer(session.classes[0])) == ("ready", None)
+    assert (session.phase, session.close_up_hints.of(session.classes[0])) == ("ready", None)
     session.close()
     again = SceneSession(slicer_app.scene, slicer_app.app_logic, node)
     again.wait()
-    assert (again.phase, again.reason_to_look_closer(again.classes[0])) == ("ready", None)
+    assert (again.phase, again.close_up_hints.of(again.classes[0])) == ("ready", None)
     again.annotations.add_points(again.classes[0].id, centre_ras(spheres, 2) + 1.0, positive=False)
     again.wait()
-    assert again.reason_to_look_closer(again.classes[0]) is None
+    assert again.close_up_hints.of(again.classes[0]) is None
     again.close()
 
 
@@ -354,7 +354,7 @@ def correct_grossly(session: SceneSession, spheres: Spheres) -> str:
 
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
     state = session.annotations.add_class("adrenal gland")
-    session.look_closer(state.id)
+    session.close_ups.look_closer(state.id)
     assert session.classes[0].close_up is None
     assert "Place a point on adrenal gland first" in (session.take_error() or "")
 
@@ -364,7 +364,7 @@ def test_a_structure_that_fills_the_scan_is_refused_by_name(
 ) -> None:
     (id_, *_) = annotate(session, spheres)
     monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 0.01)
-    session.look_closer(id_)
+    session.close_ups.look_closer(id_)
     assert session.classes[0].close_up is None
     error = session.take_error() or ""
     assert "sphere 1: This structure's box fills" in error

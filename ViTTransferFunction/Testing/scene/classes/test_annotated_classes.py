@@ -35,7 +35,7 @@ def a_session_with_all_that_is_decided(session: SceneSession, spheres: Spheres) 
     session.annotations.set_class(second, size=0.5, proximity=0.25, opacity=0.5)
     session.annotations.set_class(third, iso=0.625, refine=False, color=RED)
     session.wait()
-    session.look_closer(first)
+    session.close_ups.look_closer(first)
     request = session.file_classes.annotated()[0].request
     assert request.close_up is not None
     cache_known_close_up(*spheres, request.close_up, request.positive)

@@ -378,7 +378,7 @@ def test_front_ends_hear_of_another_scan_when_all_of_it_is_there_and_of_what_was
     session: SceneSession, follow_up: FollowUp, spheres: Spheres
 ) -> None:
     ids, baseline = annotate(session, spheres), session.parameters.volume
-    session.look_closer(session.annotations.add_class("nothing yet").id)
+    session.close_ups.look_closer(session.annotations.add_class("nothing yet").id)
     assert len(session.errors) == 1
     seen: list[int] = []
     session.add_observer(lambda: seen.append(len(session.classes)))

@@ -102,10 +102,10 @@ def closer_look(data: Path, out: Path) -> Dice:
     size = STEP_VIEW
     before = captioned("One or two clicks each", column(desk.view("coronal", size, size), desk.view("3d", size, size)))
     for state in desk.session.classes:
-        desk.session.look_closer(state.id)
+        desk.session.close_ups.look_closer(state.id)
     desk.settle()
     # Once more, as the README says: by now its box is far too large.
-    desk.session.look_closer(desk.session.classes[1].id)
+    desk.session.close_ups.look_closer(desk.session.classes[1].id)
     desk.settle()
     after = captioned(
         "The same clicks, looked at closely", column(desk.view("coronal", size, size), desk.view("3d", size, size))
