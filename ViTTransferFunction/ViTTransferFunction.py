@@ -336,7 +336,7 @@ class ViTTransferFunctionTest(ScriptedLoadableModuleTest):
         segmentation = self._segmentation_with_a_block(volume)
         (block,) = self._voxels(segmentation)
         session.set_segmentation(segmentation)
-        session.write_segments()
+        session.segments.write()
         session.wait()
         error = session.take_error()
         assert error is None, error

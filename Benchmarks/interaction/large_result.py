@@ -62,7 +62,7 @@ def measure_writing(shape: Shape) -> dict[str, float]:
         id_ = session.annotations.add_class().id
         session.annotations.add_points(id_, volume.geometry.ijk_to_ras_points(centre[None, ::-1]), positive=True)
     watched.until(lambda: not session.busy)
-    watched.call(session.write_segments)
+    watched.call(session.segments.write)
     watched.until(lambda: not session.busy or (session.progress is not None and session.progress.what == WRITING))
     watched.longest_ms = 0.0
     seconds = watched.until(lambda: not session.busy)

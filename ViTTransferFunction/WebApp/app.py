@@ -194,7 +194,7 @@ class WebApp:
         """Have the structures written as segments; "ask": where corrections are in the way, the page asks first."""
         self.server.state.corrected = []
         if corrections in ("ask", "keep", "overwrite"):
-            self.session.write_segments(corrections)
+            self.session.segments.write(corrections)
 
     def update_and_download(self) -> None:
         """Have the segments written as the structures are now and then fetched by the page, unless nothing comes of it."""
@@ -210,7 +210,7 @@ class WebApp:
         while error := self.session.take_error():
             self._messages.put(error, partial(self._is_solved, self.session, error))
         with self.server.state as state:
-            corrected = self.session.take_corrected()
+            corrected = self.session.segments.take_corrected()
             if corrected:
                 state.corrected = list(corrected)
             shown = {"with_cache": bool(state.advanced_open), "with_look": bool(state.appearance_open)}
@@ -228,9 +228,9 @@ class WebApp:
 
     def _is_written_for_download(self) -> bool:
         """Whether the segments are there now that were to be downloaded as soon as they are."""
-        awaited, written = self._downloads_when_written, self.session.take_written()
+        awaited, written = self._downloads_when_written, self.session.segments.take_written()
         self._downloads_when_written = awaited and not written and bool(self.session.progress or self.server.state.corrected)
-        return awaited and written and self.session.written.exist
+        return awaited and written and self.session.segments.exist
 
     def _is_solved(self, session: SceneSession, error: str) -> bool:
         return self.session is not session or error not in session.errors
@@ -238,7 +238,7 @@ class WebApp:
     @property
     def work(self) -> Work:
         """What would be lost with the page, unless it was saved."""
-        return self.session.classes, self.session.written.source
+        return self.session.classes, self.session.segments.source
 
     def mark_saved(self, work: Work) -> None:
         """This was saved: as long as it is what there is, the page may be closed without a question."""

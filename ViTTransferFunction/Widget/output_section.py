@@ -41,7 +41,7 @@ class OutputSection(Section):
         self.ui.show3DButton.setSegmentationNode(node)
         self.ui.editSegmentsButton.enabled = node is not None
         self.ui.continueSegmentButton.enabled = bool(_segments(node))
-        corrected = session.take_corrected() if session else ()
+        corrected = session.segments.take_corrected() if session else ()
         if corrected:
             # Not in the midst of a refresh: the panel goes on behind the question.
             qt.QTimer.singleShot(0, lambda: self._ask(corrected))
@@ -50,9 +50,9 @@ class OutputSection(Section):
         session = self.session
         ready = session is not None and session.phase == "ready"
         running = session.progress if session and ready and not session.looks_closer else None
-        writable = session is not None and session.can_write_segments
-        ours = session is not None and session.written.exist
-        outdated = session is not None and session.written.outdated
+        writable = session is not None and session.segments.can_write
+        ours = session is not None and session.segments.exist
+        outdated = session is not None and session.segments.outdated
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
         self.ui.writeSegmentsButton.enabled = writable
@@ -71,7 +71,7 @@ class OutputSection(Section):
 
     def _on_write(self) -> None:
         if self.session is not None:
-            self.session.write_segments("ask")
+            self.session.segments.write("ask")
 
     def _ask(self, corrected: tuple[str, ...]) -> None:
         """Have the user decide about corrected segments, and go on as decided."""
@@ -80,7 +80,7 @@ class OutputSection(Section):
             return
         answer = ask_about_corrections(corrected)
         if answer is not None and session is self.session:
-            session.write_segments(answer)
+            session.segments.write(answer)
 
     def _on_edit(self) -> None:
         """Go to the Segment Editor, with the selected structure's segment in hand where there is one."""
@@ -95,7 +95,7 @@ class OutputSection(Section):
         editor.setSegmentationNode(node)
         if volume is not None:
             editor.setSourceVolumeNode(volume)
-        segment_id = session.segment_of(selected.id) if selected else None
+        segment_id = session.segments.of(selected.id) if selected else None
         if segment_id is not None:
             editor.setCurrentSegmentID(segment_id)
 

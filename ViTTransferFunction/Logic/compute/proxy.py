@@ -73,7 +73,6 @@ class SegmentationProxy:
         awaiting_close_ups: ids of the classes whose `low_maps` are of the whole volume until their close-ups are there.
         rendering: for the 3D views; None until there is one.
         rendered: ids of the classes in it, in the order of their numbers.
-        labels: label map (K, J, I) of the last `segment`, and the ids of the classes that its labels 1, 2, … stand for.
     """
 
     def __init__(self, start_client: Callable[[], ComputeClient], may_start: Callable[[], bool] = lambda: True) -> None:
@@ -110,7 +109,7 @@ class SegmentationProxy:
         self.rendering: StructureVolume | None = None
         self.rendered: tuple[str, ...] = ()
         self._rendered: tuple[str, ...] = ()
-        self.labels: tuple[Labels, list[str]] | None = None
+        self._labels: tuple[Labels, list[str]] | None = None
         self.awaiting_close_ups: tuple[str, ...] = ()
         self._refused = False
 
@@ -243,6 +242,11 @@ class SegmentationProxy:
         """What went wrong since the last call, in words for the user."""
         error, self._error = self._error, None
         return error
+
+    def take_labels(self) -> tuple[Labels, list[str]] | None:
+        """What has come of `segment` since the last call: labels, and ids of the classes that 1, 2, … stand for in them."""
+        labels, self._labels = self._labels, None
+        return labels
 
     def poll(self) -> set[Event]:
         """Take in what has come, send what is due, and tell what is new."""
@@ -380,7 +384,7 @@ class SegmentationProxy:
         return {"rendering"}
 
     def _on_labels(self, request: SegmentClasses, reply: Labels) -> set[Event]:
-        self.labels = reply, [annotated.id for annotated in request.classes]
+        self._labels = reply, [annotated.id for annotated in request.classes]
         return {"labels"}
 
     def _lost(self) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import slicer
 
@@ -41,10 +41,8 @@ from .mrml.drawn_together import drawn_together
 from .mrml.point_lists import Point
 from .scan_change import ScanChange
 from .scene_watch import SceneWatch
-from .segments.corrections import Corrections
 from .segments.frame_segments import FrameSegments
-from .segments.segment_tags import segments_of_classes
-from .segments.segment_writing import SegmentWriting
+from .segments.scene_segments import SceneSegments
 from .tools.points_in_3d import PointsIn3D
 from .views.awaited_answer import AwaitedAnswer, Waiting
 from .views.session_views import SessionViews
@@ -76,7 +74,7 @@ class SceneSession:
         other_scans: which others have structures that could be taken over.
         views: what is shown in the views, and how.
         shown: which points lie on the structures that are shown.
-        written: which segments there are of the classes, and whether they are of the classes as these are now.
+        segments: writes the classes as segments, and knows which there are, and whether classes have changed since.
     """
 
     def __init__(
@@ -99,18 +97,18 @@ class SceneSession:
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
-        self._writing = SegmentWriting(
+        self.segments = SceneSegments(
             scene,
             app_logic,
             self.parameters,
             self._proxy,
             self._problems,
+            self._notices,
             self._volume,
             lambda: self.classes,
             lambda: self._maps.requests.requests,
         )
-        self.written = self._writing.written
-        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.written, self._problems)
+        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.segments, self._problems)
         self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
@@ -172,7 +170,7 @@ class SceneSession:
     @property
     def progress(self) -> WorkProgress | None:
         """Of the running extraction or segmentation, of close-ups, or of the writing of segments."""
-        return self._proxy.progress or self._writing.progress
+        return self._proxy.progress or self.segments.progress
 
     @property
     def looks_closer(self) -> bool:
@@ -190,7 +188,7 @@ class SceneSession:
         return (
             self._proxy.busy
             or self.views.pending
-            or self._writing.busy
+            or self.segments.busy
             or self._other_segments.busy
             or self._segments_changed
             or self.volume_changed
@@ -326,20 +324,7 @@ class SceneSession:
             self.close_ups.take_back()
         else:
             self._proxy.cancel()
-        self._writing.cancel()
-        self._notices.tell()
-
-    def write_segments(self, corrections: Corrections | Literal["ask"] = "keep") -> None:
-        """Have all classes segmented and written as segments; into a new segmentation where none is chosen.
-
-        Segments of classes that are gone are removed, unless they were corrected by hand.
-
-        Args:
-            corrections: what becomes of segments whose voxels were changed since they were written. "keep": they stay, and new
-                segments are written beside them. "overwrite": they get the new voxels. "ask": as "keep" where there are none;
-                otherwise nothing is written, `take_corrected` names them, and this is to be called again with an answer.
-        """
-        self._writing.write(corrections)
+        self.segments.cancel()
         self._notices.tell()
 
     def export_rendering(self) -> None:
@@ -350,24 +335,6 @@ class SceneSession:
         else:
             self.parameters.set("rendering", "off")
         self._notices.tell()
-
-    @property
-    def can_write_segments(self) -> bool:
-        """Whether there is something to write, or nothing but segments to remove whose classes are gone."""
-        return self._writing.can_write
-
-    def take_written(self) -> bool:
-        """Whether segments were written since the last call."""
-        return self._writing.take_written()
-
-    def segment_of(self, id_: str) -> str | None:
-        """ID of the segment that a class was written to, in the chosen segmentation; None where there is none."""
-        node = self.parameters.segmentation
-        return segments_of_classes(node.GetSegmentation(), {id_}).get(id_) if node else None
-
-    def take_corrected(self) -> tuple[str, ...]:
-        """Names of the segments about which the front end has to ask the user since the last call; most often none."""
-        return self._writing.take_corrected()
 
     def poll(self) -> None:
         """Take in what the compute process has to say, and send it what has become due."""
@@ -393,9 +360,9 @@ class SceneSession:
         segments_changed, self._segments_changed = self._segments_changed, False
         if searched or segments_changed:
             self._use_segment_points()
-        writing = self._writing.busy
+        writing = self.segments.busy
         if "labels" in events or writing:
-            self._writing.advance()
+            self.segments.advance()
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
@@ -463,7 +430,7 @@ class SceneSession:
         returned = False
         if anew:
             self._maps.forget()
-            self._writing.cancel()
+            self.segments.cancel()
             returned = self._frames.follow()
         self._take_problem()
         self.annotations.refresh()

@@ -255,7 +255,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
             self.session.wait(PATIENCE_S)
             written = [state for state in self.session.classes if self.session.volume_ml(state.id) is not None]
             respects = self.session.parameters.get("respectOtherSegments")
-            self.session.write_segments("overwrite")
+            self.session.segments.write("overwrite")
             self.session.wait(PATIENCE_S)
             if self.session.phase != "ready" or respects or not written:
                 return
@@ -263,7 +263,7 @@ def machine_at(desk: Desk) -> type[RuleBasedStateMachine]:
             node = self.session.parameters.segmentation
             masks = segment_masks(node, self.session.parameters.volume)
             for state in written:
-                segment_id = self.session.segment_of(state.id)
+                segment_id = self.session.segments.of(state.id)
                 if segment_id is not None:
                     name = node.GetSegmentation().GetSegment(segment_id).GetName()
                     shown = self.session.volume_ml(state.id)

@@ -277,7 +277,8 @@ def test_labels_come_with_the_ids_of_their_classes(ready: SegmentationProxy, cli
     labels = Labels(np.zeros((2, 2, 2), dtype=np.uint8), (0, 0, 0))
     client.answer(SegmentClasses, labels)
     assert "labels" in ready.poll()
-    assert ready.labels == (labels, ["spleen", "liver"])
+    assert ready.take_labels() == (labels, ["spleen", "liver"])
+    assert ready.take_labels() is None
     assert ready.progress is None
 
 
@@ -334,7 +335,7 @@ def test_labels_that_were_on_their_way_when_the_user_cancelled_are_dropped(
     client.answer(SegmentClasses, Labels(np.ones((1, 1, 1), np.uint8), (0, 0, 0)))
     ready.cancel()
     assert "labels" not in ready.poll()
-    assert (ready.labels, ready.progress) == (None, None)
+    assert (ready.take_labels(), ready.progress) == (None, None)
 
 
 def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(

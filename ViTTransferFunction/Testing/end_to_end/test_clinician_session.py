@@ -105,7 +105,7 @@ def test_an_afternoon_and_the_morning_after(
     assert counts(session) == [("liver", 3, 1), ("spleen", 2, 0)]
 
     session.set_segmentation(segmentation)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     masks = segment_masks(segmentation, node)
@@ -151,7 +151,7 @@ def test_clicks_are_answered_while_features_still_become_finer(
     assert (session.phase, session.take_error()) == ("ready", None)
     assert answers - {None, session.chosen_iso(liver)}
     session.parameters.set("refinement", "bilateral")
-    session.write_segments()
+    session.segments.write()
     session.wait()
     (mask,) = segment_masks(session.parameters.segmentation, session.parameters.volume).values()
     assert dice(mask, labels == LIVER) > 0.55
@@ -197,7 +197,7 @@ def main() -> None:
     assert session.phase == "ready", session.take_error()
     before = counts(session)
     session.annotations.add_points(session.classes[0].id, np.array([json.loads(sys.argv[2])]), positive=True)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
     found = {

@@ -157,7 +157,7 @@ class User:
         put_under(self.volume, np.diag([1.0, -1.0, 1.0, 1.0]))
 
     def write_segments(self) -> None:
-        self.session.write_segments(self._random.choice(("ask", "keep", "overwrite")))
+        self.session.segments.write(self._random.choice(("ask", "keep", "overwrite")))
 
     def cancel(self) -> None:
         self.session.cancel()

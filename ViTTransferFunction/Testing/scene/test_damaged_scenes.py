@@ -43,8 +43,8 @@ def test_a_segmentation_of_another_kind_is_none_and_a_new_one_gets_the_segments(
     wrong = slicer_app.scene.AddNewNodeByClass(class_name, "wrong")
     session.parameters.node.SetNodeReferenceID("segmentation", wrong.GetID())
     (id_, *_) = annotate(session, spheres)
-    assert session.segment_of(id_) is None
-    session.write_segments()
+    assert session.segments.of(id_) is None
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     assert list(segment_masks(session.parameters.segmentation, session.parameters.volume)) == [
@@ -136,7 +136,7 @@ def test_a_volume_without_what_displays_it_can_be_segmented(
     slicer_app.scene.RemoveNode(session.parameters.volume.GetDisplayNode())
     reload(slicer_app, session)
     annotate(session, spheres)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     assert session.parameters.get("grid") == GRID

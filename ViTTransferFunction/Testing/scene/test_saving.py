@@ -110,7 +110,7 @@ def test_a_scene_with_structures_of_any_name_is_opened_again(
     session.wait()
     session.parameters.volume.SetName("CT")
     write_all(session)
-    names, written = [state.name for state in session.classes], session.segment_of(session.classes[0].id)
+    names, written = [state.name for state in session.classes], session.segments.of(session.classes[0].id)
     assert names[0] == name
     assert session.file_classes.annotated()[0].request.name == name
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
@@ -118,5 +118,5 @@ def test_a_scene_with_structures_of_any_name_is_opened_again(
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
     session.wait()
     assert [state.name for state in session.classes] == names
-    assert session.segment_of(session.classes[0].id) == written
+    assert session.segments.of(session.classes[0].id) == written
     session.close()

@@ -63,7 +63,7 @@ def test_a_saved_scene_carries_on_where_it_was_left(
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_class(id_, opacity=0.4, proximity=0.2, color=(0.2, 0.4, 0.6))
     session.select_class(session.classes[1].id)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     before = session.classes, session.selected_class
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)

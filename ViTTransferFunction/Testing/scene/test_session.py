@@ -81,7 +81,7 @@ def test_a_structure_that_is_renamed_keeps_its_map_and_is_written_under_its_new_
     session.wait()
     session.annotations.set_class(id_, name="renamed")
     assert session.up_to_date
-    session.write_segments()
+    session.segments.write()
     session.wait()
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
     assert list(masks) == ["renamed", "sphere 2", "sphere 3"]
@@ -91,7 +91,7 @@ def test_segments_are_written_where_the_spheres_are(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray]
 ) -> None:
     annotate(session, spheres)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
@@ -118,7 +118,7 @@ def test_segments_go_where_they_were_asked_for_also_if_another_segmentation_is_c
     nodes = []
     for _ in range(2):
         session.set_segmentation(None)
-        session.write_segments()
+        session.segments.write()
         session.wait()
         nodes.append(session.parameters.segmentation)
     first, second = nodes
@@ -129,14 +129,14 @@ def test_segments_go_where_they_were_asked_for_also_if_another_segmentation_is_c
     before = segment_masks(second, session.parameters.volume)
     session.set_segmentation(first)
     session.annotations.add_points(session.classes[0].id, centre_ras(spheres, 3), positive=True)
-    session.write_segments("overwrite")
+    session.segments.write("overwrite")
     session.set_segmentation(second)
     session.wait()
     after = segment_masks(second, session.parameters.volume)
     assert all((after[name] == mask).all() for name, mask in before.items())
     assert after.keys() == before.keys()
     session.set_segmentation(first)
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
@@ -144,7 +144,7 @@ def test_the_live_volume_is_that_of_the_segment_once_maps_are_refined(
 ) -> None:
     ids = annotate(session, spheres)
     live_ml = [session.volume_ml(id_) for id_ in ids]
-    session.write_segments()
+    session.segments.write()
     session.wait()
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
     written_ml = [mask.sum() * spheres[0].geometry.voxel_volume_mm3 / 1000.0 for mask in masks.values()]
@@ -161,7 +161,7 @@ def test_a_structure_that_ends_without_a_voxel_is_told_until_the_user_goes_on(
     copy = session.annotations.add_class("copy")
     session.annotations.add_points(copy.id, centre_ras(spheres, 2), positive=True)
     session.wait()
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert "The segment of 'copy' is empty" in (session.take_error() or "")
     assert len(session.errors) == 1
@@ -291,7 +291,7 @@ def test_points_beyond_the_volume_are_left_out_and_the_others_count(
 def test_classes_of_one_name_are_both_segmented(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
     for id_ in annotate(session, spheres):
         session.annotations.points_node(id_, positive=True).SetName("sphere")  # In the Data module.
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     assert session.parameters.segmentation.GetSegmentation().GetNumberOfSegments() == 3
@@ -310,7 +310,7 @@ def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
     assert session.phase == "ready"
     state = session.annotations.add_class("sphere")
     session.annotations.add_points(state.id, transform_points(matrix, centre_ras(spheres, 1)), positive=True)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     (mask,) = segment_masks(session.parameters.segmentation, session.parameters.volume).values()
     assert dice(mask, spheres[1] == 1) > 0.9
@@ -352,14 +352,14 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
     slicer_app: Any, session: SceneSession, spheres: tuple[Volume, np.ndarray], deleted: str, moment: str
 ) -> None:
     ids = annotate(session, spheres)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     if moment == "while maps are computed":
         session.annotations.set_class(ids[0], iso=0.3)
         session.poll()
     elif moment == "while segments are computed":
         session.annotations.set_class(ids[0], iso=0.3)
-        session.write_segments()
+        session.segments.write()
     nodes = {
         "volume": session.parameters.volume,
         "positive": session.annotations.points_node(ids[0], positive=True),
@@ -373,7 +373,7 @@ def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
     assert len(session.classes) == {"positive": 2, "parameter node": 0}.get(deleted, 3)
     assert session.phase == ("no volume" if deleted in ("volume", "parameter node") else "ready")
     if session.phase == "ready":
-        session.write_segments()
+        session.segments.write()
         session.wait()
         masks = segment_masks(session.parameters.segmentation, session.parameters.volume)
         assert dice(masks["sphere 3"], spheres[1] == 3) > 0.85
@@ -398,7 +398,7 @@ def test_after_the_process_died_features_are_loaded_again(session: SceneSession,
 
 
 def test_nothing_to_segment_is_reported_and_nothing_written(session: SceneSession) -> None:
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert "nothing to segment" in (session.take_error() or "")
     assert session.parameters.segmentation is None
@@ -427,9 +427,9 @@ def test_without_slicer_s_volume_rendering_the_user_is_told_and_everything_else_
     ids = annotate(session, spheres)
     assert "Volume Rendering" in (session.take_error() or "")
     assert all(session.chosen_iso(id_) is not None for id_ in ids)
-    session.write_segments()
+    session.segments.write()
     session.wait()
-    assert session.segment_of(ids[0]) is not None
+    assert session.segments.of(ids[0]) is not None
 
 
 def test_a_compute_process_that_does_not_start_is_an_error_for_the_user(

@@ -86,7 +86,7 @@ def annotate(session: SceneSession, spheres: Spheres) -> list[str]:
 
 def write_all(session: SceneSession) -> None:
     """Have the segments of all classes written, with nothing to be asked or told."""
-    session.write_segments("ask")
+    session.segments.write("ask")
     session.wait()
     assert session.take_error() is None
 

@@ -16,7 +16,7 @@ from ViTTransferFunction.Logic.core.volumes.stepped_work import finished
 from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world, numpy_matrix
 from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
 from ViTTransferFunction.Logic.scene.segments.segment_preparation import ClassLabels, prepare_segments
-from ViTTransferFunction.Logic.scene.segments.segments import ClassLook, check_writable, write_prepared
+from ViTTransferFunction.Logic.scene.segments.segment_writing import ClassLook, check_writable, write_prepared
 from ViTTransferFunction.Logic.scene.segments.terminology import StandardCodes
 from ViTTransferFunction.Testing.support.scenes import segment_points
 

@@ -26,7 +26,7 @@ from aiohttp import web
 from ViTTransferFunction.Logic.core.system.file_names import kept_name
 from ViTTransferFunction.Logic.core.system.private_folder import PREFIX
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
-from ViTTransferFunction.Logic.scene.segments.written_segments import WrittenSegments
+from ViTTransferFunction.Logic.scene.segments.scene_segments import SceneSegments
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
@@ -127,7 +127,7 @@ def test_segments_that_were_written_after_the_save_are_unsaved_until_they_are_sa
         async with browser_of(app) as browser:
             await status_and_body(browser, "/download/session")
             assert not app.server.state.unsaved
-            monkeypatch.setattr(WrittenSegments, "source", "another")
+            monkeypatch.setattr(SceneSegments, "source", "another")
             app.refresh()
             assert app.server.state.unsaved
             await status_and_body(browser, "/download/session")
@@ -172,20 +172,20 @@ def test_a_download_waits_for_the_segments_and_is_given_up_where_they_are_not_wr
     writing = WorkProgress(0, 0, "Segmenting", None)
 
     async def journey(app: WebApp) -> None:
-        monkeypatch.setattr(SceneSession, "write_segments", lambda self, corrections: None)
-        monkeypatch.setattr(WrittenSegments, "exist", True)
-        monkeypatch.setattr(WrittenSegments, "source", "any")
-        monkeypatch.setattr(WrittenSegments, "outdated", False)
+        monkeypatch.setattr(SceneSegments, "write", lambda self, corrections: None)
+        monkeypatch.setattr(SceneSegments, "exist", True)
+        monkeypatch.setattr(SceneSegments, "source", "any")
+        monkeypatch.setattr(SceneSegments, "outdated", False)
         monkeypatch.setattr(SceneSession, "progress", writing)
         app.actions("updateAndDownload")
         app.refresh()
         assert not app.server.state.download_due
         monkeypatch.setattr(SceneSession, "progress", None)
-        monkeypatch.setattr(SceneSession, "take_written", lambda self: succeeds)
+        monkeypatch.setattr(SceneSegments, "take_written", lambda self: succeeds)
         app.refresh()
         assert app.server.state.download_due == succeeds
         app.server.state.download_due = False  # As the page does.
-        monkeypatch.setattr(SceneSession, "take_written", lambda self: True)
+        monkeypatch.setattr(SceneSegments, "take_written", lambda self: True)
         app.refresh()
         assert not app.server.state.download_due
 

@@ -77,7 +77,7 @@ def test_a_question_is_asked_once_and_only_where_something_was_corrected(
     update()
     assert questions == []
     node = session.parameters.segmentation
-    segment_id = session.segment_of(session.classes[0].id)
+    segment_id = session.segments.of(session.classes[0].id)
     logic = slicer.vtkSlicerSegmentationsModuleLogic
     assert logic.ClearSegment(node, segment_id)
     ANSWERS.append(None)
@@ -93,7 +93,7 @@ def test_a_question_is_asked_once_and_only_where_something_was_corrected(
     assert segment_masks(node, session.parameters.volume)["sphere 1 (2)"].any()
     update()
     assert len(questions) == 2
-    assert logic.ClearSegment(node, session.segment_of(session.classes[0].id))
+    assert logic.ClearSegment(node, session.segments.of(session.classes[0].id))
     ANSWERS.append("overwrite")
     update()
     assert questions[2:] == [("sphere 1 (2)",)]
@@ -106,7 +106,7 @@ def test_segments_that_are_not_those_of_the_structures_are_said_to_be_so(ready: 
     add_class(ready, "sphere 1")
     place(ready, tuple(centre_ras(spheres, 1)[0]))
     ui.writeSegmentsButton.click()
-    wait_until(lambda: session.written.exist and not session.busy)
+    wait_until(lambda: session.segments.exist and not session.busy)
     assert ui.segmentsOutdatedLabel.isHidden()
     ui.largerButton.click()
     assert not ui.segmentsOutdatedLabel.isHidden()

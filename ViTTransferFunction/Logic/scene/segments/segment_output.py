@@ -19,7 +19,7 @@ from ..volumes.volume_content import frame_of
 from .corrections import Corrections, corrected_segments
 from .segment_preparation import ClassLabels, PreparedSegments, prepare_segments, segmentation_state
 from .segment_tags import segments_of_classes
-from .segments import ClassLook, check_writable, write_prepared
+from .segment_writing import ClassLook, check_writable, write_prepared
 from .terminology import StandardCodes
 from .written_segments import written_classes
 
@@ -37,6 +37,7 @@ class SegmentOutput:
         app_logic: the application's logic.
         parameters: say which volume and segmentation, and whether other segments are respected.
         classes: tells the classes as they are.
+        report: gets what the user should know of the segments that were written: which of them are empty, and why.
     """
 
     def __init__(
@@ -45,15 +46,16 @@ class SegmentOutput:
         app_logic: slicer.vtkMRMLApplicationLogic,
         parameters: SceneParameters,
         classes: Callable[[], tuple[ClassState, ...]],
+        report: Callable[[str], None],
     ) -> None:
         self._scene = scene
         self._codes = StandardCodes(app_logic)
         self._parameters = parameters
         self._classes = classes
+        self._report = report
         self._work: _Work | None = None
         self._then: Callable[[], None] = lambda: None
         self._corrected: tuple[str, ...] = ()
-        self._notices: tuple[str, ...] = ()
         self._written = False
 
     @property
@@ -80,11 +82,6 @@ class SegmentOutput:
         """Names of the corrected segments that were found since the last call."""
         names, self._corrected = self._corrected, ()
         return names
-
-    def take_notices(self) -> tuple[str, ...]:
-        """What the user should know of the segments that were written since the last call: which of them are empty, and why."""
-        notices, self._notices = self._notices, ()
-        return notices
 
     def take_written(self) -> bool:
         """Whether segments were written since the last call."""
@@ -124,7 +121,7 @@ class SegmentOutput:
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
         respect_others = self._parameters.get("respectOtherSegments")
-        writing = _SegmentWriting(
+        preparation = _Preparation(
             node,
             volume,
             2 * wanted.array.size,  # Each voxel is copied, and then digested.
@@ -134,13 +131,14 @@ class SegmentOutput:
         def on_prepared() -> None:
             looks = {state.id: ClassLook(state.name, state.color) for state in self._classes()}
             if wanted.label_of_class.keys() <= looks.keys() and not gone & self._annotated():
-                empty = writing.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
+                empty = preparation.write(lambda: self._new_segmentation(volume), looks, self._codes, source)
                 self._written = True
-                self._notices = tuple(_about_empty(empty, wanted, looks))
+                if about_empty := " ".join(_about_empty(empty, wanted, looks)):
+                    self._report(about_empty)
             else:  # A class was removed meanwhile, or came back.
                 self.write(node, labels, class_ids, corrections, source)
 
-        self._work, self._then = writing, on_prepared
+        self._work, self._then = preparation, on_prepared
 
     def advance(self) -> None:
         """Go on for some milliseconds. Raises InputError where segments can no longer be written there; that is then over."""
@@ -165,7 +163,7 @@ class SegmentOutput:
 
     def cancel(self) -> None:
         """Stop; nothing has changed."""
-        self._work, self._corrected, self._notices = None, (), ()
+        self._work, self._corrected = None, ()
 
     def _annotated(self) -> set[str]:
         """Ids of the classes that a segment can be made of."""
@@ -235,7 +233,7 @@ class _CorrectionSearch:
         return WorkProgress(0, 0, "Looking for corrections by hand", None)
 
 
-class _SegmentWriting:
+class _Preparation:
     """Has segments prepared, anew where the segmentation changes meanwhile; nothing has changed until `write`."""
 
     def __init__(

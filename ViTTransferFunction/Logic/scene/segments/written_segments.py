@@ -85,6 +85,10 @@ class WrittenSegments:
         """What segments would be made from now: `source_digest`, and the digest of the volume's voxels where that is known."""
         return f"{source_digest(self._classes(), self._requests(), self._parameters)} {self._voxels()}".rstrip()
 
+    def of(self, id_: str) -> str | None:
+        """ID of the segment that a class was written to; None where there is none."""
+        return self._of({id_}).get(id_) if self._parameters.segmentation else None
+
     @property
     def _written(self) -> set[str]:
         node = self._parameters.segmentation

@@ -30,7 +30,7 @@ def test_a_structure_is_looked_at_closely_and_written_so(session: SceneSession, 
     session.close_ups.look_closer(id_)
     know_close_up(session, spheres)
     session.wait()
-    session.write_segments()
+    session.segments.write()
     session.wait()
     assert session.take_error() is None
     masks = segment_masks(session.parameters.segmentation, session.parameters.volume)

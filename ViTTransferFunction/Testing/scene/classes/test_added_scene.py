@@ -23,7 +23,7 @@ def saved(slicer_app: Any, spheres: Spheres, tmp_path: Path) -> Path:
     theirs = session.annotations.add_class("theirs")
     session.annotations.add_points(theirs.id, centre_ras(spheres, 3), positive=True)
     session.wait()
-    session.write_segments()
+    session.segments.write()
     session.wait()
     session.parameters.set("overlayOpacity", 0.9)
     path = tmp_path / "theirs.mrb"
@@ -39,7 +39,7 @@ def test_what_is_worked_on_stays_and_what_was_added_is_there_with_its_own_scan(
 ) -> None:
     session = open_spheres(slicer_app, spheres)
     annotate(session, spheres)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     mine, volume, segmentation = session.classes, session.parameters.volume, session.parameters.segmentation
     settings = {name: session.parameters.get(name) for name in SceneParameters.DEFAULTS}
@@ -58,7 +58,7 @@ def test_what_is_worked_on_stays_and_what_was_added_is_there_with_its_own_scan(
     session.set_volume(volume_of(added))
     assert [(state.name, len(state.positive)) for state in session.classes] == [("theirs", 1)]
     assert added.GetDisplayNode().GetVisibility()
-    assert session.segment_of(session.classes[0].id) is not None
+    assert session.segments.of(session.classes[0].id) is not None
     assert not session.annotations.can_undo
     session.set_volume(volume)
     assert session.classes == mine
@@ -86,7 +86,7 @@ def test_an_earlier_state_of_the_same_work_is_added_with_a_scan_of_its_own(
         session.wait()
         assert session.classes == earlier
         assert session.parameters.segmentation is not segments
-        assert all(session.segment_of(state.id) is not None for state in earlier)
+        assert all(session.segments.of(state.id) is not None for state in earlier)
         session.annotations.remove_class(session.classes[1].id)
         session.set_volume(volume)
         session.wait()
@@ -127,7 +127,7 @@ def test_where_there_are_no_classes_an_added_scene_is_taken_up_as_it_was_saved(
     session.wait()
     assert [state.name for state in session.classes] == ["theirs"]
     assert session.parameters.volume not in (None, empty)
-    assert session.segment_of(session.classes[0].id) is not None
+    assert session.segments.of(session.classes[0].id) is not None
     assert session.parameters.get("overlayOpacity") == 0.9
     assert not session.annotations.can_undo
     session.close()

@@ -57,7 +57,7 @@ def test_a_batch_gives_the_segmentation_of_the_session_that_its_points_were_writ
     session: SceneSession, spheres: Spheres, tmp_path: Path
 ) -> None:
     a_session_with_all_that_is_decided(session, spheres)
-    session.write_segments()
+    session.segments.write()
     session.wait()
     scan, points, output = tmp_path / "scan.nrrd", tmp_path / "scan.annotations.json", tmp_path / "out.seg.nrrd"
     write_image(scan, spheres[0].array, spheres[0].geometry)

@@ -30,7 +30,7 @@ def add_point(session: SceneSession, spheres: Spheres) -> None:
 
 
 def delete_segment(session: SceneSession, spheres: Spheres) -> None:
-    session.parameters.segmentation.GetSegmentation().RemoveSegment(session.segment_of(session.classes[0].id))
+    session.parameters.segmentation.GetSegmentation().RemoveSegment(session.segments.of(session.classes[0].id))
 
 
 CHANGES: dict[str, Callable[[SceneSession, Spheres], Any]] = {
@@ -49,14 +49,14 @@ CHANGES: dict[str, Callable[[SceneSession, Spheres], Any]] = {
 def test_a_change_of_what_segments_follow_from_is_told_until_they_are_written_again(
     session: SceneSession, spheres: Spheres, change: Callable[[SceneSession, Spheres], Any]
 ) -> None:
-    assert not session.written.outdated
+    assert not session.segments.outdated
     write_all(session)
-    assert not session.written.outdated
+    assert not session.segments.outdated
     change(session, spheres)
-    assert session.written.outdated
+    assert session.segments.outdated
     session.wait()
     write_all(session)
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSession) -> None:
@@ -67,7 +67,7 @@ def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSes
     session.parameters.set("overlayVisible", False)
     session.parameters.set("device", "cpu")
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_who_takes_a_change_back_has_the_segments_that_are_written(session: SceneSession, spheres: Spheres) -> None:
@@ -75,27 +75,27 @@ def test_who_takes_a_change_back_has_the_segments_that_are_written(session: Scen
     add_point(session, spheres)
     session.annotations.undo()
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_what_is_changed_while_segments_are_written_is_not_in_them(session: SceneSession, spheres: Spheres) -> None:
-    session.write_segments()
+    session.segments.write()
     add_point(session, spheres)
     session.wait()
-    assert session.take_written()
-    assert not session.take_written()
-    assert session.written.outdated
+    assert session.segments.take_written()
+    assert not session.segments.take_written()
+    assert session.segments.outdated
 
 
 def test_cancelled_segments_are_not_written(session: SceneSession) -> None:
     write_all(session)
-    assert session.take_written()
+    assert session.segments.take_written()
     session.annotations.step_size(session.classes[0].id, 1)
-    session.write_segments()
+    session.segments.write()
     session.cancel()
     session.wait()
-    assert not session.take_written()
-    assert session.written.outdated
+    assert not session.segments.take_written()
+    assert session.segments.outdated
 
 
 def test_moving_volume_points_and_segments_together_changes_nothing(session: SceneSession) -> None:
@@ -105,7 +105,7 @@ def test_moving_volume_points_and_segments_together_changes_nothing(session: Sce
     for node in (*points, session.parameters.segmentation):
         node.SetAndObserveTransformNodeID(transform.GetID())
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_segments_of_a_volume_that_got_other_voxels_are_told_until_it_has_its_own_again(session: SceneSession) -> None:
@@ -115,18 +115,18 @@ def test_segments_of_a_volume_that_got_other_voxels_are_told_until_it_has_its_ow
     voxels[5:10, 5:10, 5:10] += 7
     slicer.util.arrayFromVolumeModified(session.parameters.volume)
     session.wait()
-    assert session.written.outdated
+    assert session.segments.outdated
     voxels[:] = before
     slicer.util.arrayFromVolumeModified(session.parameters.volume)
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_segments_that_were_written_before_voxels_were_noted_are_not_outdated_for_that(session: SceneSession) -> None:
     write_all(session)
-    classes_alone, _, _ = session.written.source.partition(" ")
+    classes_alone, _, _ = session.segments.source.partition(" ")
     session.parameters.segmentation.SetAttribute(SOURCE_ATTRIBUTE, classes_alone)
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_a_saved_scene_knows_it_when_it_is_opened_again(slicer_app: Any, session: SceneSession, tmp_path: Path) -> None:
@@ -134,10 +134,10 @@ def test_a_saved_scene_knows_it_when_it_is_opened_again(slicer_app: Any, session
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "tomorrow.mrb"))
     slicer_app.scene.Clear(False)
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "tomorrow.mrb"))
     session.wait()
-    assert session.written.exist
-    assert not session.written.outdated
+    assert session.segments.exist
+    assert not session.segments.outdated
     session.annotations.step_size(session.classes[0].id, 1)
-    assert session.written.outdated
+    assert session.segments.outdated

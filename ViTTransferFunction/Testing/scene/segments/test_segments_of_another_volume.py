@@ -33,7 +33,7 @@ def test_the_segments_of_one_scan_are_not_overwritten_by_those_of_the_next(sessi
     session.set_volume(follow_up.volume)
     session.wait()
     assert session.parameters.segmentation is None
-    assert not session.written.exist
+    assert not session.segments.exist
     follow_up.click(session)
     write_all(session)
     of_follow_up = session.parameters.segmentation
@@ -44,7 +44,7 @@ def test_the_segments_of_one_scan_are_not_overwritten_by_those_of_the_next(sessi
         session.set_volume(volume)
         assert session.parameters.segmentation is segmentation
     session.wait()
-    assert not session.written.outdated
+    assert not session.segments.outdated
 
 
 def test_segments_are_seen_with_their_scan_unless_the_user_hid_or_showed_them(
@@ -74,12 +74,12 @@ def test_changes_that_are_not_in_the_segments_are_still_not_when_their_scan_is_c
     baseline = session.parameters.volume
     session.annotations.remove_class(session.classes[2].id)
     session.wait()
-    outdated = session.written.outdated, len(session.written.left)
+    outdated = session.segments.outdated, len(session.segments.left)
     assert outdated == (True, 1)
     session.set_volume(follow_up.volume)
     session.set_volume(baseline)
     session.wait()
-    assert (session.written.outdated, len(session.written.left)) == outdated
+    assert (session.segments.outdated, len(session.segments.left)) == outdated
     write_all(session)
     assert len(masks(session.parameters.segmentation, baseline)) == 2
 

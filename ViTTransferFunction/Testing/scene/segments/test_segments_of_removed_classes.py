@@ -38,7 +38,7 @@ def masks(session: SceneSession) -> dict[str, np.ndarray]:
 
 
 def correct(session: SceneSession, id_: str, mask: np.ndarray) -> None:
-    segment_id = session.segment_of(id_)
+    segment_id = session.segments.of(id_)
     assert segment_id is not None
     paint(session.parameters.segmentation, session.parameters.volume, segment_id, mask)
 
@@ -77,12 +77,12 @@ def test_a_corrected_one_stays_as_the_users_also_where_corrections_are_overwritt
     session.annotations.remove_class(removed)
     session.wait()
     for corrections in ("ask", "overwrite"):
-        session.write_segments(corrections)
+        session.segments.write(corrections)
         session.wait()
-        assert session.take_corrected() == ()
+        assert session.segments.take_corrected() == ()
         np.testing.assert_array_equal(masks(session)["sphere 2"], corrected)
-    assert session.segment_of(removed) is None
-    assert not session.written.outdated
+    assert session.segments.of(removed) is None
+    assert not session.segments.outdated
 
 
 def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of_others(
@@ -95,13 +95,13 @@ def test_where_no_class_is_left_writing_removes_the_segments_and_leaves_those_of
     for state in session.classes:
         session.annotations.remove_class(state.id)
     session.wait()
-    assert session.can_write_segments
-    assert session.written.exist
+    assert session.segments.can_write
+    assert session.segments.exist
     write_all(session)
     assert list(masks(session)) == ["bone"]
     assert everything_about(segmentation, "bone") == others
-    assert not session.can_write_segments
-    assert not session.written.exist
+    assert not session.segments.can_write
+    assert not session.segments.exist
 
 
 def test_a_class_without_points_is_as_good_as_gone(session: SceneSession) -> None:
@@ -125,7 +125,7 @@ def test_the_segment_of_a_removed_class_is_not_outside_of_the_others(session: Sc
 def test_a_class_that_comes_back_while_its_segment_is_to_be_removed_keeps_it(session: SceneSession) -> None:
     session.annotations.remove_class(session.classes[1].id)
     session.wait()
-    session.write_segments()
+    session.segments.write()
     while session.progress is None or session.progress.what != "Writing segments":
         session.poll()
     session.annotations.undo()

@@ -148,7 +148,7 @@ def test_what_runs_for_a_frame_is_finished_before_the_next_one_is_taken_up(
 def test_segments_are_not_made_of_a_frame_that_is_gone(session: SceneSession, sequence: Sequence, spheres: Spheres) -> None:
     annotate(session, spheres)
     sequence.show(2)
-    session.write_segments()
+    session.segments.write()
     assert "has just changed" in (session.take_error() or "")
     session.wait()
     assert session.parameters.segmentation is None
@@ -158,7 +158,7 @@ def test_a_frame_that_is_left_while_segments_are_computed_is_not_written_over_an
     session: SceneSession, sequence: Sequence, spheres: Spheres
 ) -> None:
     annotate(session, spheres)
-    session.write_segments()
+    session.segments.write()
     sequence.show(2)
     session.wait()
     assert "no segments were written" in (session.take_error() or "")
@@ -176,7 +176,7 @@ def test_the_segments_of_a_frame_are_not_overwritten_by_those_of_another(
     sequence.show(2)
     session.wait()
     assert session.parameters.segmentation is None
-    assert not session.written.exist
+    assert not session.segments.exist
     session.annotations.remove_class(ids[2])
     write_all(session)
     of_second: Any = session.parameters.segmentation

@@ -153,7 +153,7 @@ class Desk:
 
     def create_segments(self) -> Any:
         """Press *Create segments*, and show them in 3D; returns the segmentation."""
-        self.session.write_segments()
+        self.session.segments.write()
         self.settle()
         segmentation = self.session.parameters.segmentation
         segmentation.CreateClosedSurfaceRepresentation()
