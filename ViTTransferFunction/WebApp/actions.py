@@ -264,8 +264,7 @@ class Actions:
 
     def _continue_segment(self, segment_id: str) -> None:
         """Add a class that begins with points in a segment of the session."""
-        node = self._app.session.parameters.segmentation
-        if node is not None and node.GetSegmentation().GetSegment(str(segment_id)) is not None:
+        if str(segment_id) in self._app.session.segments.names:
             self._app.session.continue_segment(str(segment_id))
 
     def _show_segments(self, visible: bool) -> None:

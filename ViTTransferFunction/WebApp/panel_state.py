@@ -76,7 +76,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "can_write": session.segments.can_write,
         "written": session.segments.exist,
         "outdated": outdated_text() if session.segments.outdated else "",
-        "segments": _other_segments(session),
+        "segments": [{"id": id_, "name": name} for id_, name in session.segments.names.items()],
         "segments_visible": _segments_visible(session),
         "exported": _exported(session),
         "parameters": {name: session.parameters.get(name) for name in PARAMETERS},
@@ -155,21 +155,10 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
     }
 
 
-def _other_segments(session: SceneSession) -> list[dict[str, str]]:
-    """Segments that a structure may begin with."""
-    return [{"id": id_, "name": segment.GetName()} for id_, segment in _segments(session)]
-
-
 def _segments_visible(session: SceneSession) -> bool:
     node = session.parameters.segmentation
     display = node.GetDisplayNode() if node else None
     return display is None or bool(display.GetVisibility())
-
-
-def _segments(session: SceneSession) -> list[tuple[str, Any]]:
-    node = session.parameters.segmentation
-    segmentation = node.GetSegmentation() if node else None
-    return [(id_, segmentation.GetSegment(id_)) for id_ in segmentation.GetSegmentIDs()] if segmentation else []
 
 
 def _exported(session: SceneSession) -> list[dict[str, str]]:

@@ -40,7 +40,7 @@ class OutputSection(Section):
         self._refresh_writing()
         self.ui.show3DButton.setSegmentationNode(node)
         self.ui.editSegmentsButton.enabled = node is not None
-        self.ui.continueSegmentButton.enabled = bool(_segments(node))
+        self.ui.continueSegmentButton.enabled = session is not None and bool(session.segments.names)
         corrected = session.segments.take_corrected() if session else ()
         if corrected:
             # Not in the midst of a refresh: the panel goes on behind the question.
@@ -101,8 +101,8 @@ class OutputSection(Section):
 
     def _list_segments(self) -> None:
         self._segments_menu.clear()
-        for segment_id, segment in _segments(self.session.parameters.segmentation if self.session else None):
-            self._offer(segment_id, segment.GetName())
+        for segment_id, name in (self.session.segments.names if self.session else {}).items():
+            self._offer(segment_id, name)
 
     def _offer(self, segment_id: str, name: str) -> None:
         action = self._segments_menu.addAction(in_menu(name))
@@ -141,11 +141,3 @@ def ask_about_corrections(names: tuple[str, ...]) -> Corrections | None:
     clicked = box.clickedButton()
     box.deleteLater()
     return "keep" if clicked == keep else "overwrite" if clicked == overwrite else None
-
-
-def _segments(node: slicer.vtkMRMLSegmentationNode | None) -> list[tuple[str, Any]]:
-    """IDs and segments of a segmentation, in order."""
-    if node is None:
-        return []
-    segmentation = node.GetSegmentation()
-    return [(segment_id, segmentation.GetSegment(segment_id)) for segment_id in segmentation.GetSegmentIDs()]

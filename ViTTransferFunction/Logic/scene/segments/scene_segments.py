@@ -61,6 +61,13 @@ class SceneSegments(WrittenSegments):
         self._into: slicer.vtkMRMLSegmentationNode | None = None
 
     @property
+    def names(self) -> dict[str, str]:
+        """Of all segments of the chosen segmentation, those that others made among them, by their IDs and in their order."""
+        node = self._parameters.segmentation
+        segmentation = node.GetSegmentation() if node else slicer.vtkSegmentation()
+        return {id_: segmentation.GetSegment(id_).GetName() for id_ in segmentation.GetSegmentIDs()}
+
+    @property
     def busy(self) -> bool:
         """Whether labels are being turned into segments."""
         return self._output.busy
