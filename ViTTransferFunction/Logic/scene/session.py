@@ -93,7 +93,7 @@ class SceneSession:
         self.parameters = SceneParameters(parameter_node)
         self._proxy = SegmentationProxy(lambda: ComputeClient(python_executable), may_compute)
         self._awaited = AwaitedAnswer(self._proxy, have_views_wait)
-        self._former_model = FormerModel(self.parameters, self._problems)
+        self._former_model = FormerModel(self.parameters, self._proxy, self._problems)
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
@@ -346,7 +346,7 @@ class SceneSession:
                 self.close_ups.remember_shown()
         self._take_problem()
         if "state" in events:
-            self._former_model.look(self._proxy, has_structures=bool(self.classes))
+            self._former_model.look(has_structures=bool(self.classes))
         if events & {"first map", "maps", "refined", "rendering", "state"}:
             self._show()
         elif self.views.pending and not self.awaits_maps:
@@ -422,7 +422,7 @@ class SceneSession:
 
     def _on_model(self, name: str) -> None:
         """Structures come that were made with this model; "": not known."""
-        self._former_model.remember(name, self._proxy)
+        self._former_model.remember(name)
         self._on_parameters()
 
     def _on_opened(self, anew: bool) -> None:

@@ -16,11 +16,13 @@ class FormerModel:
 
     Args:
         parameters: of the scene.
+        proxy: knows which model features are or will be of.
         problems: are told where another model has to do.
     """
 
-    def __init__(self, parameters: SceneParameters, problems: Problems) -> None:
+    def __init__(self, parameters: SceneParameters, proxy: SegmentationProxy, problems: Problems) -> None:
         self._parameters = parameters
+        self._proxy = proxy
         self._problems = problems
         self._name = parameters.get("usedModel")
         self._preset = parameters.get("preset")
@@ -31,20 +33,25 @@ class FormerModel:
             self._name = ""
         return replace(settings, former_model=self._name or None)
 
-    def remember(self, name: str, proxy: SegmentationProxy) -> None:
+    def remember(self, name: str) -> None:
         """Structures come that were made with this model, "" if that is not known: features are to be of it, too."""
         # Features that are of it already, or are just being computed, stay.
-        if name and (proxy.estimate is None or proxy.estimate.model != name):
+        if name and name != self._model_of_features:
             self._name, self._preset = name, self._parameters.get("preset")
 
-    def look(self, proxy: SegmentationProxy, has_structures: bool) -> None:
+    def look(self, has_structures: bool) -> None:
         """Take in which model the features are or will be of, and tell the user if their structures were made with another."""
-        model = proxy.estimate.model if proxy.estimate is not None else ""
+        model = self._model_of_features
         if not model:
             return
         if self._name in ("", model) or not has_structures:
             self._problems.solve("model")
         else:
             self._problems.put("model", former_model_text(self._name, model))
-        if proxy.phase == "ready" and self._parameters.get("usedModel") != model:
+        if self._proxy.phase == "ready" and self._parameters.get("usedModel") != model:
             self._parameters.set("usedModel", model)
+
+    @property
+    def _model_of_features(self) -> str:
+        """Which model the features are or will be of; "": not known."""
+        return self._proxy.estimate.model if self._proxy.estimate is not None else ""
