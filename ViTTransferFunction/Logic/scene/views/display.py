@@ -80,9 +80,9 @@ class SceneDisplay:
         self,
         volume: slicer.vtkMRMLScalarVolumeNode,
         rendering: StructureVolume | None,
-        looks: Sequence[Appearance] = (),
-        surroundings: Surroundings | None = None,
-        cut: Any = None,
+        looks: Sequence[Appearance],
+        surroundings: Surroundings,
+        cut: Any,
     ) -> None:
         """Show structures in the 3D views; None: nothing.
 
@@ -92,7 +92,7 @@ class SceneDisplay:
             volume: which they are of.
             rendering: the structures.
             looks: how they look, in the order of their numbers.
-            surroundings: how what belongs to none looks; None: it is not shown.
+            surroundings: how what belongs to none looks.
             cut: see `ClassRendering.cut`.
         """
         if rendering is None:
@@ -100,7 +100,7 @@ class SceneDisplay:
             self._rendering.hide()
             return
         self._follow(volume)
-        look = tuple(looks), surroundings or Surroundings()
+        look = tuple(looks), surroundings
         rendered, looked = self._rendered, self._look
         # First, so that what cannot be shown is not tried again and again.
         self._rendered, self._look = rendering, look

@@ -190,12 +190,12 @@ class SessionViews:
         maps = self._proxy.low_maps
         if selected is None or not selected.visible or not self._parameters.get("proposalsVisible"):
             return None
-        points_ras = [request.positive for request in requests.requests if request.id == selected.id]
-        if selected.id not in maps or not points_ras or maps[selected.id].proposals is None:
+        request = requests.of(selected.id)
+        if selected.id not in maps or request is None or maps[selected.id].proposals is None:
             return None
         others = tuple(class_map for id_, class_map in maps.items() if id_ != selected.id)
         only_annotated = self._parameters.refinement().only_annotated_components
-        return Proposals(selected.id, selected.color, maps[selected.id], others, points_ras[0], only_annotated)
+        return Proposals(selected.id, selected.color, maps[selected.id], others, request.positive, only_annotated)
 
     def _try_to(self, show: Callable[[], None]) -> None:
         try:

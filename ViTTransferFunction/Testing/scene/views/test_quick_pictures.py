@@ -9,6 +9,7 @@ import pytest
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
+from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.views import quick_pictures
 from ViTTransferFunction.Logic.scene.views.display import SceneDisplay
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
@@ -129,10 +130,10 @@ def test_the_views_have_something_to_do_until_they_are_drawn_in_full(
     shown = stage.show_structures(two_balls(), appearances([RED, GREEN]))
     stage.rendering.remove()
     display = SceneDisplay(stage.scene, slicer_app.app_logic, lambda: [stage.view.render_window()])
-    display.show_rendering(stage.views.volume, shown, appearances([RED, GREEN]))
+    display.show_rendering(stage.views.volume, shown, appearances([RED, GREEN]), Surroundings(), cut=None)
     stage.picture()
     assert not display.pending
-    display.show_rendering(stage.views.volume, shown, [Appearance(BLUE), Appearance(GREEN)])
+    display.show_rendering(stage.views.volume, shown, [Appearance(BLUE), Appearance(GREEN)], Surroundings(), cut=None)
     display.advance()
     assert display.pending
     monkeypatch.setattr(quick_pictures, "REST_S", 0.0)
