@@ -21,8 +21,8 @@ from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.interface.choices import choices, make_possible
 from ..Logic.scene.interface.messages import Messages
 from ..Logic.scene.session import SceneSession
+from ..Logic.scene.size_by_wheel import size_wheels
 from ..Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
-from ..Logic.scene.tools.size_wheel import SizeWheel
 from ..Logic.scene.volumes.volume_window import set_window
 from .access import Access
 from .actions import Actions
@@ -99,7 +99,7 @@ class WebApp:
             self._slicer.app_logic, slice_tools(self.views), self._brush_mm, self.report, self._on_changed
         )
         self._wheel = slice_tools(self.views)
-        self._wheel.start(self._size_wheel)
+        self._wheel.start(size_wheels(lambda: self.session))
         self._window_drags = slice_tools(self.views)
         self._window_drags.start(self._window_drag)
         self.session = self._new_session()
@@ -365,22 +365,6 @@ class WebApp:
         with self.server.state as state:
             state.windows = [{"text": text, **window_ends(window.low, window.high)} for text, window in windows.items()]
         return list(windows.values())
-
-    def _size_wheel(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> SizeWheel:
-        """Ctrl and the wheel change the size of the selected structure where they are over it."""
-
-        def shown_class() -> str | None:
-            selected = self.session.selected_class
-            return selected.id if selected is not None and selected.visible else None
-
-        def turn(notches: int) -> None:
-            selected = self.session.selected_class
-            if selected is not None:
-                self.session.annotations.turn_size(selected.id, notches)
-
-        return SizeWheel(
-            interactor, slice_node, shown_class, lambda point_ras: self.session.shown.is_on_selected(point_ras), turn
-        )
 
     def _window_drag(self, interactor: Any, slice_node: Any, draw: Callable[[], None]) -> WindowDrag:
         """The left button changes the window where no tool is in hand and no point is under the mouse, and with Ctrl always."""

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from ViTTransferFunction.Logic.scene.classes.class_size import stepped
 from ViTTransferFunction.Logic.scene.interface.wording import size_in_steps
-from ViTTransferFunction.Logic.scene.tools.size_wheel import SizeWheel
+from ViTTransferFunction.Logic.scene.size_by_wheel import size_wheels
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 
@@ -45,25 +45,11 @@ class SizeControls(Section):
 
     def take_wheel(self) -> None:
         """Have Ctrl and the wheel change the size where they are over the structure, in all slice views."""
-        self._wheel.start(
-            lambda interactor, node, draw: SizeWheel(interactor, node, self._shown_class, self._is_on_structure, self._turn)
-        )
+        self._wheel.start(size_wheels(lambda: self.session))
 
     def leave_wheel(self) -> None:
         """Leave the wheel to the views."""
         self._wheel.stop()
-
-    def _shown_class(self) -> str | None:
-        selected = self.selected
-        return selected.id if selected is not None and selected.visible else None
-
-    def _is_on_structure(self, point_ras: Any) -> bool:
-        return self.session is not None and self.session.shown.is_on_selected(point_ras)
-
-    def _turn(self, notches: int) -> None:
-        selected = self.selected
-        if self.session is not None and selected is not None:
-            self.session.annotations.turn_size(selected.id, notches)
 
     def _step(self, direction: Literal[-1, 1]) -> None:
         selected = self.selected
