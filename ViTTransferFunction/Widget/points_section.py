@@ -49,7 +49,7 @@ class PointsSection(Section):
 
     def _take_over(self, scan: str) -> None:
         assert self.session is not None
-        self.session.take_over(scan)
+        self.session.other_scans.take_over(scan)
 
     def _save(self) -> None:
         assert self.session is not None

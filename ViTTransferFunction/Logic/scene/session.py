@@ -71,7 +71,7 @@ class SceneSession:
         regions: adds the points of regions that the user encloses.
         close_ups: has classes looked at by themselves, or in the whole volume again.
         close_up_hints: says why a closer look may find a class better, or has begun unasked.
-        other_scans: which others have structures that could be taken over.
+        other_scans: which others have structures, and takes these over.
         views: what is shown in the views, and how.
         shown: which points lie on the structures that are shown.
         segments: writes the classes as segments, and knows which there are, and whether classes have changed since.
@@ -140,7 +140,7 @@ class SceneSession:
             self._notices,
             on_model=self._on_model,
         )
-        self.other_scans = OtherScans(self.parameters, self.annotations, self._volume.contains)
+        self.other_scans = OtherScans(self.parameters, self.annotations, self._selected, self._volume.contains)
         self.close_ups = SceneCloseUps(
             self.parameters, self.annotations, self._volume, self._maps, self._proxy, self._problems, self._notices
         )
@@ -284,14 +284,6 @@ class SceneSession:
         self._other_segments.choose_continued(segment_id)
         self._use_segment_points()
         self._notices.tell()
-
-    def take_over(self, scan: str) -> None:
-        """Add the structures of another scan, points and all, and select the first; one of `other_scans.names`.
-
-        Raises:
-            InputError: see `OtherScans.take_over`.
-        """
-        self.select_class(self.other_scans.take_over(scan).id)
 
     def chosen_iso(self, id_: str) -> float | None:
         """The threshold that a class has now, chosen or set; None where it has no map yet."""

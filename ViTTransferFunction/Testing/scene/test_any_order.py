@@ -143,7 +143,7 @@ class User:
         scans = list(self.session.other_scans.names)
         if scans and len(self._ids) < MOST_CLASSES:
             with suppress(InputError):  # They may be there already.
-                self.session.take_over(self._random.choice(scans))
+                self.session.other_scans.take_over(self._random.choice(scans))
 
     def choose_a_segmentation(self) -> None:
         self.session.set_segmentation(self._random.choice((self.theirs, None)))

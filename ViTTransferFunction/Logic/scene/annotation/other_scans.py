@@ -19,6 +19,7 @@ from ..classes.of_volume import volume_of
 from ..interface.parameters import SceneParameters
 from ..interface.translation import tr as _
 from .annotations import SceneAnnotations
+from .selected_class import SelectedClass
 
 
 class OtherScans:
@@ -27,14 +28,20 @@ class OtherScans:
     Args:
         parameters: say which scan is chosen.
         annotations: get the structures.
+        selected: which class.
         in_volume: tells which of some points (N, 3), RAS millimetres in the scene, lie in the scan that is chosen.
     """
 
     def __init__(
-        self, parameters: SceneParameters, annotations: SceneAnnotations, in_volume: Callable[[np.ndarray], np.ndarray]
+        self,
+        parameters: SceneParameters,
+        annotations: SceneAnnotations,
+        selected: SelectedClass,
+        in_volume: Callable[[np.ndarray], np.ndarray],
     ) -> None:
         self._parameters = parameters
         self._annotations = annotations
+        self._selected = selected
         self._in_volume = in_volume
 
     @property
@@ -49,16 +56,13 @@ class OtherScans:
                 names[_key(positive)] = name if volume_of(positive) is not None else removed
         return names
 
-    def take_over(self, key: str) -> ClassState:
-        """Add the structures of a scan as they are there, but for close-ups; one step for undo.
+    def take_over(self, key: str) -> None:
+        """Add the structures of a scan as they are there, but for close-ups, and select the first; one step for undo.
 
         Where a structure has the name, and no points yet, it gets theirs. What is there already is left out.
 
         Args:
             key: one of `names`.
-
-        Returns:
-            The first one.
 
         Raises:
             InputError: none of the points lies in the scan that is chosen, or all is there already.
@@ -77,7 +81,7 @@ class OtherScans:
         if not (filled or added):
             raise InputError(_("The structures of that scan are all there already, with the same points and settings."))
         self._annotations.add_classes([*filled, *added])
-        return (*filled, *added)[0]
+        self._selected.select((*filled, *added)[0].id)
 
 
 def _copy(state: ClassState, id_: str) -> ClassState:

@@ -33,7 +33,7 @@ def test_structures_without_points_get_those_of_another_scan_in_one_step(
     before = session.classes
     ((key, name),) = session.other_scans.names.items()
     assert name == baseline.GetName()
-    session.take_over(key)
+    session.other_scans.take_over(key)
     mine = {state.name: state for state in session.classes}
     assert list(mine) == ["sphere 1", "sphere 2", "empty", "sphere 3"]
     assert [mine[name].id for name in ("sphere 1", "sphere 2")] == [state.id for state in brought[:2]]
@@ -46,7 +46,7 @@ def test_structures_without_points_get_those_of_another_scan_in_one_step(
     session.wait()
     assert session.chosen_iso(mine["sphere 3"].id) is not None
     with pytest.raises(InputError, match="all there already"):
-        session.take_over(key)
+        session.other_scans.take_over(key)
     session.annotations.undo()
     assert session.classes == before
     session.set_volume(baseline)
@@ -60,7 +60,7 @@ def test_a_structure_that_has_points_keeps_them_and_the_other_one_gets_a_number(
     session.set_volume(follow_up.volume)
     follow_up.click(session)
     mine = session.classes
-    session.take_over(*session.other_scans.names)
+    session.other_scans.take_over(*session.other_scans.names)
     assert session.classes[:3] == mine
     assert [state.name for state in session.classes[3:]] == ["sphere 1 (2)", "sphere 2 (2)", "sphere 3 (2)"]
     assert len({state.color for state in session.classes}) == 6
@@ -75,7 +75,7 @@ def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
     assert session.other_scans.names == {}
     session.set_volume(add_volume(slicer_app.scene, spheres[0]))
     assert list(session.other_scans.names.values()) == [f"{spheres[0].name} (removed)"]
-    session.take_over(*session.other_scans.names)
+    session.other_scans.take_over(*session.other_scans.names)
     assert [state.positive for state in session.classes] == [state.positive for state in classes]
 
 
@@ -87,5 +87,5 @@ def test_points_of_a_scan_that_lies_elsewhere_are_refused(session: SceneSession,
     session.set_volume(follow_up.volume)
     before = session.classes
     with pytest.raises(InputError, match="None of the points of 'spheres' lies in this scan"):
-        session.take_over(*session.other_scans.names)
+        session.other_scans.take_over(*session.other_scans.names)
     assert session.classes == before
