@@ -10,7 +10,7 @@ from ..Logic.core.system.private_folder import private_folder
 from ..Logic.core.volumes.camera import Size
 from ..Logic.files.camera_files import read_camera, write_camera
 from ..Logic.scene.session import SceneSession
-from ..Logic.scene.views.view_picture import camera_of, place
+from ..Logic.scene.views.view_picture import camera_of, see_by
 
 
 def save_camera(session: SceneSession, window: Any, size: Size, path: Path) -> None:
@@ -37,7 +37,5 @@ def load_camera(session: SceneSession, window: Any, text: str) -> Size:
         except InputError as error:
             # The user has it in another folder, of which we do not know.
             raise InputError(str(error).replace(str(path), "The file")) from error
-    renderer = window.GetRenderers().GetFirstRenderer()
-    place(renderer.GetActiveCamera(), camera, middle)
-    renderer.ResetCameraClippingRange()
+    see_by(window, camera, middle)
     return camera.size

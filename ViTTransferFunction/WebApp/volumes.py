@@ -18,7 +18,7 @@ from ..Logic.core.volumes.intensity_window import (
 from ..Logic.core.volumes.volume import Volume
 from ..Logic.files.image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from ..Logic.files.volume_files import read_volume
-from ..Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node, set_image
+from ..Logic.scene.volumes.volume_nodes import set_image, volume_from_node
 
 CT_WINDOWS = {"Soft tissue": CT_SOFT_TISSUE, "Lung": CT_LUNG, "Bone": CT_BONE}
 
@@ -78,6 +78,5 @@ def windows_of(node: Any) -> dict[str, IntensityWindow]:
     Raises:
         InputError: the node is no scalar volume.
     """
-    geometry = geometry_from_node(node)
-    volume = Volume(array_from_node(node), geometry, node.GetName())
+    volume = volume_from_node(node)
     return CT_WINDOWS if looks_like_hounsfield_units(volume) else {"Automatic": display_window(volume)}

@@ -18,7 +18,7 @@ from ViTTransferFunction.Logic.files.camera_files import read_camera, write_came
 from ViTTransferFunction.Logic.files.film import FilmPlan, check_film_writer, film_steps
 from ViTTransferFunction.Logic.scene.views.filming import FRAMES_PER_SECOND, Filming
 from ViTTransferFunction.Logic.scene.views.png_file import save_png
-from ViTTransferFunction.Logic.scene.views.view_picture import camera_of, place, view_picture
+from ViTTransferFunction.Logic.scene.views.view_picture import camera_of, see_by, view_picture
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.views import view_windows
@@ -104,9 +104,7 @@ class PicturesSection(Section):
             return
         camera = read_camera(Path(path))
         window = view_window()
-        renderer = window.GetRenderers().GetFirstRenderer()
-        place(renderer.GetActiveCamera(), camera, middle)
-        renderer.ResetCameraClippingRange()
+        see_by(window, camera, middle)
         self.ui.pictureWidthSpinBox.value, self.ui.pictureHeightSpinBox.value = camera.size
         window.Render()
 

@@ -89,6 +89,13 @@ def camera_of(window: Any, size: Size, middle_ras: np.ndarray = ORIGIN) -> Camer
     )
 
 
+def see_by(window: Any, camera: Camera, middle_ras: np.ndarray) -> None:
+    """Have a view seen by what `camera_of` returned of it, or of another one; nothing is drawn."""
+    renderer = window.GetRenderers().GetFirstRenderer()
+    place(renderer.GetActiveCamera(), camera, middle_ras)
+    renderer.ResetCameraClippingRange()
+
+
 def _vector(array: np.ndarray) -> tuple[float, float, float]:
     return float(array[0]), float(array[1]), float(array[2])
 

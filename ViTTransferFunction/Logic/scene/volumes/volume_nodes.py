@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonMath import vtkMatrix4x4
 
 from ...core.system.errors import InputError
 from ...core.volumes.geometry import Geometry
+from ...core.volumes.volume import Volume
 from ..mrml.transforms import matrix_to_world, numpy_matrix, vtk_matrix
 
 
@@ -50,6 +51,16 @@ def geometry_from_node(node: Any) -> Geometry:
             f"'{name}' has a spacing of zero or axes that lie in one plane. Load the volume again, or correct it in Slicer: "
             "module Volumes, Volume Information."
         ) from error
+
+
+def volume_from_node(node: Any) -> Volume:
+    """A scalar volume node as the rest of the Logic knows volumes: with its own voxels, in its local frame.
+
+    Raises:
+        InputError: see `geometry_from_node`, or its voxels are nothing that can be segmented.
+    """
+    geometry = geometry_from_node(node)
+    return Volume(array_from_node(node), geometry, node.GetName())
 
 
 def set_image(node: Any, array: np.ndarray, ijk_to_ras: np.ndarray) -> None:

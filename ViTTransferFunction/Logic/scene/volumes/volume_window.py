@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...core.volumes.intensity_window import IntensityWindow, display_window
-from ...core.volumes.volume import Volume
-from .volume_nodes import array_from_node, geometry_from_node
+from .volume_nodes import volume_from_node
 
 
 def set_window(node: Any, low: float, high: float) -> None:
@@ -35,6 +34,5 @@ def replace_impossible_window(node: Any) -> None:
     display = node.GetScalarVolumeDisplayNode()
     if display is None or np.isfinite([display.GetWindowLevelMin(), display.GetWindowLevelMax()]).all():
         return
-    geometry = geometry_from_node(node)
-    window = display_window(Volume(array_from_node(node), geometry, node.GetName()))
+    window = display_window(volume_from_node(node))
     set_window(node, window.low, window.high)
