@@ -15,7 +15,7 @@ from typing import Any
 import slicer
 
 from ..compute.client import ComputeClient
-from ..compute.proxy import Phase, SegmentationProxy
+from ..compute.proxy import Event, Phase, SegmentationProxy
 from ..core.system.errors import InputError
 from ..core.system.progress import WorkProgress
 from ..session.feature_estimate import FeatureEstimate
@@ -52,7 +52,7 @@ from .volumes.volume_content import Frame
 
 
 class SceneSession:
-    """Connects the scene, the compute process, and what the views show.
+    """Connects the scene, the compute process, and what the views show. Its parts, below, are for front ends as well.
 
     Args:
         scene: the scene.
@@ -332,39 +332,19 @@ class SceneSession:
         """Take in what the compute process has to say, and send it what has become due."""
         was_busy = self.busy
         events = self._proxy.poll()
-        if "maps" in events:
-            self._problems.solve("computing")
-            if self._proxy.up_to_date:
-                self.close_ups.remember_shown()
-        self._take_problem()
-        if "state" in events:
-            self._former_model.look(has_structures=bool(self.classes))
-        if events & {"first map", "maps", "refined", "rendering", "state"}:
-            self._show()
-        elif self.views.pending and not self.awaits_maps:
-            # What is left to show of maps that give way to others would keep these waiting.
-            self.views.advance()
-        if "refined" in events:
-            for id_, close_up in self.close_up_hints.take_unasked().items():
-                self.close_ups.look_at(id_, close_up)
+        self._take_in(events)
         self._awaited.tell()
-        searched = self._other_segments.busy and self._other_segments.advance()
-        segments_changed, self._segments_changed = self._segments_changed, False
-        if searched or segments_changed:
-            self._use_segment_points()
+        segments_changed = self._search_in_segments()
         writing = self.segments.busy
         if "labels" in events or writing:
             self.segments.advance()
         # What the user waits for is finished first: it is kept for its frame.
         if self.progress is None and self._volume.has_rested():
             self._on_opened(self._volume.open_again())
-        look_due, self._look_due = self._look_due, False
-        looked = look_due and self._left_behind.look()
-        if look_due:
-            self.close_ups.go_along()
+        left_behind = self._look_at_places()
         came_to_rest = was_busy and not self.busy
         # What there is to tell of the first map is told with all.
-        if events - {"first map"} or writing or segments_changed or looked or came_to_rest:
+        if events - {"first map"} or writing or segments_changed or left_behind or came_to_rest:
             self._notices.tell()
 
     def wait(self, timeout_s: float = 600.0) -> None:
@@ -385,6 +365,40 @@ class SceneSession:
         self._points_in_3d.close()
         self._proxy.close()
         self.views.remove()
+
+    def _take_in(self, events: set[Event]) -> None:
+        """Show what has come from the compute process, or go on to show what came before."""
+        if "maps" in events:
+            self._problems.solve("computing")
+            if self._proxy.up_to_date:
+                self.close_ups.remember_shown()
+        self._take_problem()
+        if "state" in events:
+            self._former_model.look(has_structures=bool(self.classes))
+        if events & {"first map", "maps", "refined", "rendering", "state"}:
+            self._show()
+        elif self.views.pending and not self.awaits_maps:
+            # What is left to show of maps that give way to others would keep these waiting.
+            self.views.advance()
+        if "refined" in events:
+            for id_, close_up in self.close_up_hints.take_unasked().items():
+                self.close_ups.look_at(id_, close_up)
+
+    def _search_in_segments(self) -> bool:
+        """Go on to look for points in other segments; returns whether the chosen segmentation has changed."""
+        searched = self._other_segments.busy and self._other_segments.advance()
+        changed, self._segments_changed = self._segments_changed, False
+        if searched or changed:
+            self._use_segment_points()
+        return changed
+
+    def _look_at_places(self) -> bool:
+        """Look where points and boxes are, if something has changed; returns whether there is news of points left behind."""
+        due, self._look_due = self._look_due, False
+        news = due and self._left_behind.look()
+        if due:
+            self.close_ups.go_along()
+        return news
 
     def _on_annotations(self) -> None:
         """The user went on, or took back what they did."""
