@@ -11,6 +11,7 @@ from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.interface.cache_contents import CacheContents
 from ..Logic.scene.interface.choices import check_possible, choices
 from ..Logic.scene.interface.wording import style_words
+from ..Logic.scene.session import SceneSession
 from ..Logic.scene.views.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.volumes.volume_window import set_window
 from .panel_state import PARAMETERS, color_of_hex
@@ -46,23 +47,23 @@ class Actions:
             "recolor": lambda id_, color: self._set(id_, color=color_of_hex(str(color))),
             "show": lambda id_, visible: self._set(id_, visible=bool(visible)),
             "remove": self._remove_class,
-            "moveUp": lambda: self._move(-1),
-            "moveDown": lambda: self._move(1),
+            "moveUp": self._of_selected(lambda session, id_: session.annotations.move_class(id_, -1)),
+            "moveDown": self._of_selected(lambda session, id_: session.annotations.move_class(id_, 1)),
             "set": self._set_selected,
             "thresholdAutomatic": self._set_threshold_automatic,
             "undo": lambda: app.session.annotations.undo(),
             "redo": lambda: app.session.annotations.redo(),
-            "removeLast": self._remove_last,
-            "smaller": lambda: self._step(-1),
-            "larger": lambda: self._step(1),
-            "lookCloser": self._look_closer,
-            "lookAtWhole": self._look_at_whole,
+            "removeLast": self._of_selected(lambda session, id_: session.annotations.remove_last_point(id_)),
+            "smaller": self._of_selected(lambda session, id_: session.annotations.step_size(id_, -1)),
+            "larger": self._of_selected(lambda session, id_: session.annotations.step_size(id_, 1)),
+            "lookCloser": self._of_selected(lambda session, id_: session.close_ups.look_closer(id_)),
+            "lookAtWhole": self._of_selected(lambda session, id_: session.close_ups.look_at_whole(id_)),
             "sizeAsChosen": lambda: self._set_fields(size=0.0, iso=None),
             "previousClass": lambda: self._select_neighbour(-1),
             "nextClass": lambda: self._select_neighbour(1),
-            "nextPoint": self._show_next_point,
+            "nextPoint": self._of_selected(lambda session, id_: session.show_next_point(id_)),
             "putDown": app.tool.put_down,
-            "duplicate": self._duplicate,
+            "duplicate": self._of_selected(_duplicate),
             "parameter": self._set_parameter,
             "style": self._set_style,
             "look": self._set_look,
@@ -115,6 +116,16 @@ class Actions:
     def _toggle(self, tool: Any) -> Callable[[], None]:
         return lambda: self._app.tool.toggle(tool)
 
+    def _of_selected(self, do: Callable[[SceneSession, str], object]) -> Callable[[], None]:
+        """Does something to the session and the selected class, which has an id; where none is selected, nothing."""
+
+        def act() -> None:
+            selected = self._app.session.selected_class
+            if selected is not None:
+                do(self._app.session, selected.id)
+
+        return act
+
     def _unfold(self, part: str) -> Callable[[bool], None]:
         """The page shows a part, or does not any more."""
 
@@ -164,11 +175,6 @@ class Actions:
         if was_selected and session.classes:
             session.select_class(session.classes[min(row, len(session.classes) - 1)].id)
 
-    def _move(self, step: int) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.annotations.move_class(selected.id, step)
-
     def _select_neighbour(self, step: int) -> None:
         """Select the class `step` rows further down; the table's ends meet."""
         session, selected = self._app.session, self._app.session.selected_class
@@ -190,36 +196,6 @@ class Actions:
         selected = self._app.session.selected_class
         if selected is not None:
             self._set_fields(iso=None if automatic else self._app.session.chosen_iso(selected.id))
-
-    def _step(self, direction: Any) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.annotations.step_size(selected.id, direction)
-
-    def _look_closer(self) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.close_ups.look_closer(selected.id)
-
-    def _look_at_whole(self) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.close_ups.look_at_whole(selected.id)
-
-    def _remove_last(self) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.annotations.remove_last_point(selected.id)
-
-    def _show_next_point(self) -> None:
-        selected = self._app.session.selected_class
-        if selected is not None:
-            self._app.session.show_next_point(selected.id)
-
-    def _duplicate(self) -> None:
-        session, selected = self._app.session, self._app.session.selected_class
-        if selected is not None:
-            session.select_class(session.annotations.duplicate_class(selected.id).id)
 
     def _set_parameter(self, name: str, value: Any) -> None:
         """Set one of the session's settings. Raises InputError where it cannot be that."""
@@ -280,6 +256,11 @@ class Actions:
         if volume is not None:
             display = volume.GetScalarVolumeDisplayNode()
             set_window(volume, _or(low, display.GetWindowLevelMin()), _or(high, display.GetWindowLevelMax()))
+
+
+def _duplicate(session: SceneSession, id_: str) -> None:
+    """Add a class with the settings and points of another one, and select it."""
+    session.select_class(session.annotations.duplicate_class(id_).id)
 
 
 def _or(given: float | None, otherwise: float) -> float:
