@@ -97,19 +97,6 @@ class SceneSession:
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
         self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
         self._tour = PointTour(scene)
-        self.segments = SceneSegments(
-            scene,
-            app_logic,
-            self.parameters,
-            self._proxy,
-            self._problems,
-            self._notices,
-            self._volume,
-            lambda: self.classes,
-            lambda: self._maps.requests.requests,
-        )
-        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.segments, self._problems)
-        self._segments_changed = False
         self._other_segments = OtherSegments(scene, self.parameters)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
         self.annotations = SceneAnnotations(
@@ -130,6 +117,19 @@ class SceneSession:
         self._maps = AskedMaps(
             self.parameters, self.annotations, self._selected, self._volume, self._other_segments, self._proxy
         )
+        self.segments = SceneSegments(
+            scene,
+            app_logic,
+            self.parameters,
+            self._proxy,
+            self._problems,
+            self._notices,
+            self._volume,
+            lambda: self.classes,
+            lambda: self._maps.requests.requests,
+        )
+        self._frames = FrameSegments(self.parameters, self._volume, lambda: self.classes, self.segments, self._problems)
+        self._segments_changed = False
         self.file_classes = FileClasses(
             self.parameters,
             self.annotations,
