@@ -72,7 +72,7 @@ class Actions:
             "film": app.films.start,
             "cancelFilm": app.films.give_up,
             "loadCamera": self._load_camera,
-            "exportRendering": lambda: app.session.export_rendering(),
+            "exportRendering": lambda: app.session.views.export_rendering(),
             "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),

@@ -139,4 +139,4 @@ class AppearanceSection(Section):
 
     def _on_export(self) -> None:
         if self.session is not None:
-            self.session.export_rendering()
+            self.session.views.export_rendering()

@@ -95,7 +95,7 @@ class SceneSession:
         self._awaited = AwaitedAnswer(self._proxy, have_views_wait)
         self._former_model = FormerModel(self.parameters, self._proxy, self._problems)
         self._volume = OpenedVolume(self.parameters, self._proxy, self._problems, self._former_model)
-        self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, windows_3d)
+        self.views = SessionViews(scene, app_logic, self.parameters, self._proxy, self._problems, self._notices, windows_3d)
         self._tour = PointTour(scene)
         self._other_segments = OtherSegments(scene, self.parameters)
         self._points_in_3d = PointsIn3D(app_logic, points_3d, self._tell_of_nothing_hit)
@@ -317,15 +317,6 @@ class SceneSession:
         else:
             self._proxy.cancel()
         self.segments.cancel()
-        self._notices.tell()
-
-    def export_rendering(self) -> None:
-        """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
-        self._problems.solve("views")
-        if not self.views.export_rendering():
-            self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
-        else:
-            self.parameters.set("rendering", "off")
         self._notices.tell()
 
     def poll(self) -> None:

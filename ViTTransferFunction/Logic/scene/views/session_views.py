@@ -21,6 +21,7 @@ from ...rendering.structure_volume import StructureVolume
 from ...rendering.surroundings import Surroundings
 from ..classes.class_requests import ClassRequests
 from ..classes.class_state import ClassState
+from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
 from ..interface.wording import nothing_in_3d_text
@@ -43,6 +44,7 @@ class SessionViews:
         parameters: what is to be shown.
         proxy: has the maps and the rendering.
         problems: gets what stands in the way of showing them.
+        notices: front ends hear of that.
         windows_3d: the vtkRenderWindows of the 3D views that are shown.
     """
 
@@ -53,6 +55,7 @@ class SessionViews:
         parameters: SceneParameters,
         proxy: SegmentationProxy,
         problems: Problems,
+        notices: Notices,
         windows_3d: Callable[[], Iterable[Any]],
     ) -> None:
         self._scene = scene
@@ -60,6 +63,7 @@ class SessionViews:
         self._parameters = parameters
         self._proxy = proxy
         self._problems = problems
+        self._notices = notices
         self._display = SceneDisplay(scene, app_logic, windows_3d)
         self._histograms: WeakKeyDictionary[StructureVolume, dict[int, IntensityHistogram]] = WeakKeyDictionary()
 
@@ -135,12 +139,15 @@ class SessionViews:
         with drawn_together(self._app_logic):
             self._try_to(self._display.advance)
 
-    def export_rendering(self) -> bool:
-        """Leave what 3D views show as ordinary nodes of the scene; whether they show something."""
+    def export_rendering(self) -> None:
+        """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
+        self._problems.solve("views")
         volume = self._parameters.volume
-        return (
-            volume is not None and self._display.export_rendering(name_for_scene(f"{volume.GetName()} structures")) is not None
-        )
+        if volume is None or self._display.export_rendering(name_for_scene(f"{volume.GetName()} structures")) is None:
+            self._problems.put("views", "There is no 3D rendering. Place a point on a structure, and switch the 3D views on.")
+        else:
+            self._parameters.set("rendering", "off")
+        self._notices.tell()
 
     def remove(self) -> None:
         """Take all that is shown out of the scene."""
