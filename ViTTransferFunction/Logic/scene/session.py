@@ -38,7 +38,6 @@ from .interface.parameters import SceneParameters
 from .interface.problems import Problems
 from .interface.wording import nothing_hit_text
 from .mrml.drawn_together import drawn_together
-from .mrml.point_lists import Point
 from .scan_change import ScanChange
 from .scene_watch import SceneWatch
 from .segments.frame_segments import FrameSegments
@@ -52,7 +51,7 @@ from .volumes.volume_content import Frame
 
 
 class SceneSession:
-    """Connects the scene, the compute process, and what the views show. Its parts, below, are for front ends as well.
+    """Connects the scene, the compute process, and what the views show. Front ends talk to the parts among its attributes, too.
 
     Args:
         scene: the scene.
@@ -274,10 +273,10 @@ class SceneSession:
         """Choose the class that is annotated."""
         self._selected.select(id_)
 
-    def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> Point | None:
+    def show_next_point(self, id_: str, polarities: Sequence[Polarity] = ("positive", "negative")) -> None:
         """Centre the slice views on a class's next point of these polarities; see `PointTour`."""
         state = next(state for state in self.classes if state.id == id_)
-        return self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
+        self._tour.show_next([point for polarity in polarities for point in getattr(state, polarity)])
 
     def continue_segment(self, segment_id: str) -> None:
         """Begin a class with points in a segment of the chosen segmentation, to improve what others made. `poll` finds them."""
