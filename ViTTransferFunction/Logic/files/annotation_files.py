@@ -12,7 +12,6 @@ import numpy as np
 from ..core.classes.annotated_class import AnnotatedClass
 from ..core.classes.class_request import ClassRequest, as_points, check_name, no_points
 from ..core.classes.close_up import CloseUp
-from ..core.classes.closed_curve import closed_curve_through
 from ..core.classes.colors import Color, default_color
 from ..core.classes.diameter_points import points_of_diameter
 from ..core.classes.iso_proposals import LARGEST_SIZE, SMALLEST_SIZE
@@ -21,6 +20,7 @@ from ..core.system.atomic_file import replacing
 from ..core.system.errors import InputError, shown
 from ..core.system.given_numbers import FARTHEST, is_number
 from ..core.volumes.geometry import LPS_TO_RAS, Geometry, transform_points
+from .closed_curve import closed_curve_through
 from .json_files import read_json
 
 ANNOTATIONS_ENDING = ".annotations.json"

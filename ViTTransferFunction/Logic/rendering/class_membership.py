@@ -12,8 +12,8 @@ import numpy as np
 from ..core.classes.class_map import NEAR_SHARE_OF_ISO, box_above
 from ..core.volumes.bounding_box import common_part, covering_box, grown, out_of, whole_box, within
 from ..core.volumes.geometry import Box
-from ..core.volumes.lookup import looked_up
 from ..core.volumes.resampling import cell_positions, interpolated
+from .lookup import looked_up
 
 Shape = tuple[int, int, int]
 

@@ -11,10 +11,10 @@ import numpy as np
 from ..core.volumes.bounding_box import whole_box
 from ..core.volumes.geometry import Box
 from ..core.volumes.intensity_window import finite_sample, percentile_window
-from ..core.volumes.lookup import looked_up
 from ..core.volumes.resampling import cell_positions, interpolated, planes_between
 from ..core.volumes.volume import Volume
 from .class_membership import Shape, nearest_voxels
+from .lookup import looked_up
 
 LEVELS = 256
 

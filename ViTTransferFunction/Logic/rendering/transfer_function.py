@@ -9,9 +9,9 @@ from scipy.ndimage import gaussian_filter1d
 
 from ..core.system.progress import Progress, no_progress
 from ..core.volumes.intensity_window import IntensityWindow
-from ..core.volumes.lookup import looked_up
 from .class_membership import Map, Shape, finest_shape, memberships, nearest_voxels
 from .composition import COMPOSING, Composition, shape_within_budget
+from .lookup import looked_up
 from .smoothing import binomial, smoothed
 
 CERTAIN, DOUBTFUL = 200, 55

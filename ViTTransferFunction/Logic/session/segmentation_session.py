@@ -14,7 +14,6 @@ import numpy as np
 from ..core.classes.class_map import ClassMap
 from ..core.classes.class_request import ClassRequest, check_requests, points_against
 from ..core.classes.iso_proposals import IsoProposals
-from ..core.classes.point_thinning import thinned
 from ..core.system.progress import SEGMENTING, Between, Progress, no_progress, nothing_between
 from ..core.system.stopwatch import Stopwatch
 from ..core.volumes.bounding_box import bounding_box
@@ -35,6 +34,7 @@ from .feature_source import FeatureProvenance, FeatureSource
 from .labels import Competition, keep_annotated_components
 from .loaded_features import LoadedFeatures, SharedIntensities
 from .memory_need import check_memory_for_refinement
+from .point_thinning import thinned
 from .presets import Preset
 from .refined_map import RefinedMap
 from .segmentation import Segmentation, label_sizes, segmentation_of

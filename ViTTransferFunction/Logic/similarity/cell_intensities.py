@@ -8,7 +8,6 @@ from functools import partial
 import numpy as np
 
 from ..core.volumes.geometry import Geometry
-from ..core.volumes.intensity_cdf import IntensityCdf
 from ..core.volumes.intensity_window import display_window
 from ..core.volumes.orientation import canonical_orientation
 from ..core.volumes.volume import Volume
@@ -16,6 +15,7 @@ from ..features.background_tokens import background_cells
 from ..features.network_channels import network_channels
 from .connected_points import ConnectedPoints
 from .connectedness import Connectedness
+from .intensity_cdf import IntensityCdf
 from .iso_value import edge_strength_at
 from .stable_components import StableComponents
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..core.classes.iso_proposals import LARGER, LARGEST_ISO, SMALLER, SMALLEST_ISO, IsoProposals
 from ..core.system.progress import Between, nothing_between
-from ..core.volumes.intensity_cdf import IntensityCdf
+from .intensity_cdf import IntensityCdf
 from .stable_components import TOLERANCES, component_sizes, stability
 
 POINTS_TO_HALF = 1.5

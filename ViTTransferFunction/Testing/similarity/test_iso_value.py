@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.classes.iso_proposals import LARGEST_ISO, SMALLEST_ISO
-from ViTTransferFunction.Logic.core.volumes.intensity_cdf import IntensityCdf
+from ViTTransferFunction.Logic.similarity.intensity_cdf import IntensityCdf
 from ViTTransferFunction.Logic.similarity.iso_value import (
     choose_iso_by_edges,
     choose_refined_iso,

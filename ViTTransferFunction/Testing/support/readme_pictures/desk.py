@@ -16,9 +16,9 @@ from trame_slicer.views import DirectViewFactory, ViewLayoutDefinition
 from trame_slicer.views.render_scheduler import NoScheduleRendering
 
 from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.classes.closed_curve import closed_curve_through
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.files.closed_curve import closed_curve_through
 from ViTTransferFunction.Logic.scene.annotation_tool import INSIDE_COLOR
 from ViTTransferFunction.Logic.scene.tools.drawing_tool import DrawingTool, Shape
 from ViTTransferFunction.Testing.support.scenes import add_volume

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
-from ViTTransferFunction.Logic.core.volumes.intensity_cdf import IntensityCdf
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.similarity.intensity_cdf import IntensityCdf
 
 OBLIQUE = np.array([[0.9, -0.3, 0.1, 4.0], [0.2, 1.1, 0.0, -7.0], [0.0, 0.4, 2.5, 30.0], [0.0, 0.0, 0.0, 1.0]])
 

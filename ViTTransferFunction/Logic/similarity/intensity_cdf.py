@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from .geometry import Geometry
-from .intensity_window import finite_sample, quantiles
-from .volume import Volume
+from ..core.volumes.geometry import Geometry
+from ..core.volumes.intensity_window import finite_sample, quantiles
+from ..core.volumes.volume import Volume
 
 _LEVELS = 512
 _NEIGHBOURS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64) - 1.0

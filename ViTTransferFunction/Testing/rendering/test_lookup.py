@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.volumes import lookup
-from ViTTransferFunction.Logic.core.volumes.lookup import looked_up
+from ViTTransferFunction.Logic.rendering import lookup
+from ViTTransferFunction.Logic.rendering.lookup import looked_up
 
 
 @pytest.mark.parametrize("part_voxels", [1, 50, 10_000])

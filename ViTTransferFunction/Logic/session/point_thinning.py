@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..volumes.geometry import Geometry
-from .class_request import ClassRequest
+from ..core.classes.class_request import ClassRequest
+from ..core.volumes.geometry import Geometry
 
 MOST_POINTS = 500
 """Of all classes together. Time and memory grow with them, by megabytes each, and a structure is known long before."""

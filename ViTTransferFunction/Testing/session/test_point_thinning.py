@@ -7,8 +7,8 @@ import pytest
 
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
-from ViTTransferFunction.Logic.core.classes.point_thinning import MOST_POINTS, thinned
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.session.point_thinning import MOST_POINTS, thinned
 
 GEOMETRY = Geometry((60, 80, 100), np.array([[0.0, -2.0, 0, 50], [3.0, 0, 0, -7], [0, 0, 4.0, 10], [0, 0, 0, 1.0]]))
 EDGES = np.array(GEOMETRY.shape[::-1]) - 0.5

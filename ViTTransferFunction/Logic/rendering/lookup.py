@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .bounding_box import whole_box
-from .stepped_work import slabs
+from ..core.volumes.bounding_box import whole_box
+from ..core.volumes.stepped_work import slabs
 
 PART_VOXELS = 1 << 16
 """Indices that are looked up at a time. NumPy makes 8 bytes of each first, and these are to stay in the processor's cache."""
