@@ -76,7 +76,7 @@ def memberships(
     """The index of each class and its membership, one after the other; not of those whose map is nowhere near its iso value.
 
     The surface of a class is where its map reaches its iso value, or, where classes overlap, where another class's map exceeds
-    its own iso value by as large a factor: as in `session.labels.assign_labels`.
+    its own iso value by as large a factor: as in `Competition` of `session/labels.py`.
 
     Args:
         maps: of the same part of the volume, but possibly of different shapes.

@@ -20,7 +20,7 @@ CORRECTED_TAG = "ViTTransferFunction.correctedClass"
 NAME_TAG = "ViTTransferFunction.name"
 COLOR_TAG = "ViTTransferFunction.color"
 VOXELS_TAG = "ViTTransferFunction.voxels"
-"""Digest of the voxels (`core.voxel_digest`)."""
+"""Digest of the voxels (`VoxelDigest`)."""
 
 
 def read_tag(segment: Any, tag: str) -> str | None:
