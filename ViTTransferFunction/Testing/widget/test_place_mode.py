@@ -177,6 +177,25 @@ def test_where_the_list_in_hand_is_deleted_clicks_place_nothing(widget: Any, int
     assert not selection.GetActivePlaceNodeID()
 
 
+def remove_in_the_module_data(widget: Any) -> None:
+    session = widget.panel.session
+    slicer.mrmlScene.RemoveNode(session.annotations.points_node(session.selected_class.id, positive=True))
+
+
+@pytest.mark.parametrize("remove", [lambda widget: widget.ui.undoButton.click(), remove_in_the_module_data])
+def test_where_the_list_in_hand_goes_clicks_place_nothing_in_another_structure(
+    widget: Any, interaction: Any, selection: Any, remove: Callable[[Any], None]
+) -> None:
+    for _ in range(2):
+        add_class(widget)
+    remove(widget)
+    assert widget.panel.tools.tool is None
+    assert not widget.ui.pointOnButton.isChecked()
+    assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+    assert not interaction.GetPlaceModePersistence()
+    assert not selection.GetActivePlaceNodeID()
+
+
 def test_slicer_s_own_button_places_nothing_in_a_structure_afterwards(widget: Any, selection: Any) -> None:
     add_class(widget)
     widget.ui.pointOnButton.click()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import slicer
+import vtk
 
 from ..classes.class_nodes import LIST_CLASS, is_list_of_a_class
 
@@ -76,6 +77,8 @@ class PlaceMode:
         mode_changed = slicer.vtkMRMLInteractionNode.InteractionModeChangedEvent
         for node, event in ((self._interaction, mode_changed), (self._selection, "ModifiedEvent")):
             self._tags.append((node, node.AddObserver(event, self._on_changed)))
+        scene = self._selection.GetScene()
+        self._tags.append((scene, scene.AddObserver(scene.NodeAboutToBeRemovedEvent, self._on_node_going)))
 
     def _stop_watching(self) -> None:
         for node, tag in self._tags:
@@ -84,13 +87,15 @@ class PlaceMode:
 
     def _on_changed(self, caller: Any, event: str) -> None:
         placing = self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place
-        placed_in = self._selection.GetActivePlaceNodeID()
-        if placing and placed_in is None:
-            # The list was deleted: a view would make one of its own for the next click.
-            self.stop()
-            self._on_ended()
-        elif not placing or placed_in != self._list_id:
+        if not placing or self._selection.GetActivePlaceNodeID() != self._list_id:
             self._restore()
+            self._on_ended()
+
+    @vtk.calldata_type(vtk.VTK_OBJECT)
+    def _on_node_going(self, caller: vtk.vtkObject, event: str, node: Any) -> None:
+        """End before the list is gone: Slicer's tool bar of markups then goes on in another one, perhaps another structure's."""
+        if node.GetID() == self._list_id:
+            self.stop()
             self._on_ended()
 
     def _restore(self) -> None:
@@ -100,9 +105,7 @@ class PlaceMode:
         assert before is not None
         if self._interaction.GetPlaceModePersistence():
             self._interaction.SetPlaceModePersistence(before.persistence)
-        placed_in = self._selection.GetActivePlaceNodeID()
-        is_gone = placed_in is None and self._selection.GetScene().GetNodeByID(self._list_id) is None
-        if placed_in == self._list_id or is_gone:
+        if self._selection.GetActivePlaceNodeID() == self._list_id:
             # Otherwise Slicer's own button would go on to place points in this structure.
             self._selection.SetReferenceActivePlaceNodeClassName(before.list_class or "")
             self._selection.SetActivePlaceNodeID(before.list_id)

@@ -26,6 +26,7 @@ from ViTTransferFunction.Testing.support.standin import (
     sample_data,
     scripted_loadable_module,
 )
+from ViTTransferFunction.Testing.support.standin.markups_tool_bar import keep_markups_tool_bar
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
 from ViTTransferFunction.Testing.support.standin.segmentation_widgets import ModuleSelector, SegmentEditor
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
@@ -71,6 +72,7 @@ class Host:
             setattr(slicer, name, value)
         _read_properties_as_pythonqt_does()
         keep_subject_hierarchy(app.scene)
+        keep_markups_tool_bar(app.scene)
         self.window = MainWindow()
         slicer.app.layoutManager().setViewport(self.window)
         self.representation = Representation()
