@@ -177,12 +177,12 @@ def test_where_the_list_in_hand_is_deleted_clicks_place_nothing(widget: Any, int
     assert not selection.GetActivePlaceNodeID()
 
 
-def remove_in_the_module_data(widget: Any) -> None:
+def remove_its_list(widget: Any) -> None:
     session = widget.panel.session
     slicer.mrmlScene.RemoveNode(session.annotations.points_node(session.selected_class.id, positive=True))
 
 
-@pytest.mark.parametrize("remove", [lambda widget: widget.ui.undoButton.click(), remove_in_the_module_data])
+@pytest.mark.parametrize("remove", [lambda widget: widget.ui.undoButton.click(), remove_its_list])
 def test_where_the_list_in_hand_goes_clicks_place_nothing_in_another_structure(
     widget: Any, interaction: Any, selection: Any, remove: Callable[[Any], None]
 ) -> None:

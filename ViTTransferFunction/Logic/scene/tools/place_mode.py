@@ -93,7 +93,7 @@ class PlaceMode:
 
     @vtk.calldata_type(vtk.VTK_OBJECT)
     def _on_node_going(self, caller: vtk.vtkObject, event: str, node: Any) -> None:
-        """End before the list is gone: Slicer's tool bar of markups then goes on in another one, perhaps another structure's."""
+        """End before the list is gone: Slicer's tool bar then goes on placing in another one, perhaps another structure's."""
         if node.GetID() == self._list_id:
             self.stop()
             self._on_ended()
