@@ -34,6 +34,9 @@ class Pictures:
         self.drawn = 0
         self._event = asyncio.Event()
 
+    def set_streamer(self, streamer: Any) -> None:
+        """As adapters of views have it, who send their pictures by it."""
+
     def schedule_render(self) -> None:
         self.drawn += 1
         self._event.set()

