@@ -14,7 +14,7 @@ from .dicom_kind import instead_of_scan
 from .dicom_slice import DicomSlice, heights, read_slice, turned
 from .image_headers import DICOM_START_BYTES, is_dicom_start, read_start
 from .itk_errors import last_line
-from .volumes_of_series import TRAITS, volumes_of_series
+from .volumes_of_series import IMAGE_TYPE, TRAITS, volumes_of_series
 
 MOST_ENTRIES = 50_000
 """Files and folders below a folder that is looked through. A disk that a patient brings has some thousands; whoever names a
@@ -22,6 +22,9 @@ whole computer by mistake is told at once."""
 
 NO_SLICES = (".nrrd", ".nii", ".nii.gz", ".mha", ".json", ".png", ".gif", ".mp4")
 """Endings, in small letters, of results, which are no slices and may be written again and again beside a DICOM series."""
+
+SCOUT = "LOCALIZER"
+"""Among the values of a scout's image type (DICOM PS3.3, C.8.2.1.1.1). Some scanners put it into the series of the scan."""
 
 _FILES_OF_SYSTEMS = (".ds_store", "thumbs.db", "desktop.ini")
 """What systems write where a folder is looked at, in small letters."""
@@ -149,7 +152,14 @@ def _why_unread(path: Path, complaint: str) -> str:
 
 
 def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:
-    """The volumes of one series: the files of several frames, each by itself, and what those of one frame make together."""
+    """The volumes of one series: the files of several frames, each by itself, and what those of one frame make together.
+
+    Scouts among the slices of a scan are none of them.
+    """
+    scouts = [one for one in slices if SCOUT in IMAGE_TYPE.value(one).split("\\")]
+    if 0 < len(scouts) < len(slices):
+        others = [one for one in slices if one not in scouts]
+        return [DicomSeries((one,), f"scout {one.path.relative_to(folder)}") for one in scouts] + _volumes(others, folder)
     single = [one for one in slices if one.size[2] == 1]
     if len(single) < len(slices) > 1:
         whole = [DicomSeries((one,), f"file {one.path.relative_to(folder)}") for one in slices if one.size[2] > 1]

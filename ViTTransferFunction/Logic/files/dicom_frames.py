@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import mmap
 import re
+import zlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -17,6 +19,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
+from .image_headers import DICOM_START_BYTES
 from .straightening import warn_of_gaps
 
 SAME_DISTANCE = 0.01
@@ -126,22 +129,36 @@ def _has_pixel_size(path: Path, image: sitk.Image, heights: np.ndarray) -> bool:
     return True
 
 
-def _in_sequence(sequence: bytes, element: bytes, behind: int = 0) -> re.Pattern[bytes]:
-    """An element in the one item of a sequence, in little-endian files, with types written or without.
+@dataclass(frozen=True)
+class _Element:
+    """How an element is found in files of either order of bytes; its group that matches is how long the value is."""
+
+    little_endian: re.Pattern[bytes]
+    big_endian: re.Pattern[bytes]
+
+
+def _in_sequence(sequence: bytes, element: bytes, behind: int = 0) -> _Element:
+    """An element in the one item of a sequence, with types written or without.
 
     Args:
-        sequence: its tag, as written in the file.
+        sequence: its tag, as written in little-endian files.
         element: likewise.
         behind: how many bytes other elements before it may take.
     """
-    return re.compile(
-        re.escape(sequence)
-        + rb"(?:SQ\0\0)?.{4}\xfe\xff\x00\xe0.{4}"
-        + rb".{0,%d}?" % behind
-        + re.escape(element)
-        + rb"(?:DS(?P<a>.)\0|(?P<b>.)\0\0\0)",
-        re.DOTALL,
+    before = rb".{0,%d}?" % behind
+    item = b"\xfe\xff\x00\xe0"
+    little = re.escape(sequence) + rb"(?:SQ\0\0)?.{4}" + re.escape(item) + rb".{4}" + before + re.escape(element)
+    sequence, element, item = (_pairs_swapped(tag) for tag in (sequence, element, item))
+    big = re.escape(sequence) + rb"SQ\0\0.{4}" + re.escape(item) + rb".{4}" + before + re.escape(element)
+    return _Element(
+        re.compile(little + rb"(?:DS(.)\0|(.)\0\0\0)", re.DOTALL),
+        re.compile(big + rb"DS\0(.)", re.DOTALL),
     )
+
+
+def _pairs_swapped(tag: bytes) -> bytes:
+    """A tag, two numbers of two bytes each, in the other order of bytes."""
+    return bytes((tag[1], tag[0], tag[3], tag[2]))
 
 
 _POSITION = _in_sequence(b"\x20\x00\x13\x91", b"\x20\x00\x32\x00")
@@ -152,17 +169,28 @@ _INTERCEPT = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x52\x10")
 # Before it is the intercept.
 _SLOPE = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x53\x10", behind=32)
 
+_META = re.compile(rb"\x02\x00\x00\x00UL\x04\x00(.{4})", re.DOTALL)
+"""How long what describes the file itself is, which is always in little-endian order and never deflated (DICOM PS3.10, 7.1)."""
+_TRANSFER_SYNTAX = re.compile(rb"\x02\x00\x10\x00UI..([0-9.]+)", re.DOTALL)
+_DEFLATED, _BIG_ENDIAN = b"1.2.840.10008.1.2.1.99", b"1.2.840.10008.1.2.2"
 
-def _numbers(path: Path, element: re.Pattern[bytes], count: int, most: int) -> np.ndarray:
+
+def _numbers(path: Path, element: _Element, count: int, most: int) -> np.ndarray:
     """The values of an element wherever it occurs, (N, `count`), N at most `most`; (0, `count`) where one is no such value."""
     values = []
     try:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            for match in islice(element.finditer(content), most):
-                length = ord(match["a"] or match["b"])
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as written:
+            meta = _META.match(written, DICOM_START_BYTES)
+            start = meta.end() + int.from_bytes(meta[1], "little") if meta else 0
+            found = _TRANSFER_SYNTAX.search(written, 0, start)
+            syntax = found[1] if found else b""
+            content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(written[start:]) if syntax == _DEFLATED else written
+            pattern = element.big_endian if syntax == _BIG_ENDIAN else element.little_endian
+            for match in islice(pattern.finditer(content), most):
+                length = ord(match[match.lastindex or 0])
                 values.append([float(number) for number in content[match.end() : match.end() + length].split(b"\\")])
         return np.array(values, dtype=float).reshape(-1, count)
     except OSError as error:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
-    except ValueError:
+    except (ValueError, zlib.error):
         return np.empty((0, count))

@@ -11,7 +11,8 @@ import SimpleITK as sitk  # noqa: N813
 from ..core.system.errors import InputError
 from .dicom_folder import DicomSeries, read_content
 from .dicom_frames import frame_positions, with_frame_scales
-from .dicom_slice import ORIENTATION, PIXEL_SIZE, POSITION, DicomSlice, heights, turned
+from .dicom_slice import ORIENTATION, PIXEL_SIZE, POSITION, DicomSlice, heights, turned, warn_of_inversion
+from .image_headers import DICOM_READER
 from .itk_errors import last_line
 from .series_choice import choose_series
 from .straightening import LARGEST_DEVIATION, warn_of_gaps
@@ -50,7 +51,10 @@ def read_series(
     slices = choose_series(content.series, folder, series, on_warning).slices
     _warn_of_unread_files(folder, list(content.unread), on_warning)
     _check_slices(slices, folder)
+    warn_of_inversion(folder, slices, on_warning)
     reader = sitk.ImageSeriesReader()
+    # By itself it knows no files without the 128 bytes before the letters DICM.
+    reader.SetImageIO(DICOM_READER)
     reader.SetFileNames([str(each.path) for each in slices])
     if len({each.kind for each in slices}) > 1:
         # ITK makes all slices numbers of the first one's kind: fractions would be cut, and large numbers become others.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,6 +33,7 @@ class DicomSlice:
             do. ITK takes 0, axial, and 1 mm.
         kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
         components: of each pixel; more than one in pictures in colour.
+        is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and so Slicer, then exchanges high and low ones.
         series_uid: of the series, (0020,000E); "" where it was removed.
         series_number: (0020,0011), or "".
         description: of the series, (0008,103E), or "".
@@ -50,6 +51,7 @@ class DicomSlice:
     unsaid: frozenset[str]
     kind: int
     components: int
+    is_inverted: bool
     series_uid: str
     series_number: str
     description: str
@@ -83,6 +85,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         frozenset(_unsaid(reader)),
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
+        _text(reader, "0028|0004") == "MONOCHROME1",
         _text(reader, "0020|000e"),
         _text(reader, "0020|0011"),
         _text(reader, "0008|103e"),
@@ -93,14 +96,32 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
     )
 
 
-def check_may_be_scan(path: Path) -> None:
-    """Raise InputError where a DICOM file is known to be something else than a scan."""
+def check_may_be_scan(path: Path, on_warning: Callable[[str], None]) -> None:
+    """Raise InputError where a DICOM file is known to be something else than a scan; `on_warning`: of `warn_of_inversion`."""
     try:
-        instead = read_slice(path).instead
+        found = read_slice(path)
     except RuntimeError:
-        instead = instead_of_scan(path)
-    if instead:
-        raise InputError(f"{path} is {instead}")
+        if instead := instead_of_scan(path):
+            raise InputError(f"{path} is {instead}") from None
+        return
+    if found.instead:
+        raise InputError(f"{path} is {found.instead}")
+    warn_of_inversion(path, [found], on_warning)
+
+
+def warn_of_inversion(path: Path, slices: Sequence[DicomSlice], on_warning: Callable[[str], None]) -> None:
+    """Warn where slices are inverted: nothing in the volume shows that its intensities are not those of the scanner.
+
+    Args:
+        path: of the file or folder that they are from.
+        slices: of one volume.
+        on_warning: is told.
+    """
+    if any(each.is_inverted for each in slices):
+        on_warning(
+            f"{path} is stored with white as its lowest number (MONOCHROME1), and is read inverted, as 3D Slicer does: "
+            "intensities are no Hounsfield units. Points and segments lie where they should."
+        )
 
 
 def heights(slices: Sequence[DicomSlice]) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 from ..core.system.errors import InputError, shown
 from ..core.system.regular_file import check_regular_file
 from .length_units import check_units
-from .nifti_place import check_place
+from .nifti_place import check_place, nifti_says_place
 from .stored_voxels import StoredVoxels
 
 _NIFTI_BYTES = 348
@@ -122,6 +122,24 @@ def says_spacing(path: Path) -> bool:
     if reader == "MetaImageIO":
         return not {"ElementSpacing", "ElementSize"}.isdisjoint(_fields(start, "="))
     return True
+
+
+def says_sides(path: Path) -> bool:
+    """Whether the header of a file says which sides of the patient its axes lead to.
+
+    Where it does not, ITK, and so Slicer, takes them for left, back and head.
+
+    Raises:
+        InputError: the file cannot be read, is of no known format, or its header cannot be used.
+    """
+    reader, start = image_format(path).reader, read_start(path)
+    if reader == "NrrdImageIO":
+        return bool(_PATIENT_SPACE.fullmatch(_nrrd_fields(start).get("space", "")))
+    if reader == "MetaImageIO":
+        return not {"TransformMatrix", "Rotation", "Orientation"}.isdisjoint(_fields(start, "="))
+    is_pair = path.suffix.lower() in (".hdr", ".img")
+    header, _ = _nifti_header(path, read_start(_sibling(path, ".hdr")) if is_pair else start)
+    return nifti_says_place(header, _byte_order(path, header))
 
 
 def is_dicom_start(start: bytes) -> bool:
@@ -313,6 +331,9 @@ def _in_nrrd(path: Path, start: bytes) -> StoredVoxels | None:
     if plain_or_gzip is None or {fields.get("lineskip", "0"), fields.get("byteskip", "0")} != {"0"}:
         return None
     return StoredVoxels(voxels, first, plain_or_gzip)
+
+
+_PATIENT_SPACE = re.compile(r"(RAS|LAS|LPS|(right|left)-(anterior|posterior)-superior)(T|-time)?", re.IGNORECASE)
 
 
 def _nrrd_fields(start: bytes) -> dict[str, str]:

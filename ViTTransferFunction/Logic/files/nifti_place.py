@@ -33,9 +33,9 @@ def check_place(path: Path, header: bytes, order: str) -> None:
         header: its first 348 bytes.
         order: of bytes, as `struct` writes it.
     """
-    if header[344:347] not in (b"n+1", b"ni1"):
-        return  # Analyze, which has other fields there.
-    qform_code, sform_code = struct.unpack_from(order + "2h", header, 252)
+    if _is_analyze(header):
+        return
+    qform_code, sform_code = _codes(header, order)
     has_qform, has_sform = qform_code > 0, sform_code > 0
     qform = np.array(struct.unpack_from(order + "6f", header, 256))
     sform = np.array(struct.unpack_from(order + "12f", header, 280)).reshape(3, 4)
@@ -55,6 +55,22 @@ def check_place(path: Path, header: bytes, order: str) -> None:
             f"{path} does not say where it lies: its header's qform has the quaternion {quaternion}, which is no rotation: the "
             "sum of its squares exceeds 1. Save it again from its source."
         )
+
+
+def nifti_says_place(header: bytes, order: str) -> bool:
+    """Whether a header has a `qform` or a `sform`, as that of Analyze never has; arguments as for `check_place`."""
+    return not _is_analyze(header) and max(_codes(header, order)) > 0
+
+
+def _is_analyze(header: bytes) -> bool:
+    """Whether it is of Analyze, which has other fields where NIfTI says how a volume lies."""
+    return header[344:347] not in (b"n+1", b"ni1")
+
+
+def _codes(header: bytes, order: str) -> tuple[int, int]:
+    """Of `qform` and of `sform`."""
+    qform_code, sform_code = struct.unpack_from(order + "2h", header, 252)
+    return qform_code, sform_code
 
 
 def warn_of_lost_shift(path: Path, image: sitk.Image, on_warning: Callable[[str], None]) -> None:

@@ -30,6 +30,7 @@ from .image_headers import (
     image_format,
     locate_voxels,
     read_start,
+    says_sides,
     says_spacing,
 )
 from .itk_errors import last_line
@@ -88,6 +89,12 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         on_warning(
             f"{path.name} does not say how far apart its voxels are: 1 mm is taken, as 3D Slicer does. If that is wrong, "
             "so are all volumes and distances; save it again with its spacing."
+        )
+    if not is_dicom and not says_sides(path):
+        on_warning(
+            f"{path.name} does not say how it lies in the patient: its first axis is taken for the one to the left, the second "
+            "for the one to the back, and the third for the one to the head, as 3D Slicer does. Left and right may be "
+            "exchanged: check the sides, or save it again from its source."
         )
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path)
@@ -288,7 +295,7 @@ def _read_dicom(path: Path, on_warning: Callable[[str], None], series: str | Non
         image, positions = read_series(path, on_warning, series)
         _check_header(image.GetSize(), image.GetNumberOfComponentsPerPixel(), path)
     else:
-        check_may_be_scan(path)
+        check_may_be_scan(path, on_warning)
         image = with_frame_scales(path, _read_file(path))
         positions = frame_positions(path, image, on_warning)
     return image, None if positions is None else transform_points(LPS_TO_RAS, positions)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 import struct
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -347,6 +348,80 @@ def test_frames_that_are_scaled_each_in_its_own_way_keep_their_values(tmp_path: 
     np.testing.assert_allclose(volume.array[:, 3, 3], expected, rtol=1e-6)
     centres = volume.geometry.ijk_to_ras_points(np.array([[0, 0, k] for k in range(5)]))
     np.testing.assert_allclose(centres, [[-10, -20, height] for height in ASCENDING], atol=1e-6)
+
+
+DEFLATED, BIG_ENDIAN = "1.2.840.10008.1.2.1.99", "1.2.840.10008.1.2.2"
+
+
+@pytest.mark.parametrize("encoding", [DEFLATED, BIG_ENDIAN])
+def test_frames_are_understood_in_every_encoding(tmp_path: Path, encoding: str) -> None:
+    """ITK makes a millimetre of all spacings where distances differ, and takes the scale of the first frame for all."""
+    scales = [(3, 5), (1, 0), (0.25, -7), (100, 0), (2, 1000)]
+    heights = [0.0, 2.0, 4.0, 8.0, 10.0]
+    file = recoded(write_frames(tmp_path / "1.dcm", heights, scales=scales), encoding)
+    warnings: list[str] = []
+
+    volume = read_volume(file, warnings.append)
+
+    np.testing.assert_allclose(volume.geometry.spacing_mm, [1.25, 1.5, 2.0])
+    measured = [slope * 10 * height + intercept for height, (slope, intercept) in zip(heights, scales, strict=True)]
+    np.testing.assert_allclose(volume.array[[0, 1, 2, 4, 5], 3, 3], measured, rtol=1e-6)
+    assert "missing between frame 3 and frame 4" in warnings[0]
+    recoded(write_frames(file, [4.0, 0.0, 8.0, 2.0, 6.0]), encoding)
+    with pytest.raises(InputError, match="no stack of slices"):
+        read_volume(file)
+
+
+def recoded(file: Path, encoding: str) -> Path:
+    """A file that was written in little-endian order, in another encoding."""
+    content = file.read_bytes()
+    start = 144 + int.from_bytes(content[140:144], "little")
+    meta = content[144:start].replace(element(2, 0x10, "UI", "1.2.840.10008.1.2.1"), element(2, 0x10, "UI", encoding))
+    packer = zlib.compressobj(wbits=-zlib.MAX_WBITS)
+    data = in_big_endian(content[start:]) if encoding == BIG_ENDIAN else packer.compress(content[start:]) + packer.flush()
+    file.write_bytes(content[:140] + len(meta).to_bytes(4, "little") + meta + data)
+    return file
+
+
+def in_big_endian(elements: bytes) -> bytes:
+    """Data elements, or items of a sequence, in the other order of bytes."""
+    written, place = b"", 0
+    while place < len(elements):
+        group, number, kind = struct.unpack_from("<HH2s", elements, place)
+        is_item, is_long = group == 0xFFFE, kind in (b"OB", b"OW", b"SQ")
+        written += struct.pack(">HH", group, number) + (b"" if is_item else kind + bytes(2 * is_long))
+        place += 4 if is_item else 6 + 2 * is_long
+        size = "L" if is_item or is_long else "H"
+        (length,) = struct.unpack_from(f"<{size}", elements, place)
+        place += struct.calcsize(f"<{size}")
+        value = elements[place : place + length]
+        place += length
+        if is_item or kind == b"SQ":
+            value = in_big_endian(value)
+        elif kind in (b"US", b"OW"):
+            value = np.frombuffer(value, "<u2").astype(">u2").tobytes()
+        written += struct.pack(f">{size}", len(value)) + value
+    return written
+
+
+def test_slices_without_the_bytes_before_dicms_letters_are_read(tmp_path: Path) -> None:
+    """As some programs send them."""
+    scan = stack()
+    for file in write_dicom(tmp_path, scan):
+        file.write_bytes(file.read_bytes()[132:])
+    np.testing.assert_array_equal(read_volume(tmp_path, pytest.fail).array, scan.array)
+
+
+@pytest.mark.parametrize("as_folder", [False, True])
+def test_of_a_scan_that_itk_inverts_there_is_a_warning(tmp_path: Path, as_folder: bool) -> None:
+    file = write_frames(tmp_path / "scan" / "1.dcm", ASCENDING)
+    file.write_bytes(file.read_bytes().replace(b"MONOCHROME2", b"MONOCHROME1"))
+    warnings: list[str] = []
+
+    volume = read_volume(file.parent if as_folder else file, warnings.append)
+
+    assert (np.diff(volume.array[:, 3, 3]) < 0).all()
+    assert ["(MONOCHROME1), and is read inverted, as 3D Slicer does" in warning for warning in warnings] == [True]
 
 
 def test_frames_of_one_scale_keep_their_type(tmp_path: Path) -> None:

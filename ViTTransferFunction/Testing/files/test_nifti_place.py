@@ -30,6 +30,23 @@ def written(folder: Path, **fields: Any) -> Path:
     return path
 
 
+@pytest.mark.parametrize(
+    "fields",
+    [{"sform_code": 0}, {"sform_code": -1}, {"magic": b"", "vox_offset": 0}],
+    ids=["none", "below zero", "Analyze"],
+)
+def test_a_file_that_does_not_say_how_it_lies_is_read_with_a_warning(tmp_path: Path, fields: dict[str, Any]) -> None:
+    path = written(tmp_path, **fields)
+    if "magic" in fields:
+        header = path.rename(tmp_path / "scan.hdr")
+        (tmp_path / "scan.img").write_bytes(header.read_bytes()[352:])
+        path = header
+    warnings: list[str] = []
+    volume = read_volume(path, warnings.append)
+    np.testing.assert_allclose(volume.geometry.ijk_to_ras[:3, :3], np.diag([-1.0, -1.0, 3.0]))
+    assert [f"{path.name} does not say how it lies in the patient" in warning for warning in warnings] == [True]
+
+
 @pytest.mark.parametrize("axes", [NO_AXES, FLAT], ids=["zeros", "flat"])
 def test_a_matrix_without_three_axes_is_refused_for_that(tmp_path: Path, axes: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"does not say where it lies: its header's sform gives its axes as \((0|1), 0, 0\)"):

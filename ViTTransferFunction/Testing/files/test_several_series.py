@@ -130,6 +130,20 @@ def test_what_is_no_volume_does_not_stand_in_the_way(tmp_path: Path) -> None:
     assert "DICOM files without a slice that can be read: 2, such as outlines" in unread
 
 
+def test_scouts_among_the_slices_that_were_planned_on_them_are_passed_over(tmp_path: Path) -> None:
+    """As some scanners keep them, in the series of the scan."""
+    scan = stack(5)
+    write_series(tmp_path, "3", "Chest", scan=scan)
+    about = {"0020|0011": "3", "0008|103e": "Chest", "0008|0008": "ORIGINAL\\PRIMARY\\LOCALIZER"}
+    write_dicom(tmp_path, stack(2, SAGITTAL), "1.2.1.3", 900, about)
+
+    volume, (passed_over,) = read(tmp_path)
+
+    np.testing.assert_array_equal(volume.array, scan.array)
+    assert "3: Chest (MR, 7×6×5) is read; passed over, since they are no volumes: 3: Chest, scout 900.dcm (CT, " in passed_over
+    assert "scout 901.dcm" in passed_over
+
+
 def test_where_no_series_is_a_volume_all_are_listed(tmp_path: Path) -> None:
     for number in "12":
         write_series(tmp_path, number, "Scout", 1)

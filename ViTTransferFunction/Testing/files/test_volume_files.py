@@ -60,6 +60,30 @@ def test_a_segmentation_is_not_taken_for_a_scan_whatever_it_is_called(tmp_path: 
         read_volume(path)
 
 
+@pytest.mark.parametrize(
+    ("ending", "said", "unsaid"),
+    [
+        (".nrrd", b"space: left-posterior-superior", b"space dimension: 3"),
+        (".nrrd", b"space: left-posterior-superior", b"space: 3D-right-handed"),
+        (".mha", b"TransformMatrix", b"Comment"),
+    ],
+)
+def test_of_a_file_that_does_not_name_the_patients_sides_there_is_a_warning(
+    tmp_path: Path, ending: str, said: bytes, unsaid: bytes
+) -> None:
+    path = tmp_path / f"scan{ending}"
+    warnings: list[str] = []
+    straight = turned_ramp()
+    straight.SetDirection(np.eye(3).ravel().tolist())
+    sitk.WriteImage(straight, str(path))
+    read_volume(path, warnings.append)
+    assert not warnings
+    assert said in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(said, unsaid, 1))
+    read_volume(path, warnings.append)
+    assert [f"{path.name} does not say how it lies in the patient" in warning for warning in warnings] == [True]
+
+
 @pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
 def test_array_and_geometry_are_the_same_in_every_format(tmp_path: Path, ending: str) -> None:
     source = turned_ramp()
