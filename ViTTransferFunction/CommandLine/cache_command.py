@@ -30,6 +30,7 @@ def run(args: argparse.Namespace) -> int:
             ) from error
         print(f"Removed {freed / 1e6:.0f} MB from {cache.folder}")
         return 0
-    limit_mb = cache.limit_bytes / 1e6
-    print(f"{cache.folder}: {len(cache.entries())} volumes, {cache.size_bytes() / 1e6:.0f} MB of at most {limit_mb:.0f} MB")
+    count = len(cache.entries())
+    kept = f"{count} volume{'' if count == 1 else 's'}, {cache.size_bytes() / 1e6:.0f} MB"
+    print(f"{cache.folder}: {kept} of at most {cache.limit_bytes / 1e9:.0f} GB")
     return 0

@@ -26,5 +26,5 @@ def run(args: argparse.Namespace) -> int:
     cache = FeatureCache()
     if not session.estimate().cached:
         raise InputError(f"The features were computed, but are not in the cache: {cache.folder} cannot keep them.")
-    print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e6:.0f} MB")
+    print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e9:.0f} GB")
     return 0

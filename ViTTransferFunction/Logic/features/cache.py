@@ -19,7 +19,7 @@ from .feature_volume import FeatureVolume
 
 logger = logging.getLogger(__name__)
 
-DEFAULT_LIMIT_BYTES = 20 * 1024**3
+DEFAULT_LIMIT_BYTES = 20 * 10**9
 SPARE_BYTES = 64 * 1024**2
 """Room that is left on the disk beyond the features themselves."""
 _KEY = re.compile(r"[0-9a-f]{64}")

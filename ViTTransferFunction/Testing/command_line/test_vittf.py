@@ -120,10 +120,10 @@ def test_features_are_computed_once_for_a_volume(torso: Path, real_weights: Path
     assert "computed on" in first
     assert "from the cache" in second
     assert main(["cache", "info"]) == 0
-    assert "1 volumes" in capsys.readouterr().out
+    assert ": 1 volume, " in capsys.readouterr().out
     assert main(["cache", "clear"]) == 0
     assert main(["cache", "info"]) == 0
-    assert "0 volumes" in capsys.readouterr().out
+    assert capsys.readouterr().out.endswith(": 0 volumes, 0 MB of at most 20 GB\n")  # As docs/COMMAND_LINE.md says.
 
 
 def test_a_larger_size_gives_a_larger_segment_and_a_smaller_one_a_smaller(

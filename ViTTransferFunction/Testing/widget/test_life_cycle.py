@@ -172,7 +172,7 @@ def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: H
         "research use only",
         "Slicer 5.10 or later",
         f"download of {pretrained_model(PRESETS[DEFAULT_PRESET].model).size_mb} MB",
-        f"up to {DEFAULT_LIMIT_BYTES // 1024**3} GB",
+        f"up to {DEFAULT_LIMIT_BYTES // 10**9} GB",
     ):
         assert fact in told
 
