@@ -14,6 +14,9 @@ from ..Logic.scene.mrml.transforms import world_to_local
 from ..Logic.scene.tools.view_mouse import SliceMouse
 from ..Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
 
+FINE_MM = 0.5
+"""Of voxels that are smaller, as those of a tooth or of a small animal, many lie within a millimetre: it gets a decimal."""
+
 
 class DataProbe:
     """Follows the mouse in one slice view, and the slice below it.
@@ -57,7 +60,8 @@ def probe_text(volume: Any, point_ras: np.ndarray) -> str:
         geometry, local_ras = geometry_from_node(volume), world_to_local(volume, point_ras[None])
     except InputError:
         return position_text(point_ras)
+    position = position_text(point_ras, decimals=int(geometry.spacing_mm.min() < FINE_MM))
     if not geometry.contains(local_ras).all():
-        return position_text(point_ras)
+        return position
     k, j, i = geometry.nearest_voxels(local_ras)[0]
-    return f"{position_text(point_ras)}: {array_from_node(volume)[k, j, i]:g}"
+    return f"{position}: {array_from_node(volume)[k, j, i]:g}"

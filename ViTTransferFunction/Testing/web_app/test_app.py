@@ -42,6 +42,7 @@ from ViTTransferFunction.Testing.web_app.test_saving import until
 from ViTTransferFunction.WebApp import app as app_module
 from ViTTransferFunction.WebApp import opening, packing, scene_files, serving
 from ViTTransferFunction.WebApp.app import WebApp
+from ViTTransferFunction.WebApp.data_probe import probe_text
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
@@ -634,6 +635,17 @@ def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opene
         interactor.SetEventPosition(-10_000, -10_000)
         interactor.InvokeEvent("MouseMoveEvent")
         assert ":" not in state.probe_Red
+
+    opened(journey)
+
+
+def test_of_fine_voxels_positions_are_told_in_tenths_of_a_millimetre(opened: Callable[[Journey], None]) -> None:
+    async def journey(app: WebApp) -> None:
+        volume = app.session.parameters.volume
+        point = np.array([-1.26, -2.04, 0.04])
+        assert probe_text(volume, point).startswith("L 1, P 2, S 0")
+        volume.SetSpacing(0.1, 0.1, 0.1)
+        assert probe_text(volume, point).startswith("L 1.3, P 2.0, S 0.0")
 
     opened(journey)
 

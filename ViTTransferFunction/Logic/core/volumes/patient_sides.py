@@ -20,10 +20,11 @@ def sides(slice_to_ras: np.ndarray) -> dict[str, str]:
     return {"left": left, "right": right, "top": up, "bottom": down, "positive": ahead, "negative": behind}
 
 
-def position_text(point_ras: np.ndarray) -> str:
+def position_text(point_ras: np.ndarray, decimals: int = 0) -> str:
     """A position (3,), RAS millimetres, for users: R 98, A 164, S 394."""
     return ", ".join(
-        f"{letters[int(round(value) >= 0)]} {abs(value):.0f}" for letters, value in zip(SIDES, point_ras, strict=True)
+        f"{letters[int(round(value, decimals) >= 0)]} {abs(value):.{decimals}f}"
+        for letters, value in zip(SIDES, point_ras, strict=True)
     )
 
 
