@@ -35,6 +35,30 @@ BEYOND = """() => [...document.querySelectorAll(".panel *")].filter((one) => {
     return one.checkVisibility() && one.getBoundingClientRect().right > edge;
 }).map((one) => one.outerHTML.slice(0, 200))"""
 """What of the panel lies beyond its edge."""
+LYING_OVER_EACH_OTHER = """() => {
+    const sides = ["top", "left", "right", "bottom"].map((side) => `.side.${side}`);
+    const parts = [".view-name", ".view-buttons", ...sides, ".offset", "input.slice"];
+    const boxOf = (one) => {
+        const content = document.createRange();
+        content.selectNodeContents(one);
+        return (one.childNodes.length ? content : one).getBoundingClientRect();
+    };
+    const share = (a, b, start, end) => Math.min(a[end], b[end]) - Math.max(a[start], b[start]) > 1;
+    const meet = (a, b) => share(a, b, "left", "right") && share(a, b, "top", "bottom");
+    const found = [];
+    for (const view of document.querySelectorAll("[data-view]")) {
+        const there = parts.filter((part) => view.querySelector(part));
+        const boxes = there.map((part) => boxOf(view.querySelector(part)));
+        there.forEach((part, index) => {
+            if (boxes[index].right > view.getBoundingClientRect().right) found.push([part, "edge"]);
+            there.slice(0, index).forEach((other, before) => {
+                if (meet(boxes[index], boxes[before])) found.push([part, other]);
+            });
+        });
+    }
+    return found;
+}"""
+"""Pairs of what is written or can be pressed in a view, of which one covers the other, or which the view cuts off."""
 NAMED_ROLES = ("button", "checkbox", "combobox", "slider", "spinbutton", "textbox", "link", "ColorWell", "DisclosureTriangle")
 
 
@@ -62,6 +86,16 @@ def test_nothing_is_wider_than_a_small_screen(page: AppPage) -> None:
         assert page.page.evaluate("(box => box.scrollWidth - box.clientWidth)(document.querySelector('.sections'))") <= 0
         assert page.page.evaluate(BEYOND) == []
         page["theme"].click()
+
+
+def test_on_a_page_that_is_enlarged_to_twice_its_size_all_of_a_view_can_be_read(page: AppPage) -> None:
+    page.page.set_viewport_size({"width": 600, "height": 500})
+    try:
+        page.wait_for_drawing()
+        page.keep_picture("enlarged to twice its size")  # In a window of 1200×1000 pixels.
+        assert page.page.evaluate(LYING_OVER_EACH_OTHER) == []
+    finally:
+        page.page.set_viewport_size({"width": 1280, "height": 800})
 
 
 def test_on_an_upright_narrow_screen_the_views_lie_above_the_panel(page: AppPage) -> None:
