@@ -23,6 +23,7 @@ from ..Logic.scene.interface.messages import Messages
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_by_wheel import size_wheels
 from ..Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
+from ..Logic.scene.volumes.offered_volume import offered_volume
 from ..Logic.scene.volumes.volume_window import set_window
 from .access import Access
 from .actions import Actions
@@ -261,7 +262,7 @@ class WebApp:
         """Replace what is open by an unpacked session, which users know by a name.
 
         Raises:
-            InputError: it cannot be read whole, or no volume is chosen in it.
+            InputError: it cannot be read whole, or nothing tells which of its volumes is meant.
         """
         self._close_scene()
         try:
@@ -269,10 +270,17 @@ class WebApp:
         finally:
             self._take_session(saved=True)
         if self.session.parameters.volume is None:
-            raise InputError(
-                f"In {name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
-                "ViT Transfer Function, and save the session again."
-            )
+            # As in a session that was saved in Slicer without this module.
+            selection = self.scene.GetSingletonNode("Singleton", "vtkMRMLSelectionNode")
+            volume = offered_volume(self.scene, selection.GetActiveVolumeID() if selection is not None else None)
+            if volume is None:
+                raise InputError(
+                    f"In {name} no volume is chosen. Open the volume's own file, or choose it in Slicer's module "
+                    "ViT Transfer Function, and save the session again."
+                )
+            self.session.set_volume(volume)
+            self._saved = self.work
+            self._show_volume(volume)
 
     def replace_by_volume(self, volume: Volume, warnings: list[str]) -> None:
         """Replace what is open by a volume without structures; users are told what is to be warned of."""
@@ -351,13 +359,17 @@ class WebApp:
         volume = self.session.parameters.volume
         if volume is not None and volume.GetImageData() is None:
             volume = None  # Its file was not in the session, which the user is told.
+        self._show_volume(volume)
+        for message in self._replaced:
+            self.report(message)
+        self._on_changed()
+
+    def _show_volume(self, volume: Any) -> None:
+        """Show a volume of a session; None: nothing."""
         if volume is not None:
             volume.CreateDefaultDisplayNodes()  # A session that was not written by Slicer may lack them.
         self.views.show(volume)
         self._offer_windows(volume)
-        for message in self._replaced:
-            self.report(message)
-        self._on_changed()
 
     def _offer_windows(self, volume: Any) -> list[IntensityWindow]:
         """Have the page offer the windows in which people look at a volume; returns them."""

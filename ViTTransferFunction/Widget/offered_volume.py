@@ -1,4 +1,4 @@
-"""The volume that is taken up where the user has chosen none: the one in the views, or else the only one there is."""
+"""Has a session take up a volume where the user has chosen none: the one in the views, or else the only one there is."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volumes.offered_volume import choosable_volumes, offered_volume
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import geometry_from_node
 from ViTTransferFunction.Widget.section import Report
-
-_VOLUME = "vtkMRMLScalarVolumeNode"
 
 
 class OfferedVolume:
@@ -59,13 +58,13 @@ class OfferedVolume:
         session = self._session
         if session is None or slicer.mrmlScene.IsBatchProcessing():
             return
-        shown, there = self._shown(), _volumes()
+        shown, there = self._shown(), choosable_volumes(slicer.mrmlScene)
         known, self._known = self._known, (shown, *(node.GetID() for node in there))
         if self._known == known or session.parameters.volume is not None:
             return
-        in_view = [node for node in there if node.GetID() == shown]
-        if in_view or len(there) == 1:
-            session.set_volume((in_view or there)[0])
+        volume = offered_volume(slicer.mrmlScene, shown)
+        if volume is not None:
+            session.set_volume(volume)
         elif reason := _why_not(slicer.mrmlScene.GetNodeByID(shown) if shown else None):
             self._report(reason, solved=lambda: self._is_solved(shown))
 
@@ -92,17 +91,3 @@ def _why_not(node: slicer.vtkMRMLVolumeNode | None) -> str:
     except InputError as error:
         return str(error)
     return ""
-
-
-def _volumes() -> list[slicer.vtkMRMLScalarVolumeNode]:
-    """What can be chosen. A volume that is being loaded has no voxels yet; what is not saved is a picture of ours."""
-    scene = slicer.mrmlScene
-    nodes = (scene.GetNthNodeByClass(n, _VOLUME) for n in range(scene.GetNumberOfNodesByClass(_VOLUME)))
-    return [
-        node
-        for node in nodes
-        if node.GetClassName() == _VOLUME
-        and node.GetImageData() is not None
-        and node.GetSaveWithScene()
-        and not node.GetHideFromEditors()
-    ]

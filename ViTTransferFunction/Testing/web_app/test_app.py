@@ -284,6 +284,7 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
     async def journey(app: WebApp) -> None:
         app.actions("addClass")
         if not without:
+            app.scene.CopyNode(app.session.parameters.volume)
             app.session.set_volume(None)
         scene_files.stage_session(app.scene, tmp_path / "session")
         for voxels in (tmp_path / "session" / "Data").glob("*.nrrd") if without else ():
@@ -294,6 +295,38 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
         # It belongs to a scan, and is there with it.
         assert [shown["name"] for shown in app.server.state.classes] == (["Structure 1"] if without else [])
         assert all(view.get_background_volume_id() is None for view in app.views.slices)
+
+    opened(journey)
+
+
+@pytest.mark.parametrize("shown", [None, 0, 1])
+def test_of_a_session_in_which_no_volume_was_chosen_the_one_that_is_shown_or_there_alone_is_opened(
+    opened: Callable[[Journey], None], tmp_path: Path, shown: int | None
+) -> None:
+    """As of one that was saved in Slicer without this module."""
+
+    async def journey(app: WebApp) -> None:
+        app.actions("addClass")
+        volumes = [app.session.parameters.volume] + (
+            [] if shown is None else [app.scene.CopyNode(app.session.parameters.volume)]
+        )
+        for number, volume in enumerate(volumes):
+            volume.SetName(f"scan {number}")
+        app.session.set_volume(None)
+        if shown is not None:
+            selection = app.scene.GetSingletonNode("Singleton", "vtkMRMLSelectionNode")
+            selection.SetActiveVolumeID(volumes[shown].GetID())
+        scene_files.stage_session(app.scene, tmp_path / "session")
+        packing.zip_folder(tmp_path / "session", tmp_path / "session.mrb")
+
+        await app.opening.open([tmp_path / "session.mrb"])
+
+        state = app.server.state
+        assert (state.volume_name, state.message, state.unsaved) == (f"scan {shown or 0}", "", False)
+        assert [each["name"] for each in state.classes] == ([] if shown == 1 else ["Structure 1"])
+        volume = app.session.parameters.volume
+        assert [view.get_background_volume_id() for view in app.views.slices] == [volume.GetID()] * 3
+        assert state.windows
 
     opened(journey)
 
