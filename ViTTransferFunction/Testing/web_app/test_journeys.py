@@ -429,6 +429,18 @@ def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volum
     assert page.page.evaluate("window.owned") is None
 
 
+def test_a_film_is_in_sight_again_after_a_reload(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    page["pictures"].locator("summary").click()
+    page["picture-width"].fill("64")
+    page["picture-height"].fill("64")
+    page["film"].click()
+    page["film-progress"].or_(page["film-download"]).wait_for()
+    page.page.reload()
+    page["film-download"].wait_for()
+
+
 def test_a_small_structure_is_looked_at_closer_and_in_the_whole_again_by_keys(at_app: AppPage, folder: Path) -> None:
     import SimpleITK as sitk  # noqa: N813
 
