@@ -48,3 +48,9 @@ def test_the_document_of_the_command_line_names_every_option_and_no_other() -> N
     commands = re.sub(r"(?m)^    (python|dask) .*$", "", text)
     named = set(re.findall(r"(?<![\w-])--[a-z0-9][a-z0-9-]*", commands))
     assert named == options(build_parser()) - SHOWN_AS_LETTERS
+
+
+def test_contributors_are_told_every_command_of_dev_py_and_no_other() -> None:
+    (every,) = re.findall(r"every = \((.*)\)", (ROOT / "dev.py").read_text(encoding="utf-8"))
+    table = re.findall(r"(?m)^\| `python dev\.py (\w+)", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+    assert set(table) == set(every.split(", "))
