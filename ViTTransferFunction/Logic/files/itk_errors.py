@@ -16,5 +16,8 @@ def last_line(error: Exception) -> str:
     # ITK names the object that complains, and where that is in memory: 0x5633f3821b90, on Windows 00007F7CE1C2E600.
     line = re.sub(r"^ITK ERROR: \w+\([0-9A-Fa-fx]+\): *", "", lines[-1]) if lines else repr(error)
     if _NO_PIXELS.match(line):
-        return "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy or export it again."
+        return (
+            "it holds no pixels, or they are damaged, or compressed in a way that is not known. Copy it again, or export it "
+            "without compression."
+        )
     return line

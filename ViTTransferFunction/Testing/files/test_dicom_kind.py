@@ -132,4 +132,6 @@ def test_dicom_is_known_by_its_content_whatever_it_is_called(tmp_path: Path) -> 
 )
 def test_what_gdcm_says_of_pixels_that_it_cannot_decode_is_said_in_words_for_users(complaint: str, address: str) -> None:
     error = RuntimeError(f"itkGDCMImageIO.cxx:468:\nITK ERROR: GDCMImageIO({address}): {complaint}")
-    assert last_line(error).startswith("it holds no pixels, or they are damaged, or compressed in a way that is not known.")
+    told = last_line(error)
+    assert told.startswith("it holds no pixels, or they are damaged, or compressed in a way that is not known.")
+    assert told.endswith("export it without compression.")
