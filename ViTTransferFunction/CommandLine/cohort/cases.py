@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ViTTransferFunction.Logic.core.system.errors import InputError, shown
 from ViTTransferFunction.Logic.core.system.file_names import LONGEST_NAME_BYTES, is_device
+from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.dicom_folder import FOLDERS_OF_SYSTEMS
 from ViTTransferFunction.Logic.files.image_headers import VOLUME_ENDINGS, volume_ending
@@ -89,6 +90,7 @@ def told_name(name: str) -> str:
 
 
 def _cases_in_table(path: Path) -> Iterator[Case]:
+    check_regular_file(path)
     try:
         # Spreadsheets put a mark in front of UTF-8.
         text = path.read_text(encoding="utf-8-sig")

@@ -52,6 +52,11 @@ def test_a_table_is_read_whatever_a_spreadsheet_separates_by(tmp_path: Path, enc
     assert (case.name, case.volume.name, case.annotations.name) == (lines[1][0], "a b.nrrd", "a.json")
 
 
+def test_of_a_table_that_is_not_there_the_path_is_to_be_checked(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"There is no file .*cases\.csv\. Check the path"):
+        read_cases(tmp_path / "cases.csv")
+
+
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])
 def test_a_table_in_letters_that_differ_from_system_to_system_is_refused_with_what_to_do(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "cases.csv"
