@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..Logic.core.system.errors import InputError
 from ..Logic.core.volumes.intensity_window import (
     CT_BONE,
@@ -67,9 +69,19 @@ def volume_of_files(paths: list[Path], on_warning: Callable[[str], None], series
 def add_volume(scene: Any, volume: Volume) -> Any:
     """A node of the scene with a volume's voxels; returns it."""
     node = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", volume.name)
-    set_image(node, volume.array, volume.geometry.ijk_to_ras)
+    set_image(node, _of_usable_type(volume.array), volume.geometry.ijk_to_ras)
     node.CreateDefaultDisplayNodes()
     return node
+
+
+def _of_usable_type(array: np.ndarray) -> np.ndarray:
+    """The same voxels: slices show no integers of eight bytes, and sessions hold neither these nor signed ones of one byte."""
+    if array.dtype == np.int8:
+        return array.astype(np.int16)
+    if array.dtype.kind in "iu" and array.dtype.itemsize == 8:
+        ends = np.iinfo(np.int32)
+        return array.astype(np.int32 if ends.min <= array.min() and array.max() <= ends.max else np.float64)
+    return array
 
 
 def windows_of(node: Any) -> dict[str, IntensityWindow]:

@@ -23,6 +23,7 @@ import pytest
 pytest.importorskip("trame_slicer")
 
 import SimpleITK as sitk  # noqa: N813
+import vtk
 
 from ViTTransferFunction.CommandLine import app_command
 from ViTTransferFunction.CommandLine.interruption import Terminated
@@ -295,6 +296,28 @@ def test_a_session_that_lacks_its_volume_is_opened_and_says_so(
         # It belongs to a scan, and is there with it.
         assert [shown["name"] for shown in app.server.state.classes] == (["Structure 1"] if without else [])
         assert all(view.get_background_volume_id() is None for view in app.views.slices)
+
+    opened(journey)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "factor"), [(np.int8, 1), (np.uint8, 1), (np.int64, 1), (np.int64, 10**9), (np.uint64, 1), (np.float64, 0.3)]
+)
+def test_voxels_of_any_type_are_shown_and_saved(
+    opened: Callable[[Journey], None], tmp_path: Path, dtype: type, factor: float
+) -> None:
+    voxels: np.ndarray = (np.arange(6 * 7 * 8).reshape(6, 7, 8) % 100 * factor).astype(dtype)
+    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(tmp_path / "scan.nii"))
+
+    async def journey(app: WebApp) -> None:
+        await app.opening.open([tmp_path / "scan.nii"])
+        assert app.server.state.message == ""
+        node = app.session.parameters.volume
+        assert node.GetImageData().GetScalarType() not in (vtk.VTK_LONG_LONG, vtk.VTK_UNSIGNED_LONG_LONG)  # Slices are black.
+        scene_files.stage_session(app.scene, tmp_path / "session")
+        (saved,) = (tmp_path / "session" / "Data").glob("*.nrrd")
+        for kept in (array_from_node(node), sitk.GetArrayFromImage(sitk.ReadImage(str(saved)))):
+            np.testing.assert_array_equal(kept, voxels)
 
     opened(journey)
 
