@@ -9,7 +9,11 @@ from ViTTransferFunction.CommandLine.options import Subparsers
 
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
-    parser = subparsers.add_parser("cache", help="show or clear the cached features")
+    parser = subparsers.add_parser(
+        "cache",
+        help="show or clear the cached features",
+        description="Show or clear the cached features. They are computed again when they are needed.",
+    )
     parser.add_argument("action", choices=["info", "clear"], help="info: where they are, and how large; clear: delete them")
     parser.set_defaults(run=run)
 

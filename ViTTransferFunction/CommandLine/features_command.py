@@ -10,7 +10,11 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command to those of `vittf`."""
-    parser = subparsers.add_parser("features", help="compute a volume's features into the cache, for batch work")
+    parser = subparsers.add_parser(
+        "features",
+        help="compute a volume's features into the cache, for batch work",
+        description="Compute a volume's features into the cache, where vittf segment, vittf app and Slicer's module find them.",
+    )
     add_feature_options(parser)
     parser.set_defaults(run=run)
 

@@ -19,12 +19,28 @@ if TYPE_CHECKING:
 
 def add_arguments(subparsers: Subparsers) -> None:
     """Add the command `weights` and its actions to those of `vittf`."""
-    parser = subparsers.add_parser("weights", help="list, get or remove model weights")
+    parser = subparsers.add_parser(
+        "weights",
+        help="list, get or remove model weights",
+        description="List, get or remove model weights. Other commands get what they need by themselves.",
+    )
     parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", required=True, metavar="list|get|remove")
-    actions.add_parser("list", help="show every model, its terms, and where its weights are")
-    get = actions.add_parser("get", help="download a model's weights into the cache")
-    remove = actions.add_parser("remove", help="delete a model's weights from the cache")
+    actions.add_parser(
+        "list",
+        help="show every model, its terms, and where its weights are",
+        description="Show every model, its terms, and where its weights are.",
+    )
+    get = actions.add_parser(
+        "get",
+        help="download a model's weights into the cache",
+        description="Download a model's weights into the cache, check them by their SHA-256, and print where they are.",
+    )
+    remove = actions.add_parser(
+        "remove",
+        help="delete a model's weights from the cache",
+        description="Delete a model's weights from the cache. Files of your own stay.",
+    )
     get.add_argument("--sha256", metavar="HASH", help="the file that is to be trusted, where its publisher names no hash")
     for action in (get, remove):
         # Not `choices`: the Logic names the known models, with the same words as everywhere else.

@@ -53,8 +53,11 @@ def test_help_of_cohort_shows_a_table_that_can_be_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("parser", list(parsers(build_parser())), ids=lambda parser: parser.prog)
-def test_help_says_what_is_chosen_where_nothing_is_and_needs_no_other_file(parser: argparse.ArgumentParser) -> None:
+def test_help_says_what_a_command_does_and_what_is_chosen_where_nothing_is(
+    parser: argparse.ArgumentParser,
+) -> None:
     assert "README" not in parser.format_help()
+    assert parser.description
     for action in parser._actions:
         if action.option_strings and action.default not in (None, False, [], argparse.SUPPRESS):
             assert "default" in (action.help or ""), action.option_strings
