@@ -120,7 +120,7 @@ def _by_id(classes: Sequence[ClassRequest], values: Sequence[T]) -> dict[str, T]
 def _hardly_changed(before: ClassMap | None, after: ClassMap) -> bool:
     """Whether two maps of a class on the same cells select about the same ones."""
     # There is none before where memory sufficed for S_H, a moment after it had not for S_L.
-    if before is None or before.array.shape != after.array.shape:
+    if before is None:
         return False
     was, now = (each.array >= in_units_of(each.array, each.iso) for each in (before, after))
     return int(np.count_nonzero(was != now)) <= HARDLY_CHANGED * int(np.count_nonzero(was))

@@ -40,7 +40,7 @@ def corners_around(geometry: Geometry, points_ras: np.ndarray) -> Iterator[tuple
     kji = geometry.ras_to_ijk(points_ras)[:, ::-1]
     last = np.array(geometry.shape) - 1
     kji = np.clip(kji, 0, last)
-    base = np.minimum(np.floor(kji).astype(int), np.maximum(last - 1, 0))
+    base = np.floor(kji).astype(int)
     fraction = kji - base
     for corner in np.ndindex(2, 2, 2):
         yield np.minimum(base + corner, last), np.prod(np.where(corner, fraction, 1.0 - fraction), axis=1)

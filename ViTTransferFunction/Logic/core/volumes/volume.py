@@ -119,12 +119,12 @@ def _computable(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def finite_range(array: np.ndarray) -> tuple[float, float]:
-    """Smallest and largest finite value of `array`; (nan, nan) where no value is finite."""
+    """Smallest and largest finite value of `array` (K, J, I); (nan, nan) where no value is finite."""
     if not np.issubdtype(array.dtype, np.floating):
         return float(array.min()), float(array.max())
     low, high = float("inf"), float("-inf")
     # Slice by slice, so that no copy of a volume is made.
-    for part in array if array.ndim > 1 else array[None]:
+    for part in array:
         finite = part[np.isfinite(part)]
         if finite.size:
             low, high = min(low, float(finite.min())), max(high, float(finite.max()))
