@@ -15,20 +15,12 @@ import slicerio
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import LPS_TO_RAS, Geometry
-from ViTTransferFunction.Logic.core.volumes.intensity_window import (
-    CT_SOFT_TISSUE,
-    IntensityWindow,
-    display_window,
-    looks_like_hounsfield_units,
-    percentile_window,
-)
 from ViTTransferFunction.Logic.core.volumes.resampling import resample_labels
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, read_segmentation, write_segmentation
 from ViTTransferFunction.Logic.files.volume_files import _name, read_volume
 from ViTTransferFunction.Testing.attack.scans import meta, meta_fields, nrrd, nrrd_fields
 from ViTTransferFunction.Testing.files.test_dicom_series import stack
 from ViTTransferFunction.Testing.support.allocation import peak_bytes
-from ViTTransferFunction.Testing.support.volumes import volume_of
 
 OBLIQUE_LEFT_HANDED = np.array([[-1.6, 0.9, 0.0, 30.0], [1.2, 1.2, 0.0, -20.0], [0.0, 0.0, 5.0, 7.0], [0.0, 0.0, 0.0, 1.0]])
 SEGMENTS = [Segment("left kidney", (0.9, 0.1, 0.2)), Segment("Leber, groß", (0.1, 0.5, 1.0))]
@@ -442,49 +434,6 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path, mon
         write_segmentation(tmp_path / "out.seg.nrrd", labels_of_two_segments(), Geometry((4, 5, 6), np.eye(4)), SEGMENTS)
     assert [path.name for path in tmp_path.iterdir()] == ["out.seg.nrrd"]
     assert (tmp_path / "out.seg.nrrd").read_text() == "precious"
-
-
-def test_a_ct_is_known_by_its_air_and_an_mr_is_not() -> None:
-    generator = np.random.default_rng(0)
-    ct = generator.normal(40.0, 20.0, (20, 20, 20))
-    ct[:5] = -1000.0
-    mr = generator.uniform(0.0, 900.0, (20, 20, 20))
-    assert looks_like_hounsfield_units(volume_of(ct))
-    assert display_window(volume_of(ct)) == CT_SOFT_TISSUE
-    assert not looks_like_hounsfield_units(volume_of(mr))
-
-
-def test_one_metal_voxel_does_not_move_the_window() -> None:
-    array = np.random.default_rng(0).uniform(0.0, 100.0, (30, 30, 30))
-    before = percentile_window(volume_of(array))
-    array[3, 3, 3], array[4, 4, 4] = 30_000.0, np.nan
-    after = percentile_window(volume_of(array))
-    assert abs(after.high - before.high) < 1.0
-    assert abs(after.low - before.low) < 1.0
-
-
-def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> None:
-    window = IntensityWindow(-100.0, 300.0)
-    mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
-    np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])
-
-
-@pytest.mark.parametrize(
-    "bounds",
-    [
-        (1.0, 1.0),
-        (2.0, 1.0),
-        (0.0, float("nan")),
-        (float("-inf"), 0.0),
-        (-1e308, 1e308),
-        (0.0, 1e39),
-        (-3e38, 3e38),
-        (0.0, 1e-60),
-    ],
-)
-def test_a_window_needs_two_increasing_bounds(bounds: tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="lower first"):
-        IntensityWindow(*bounds)
 
 
 def test_what_lies_at_the_top_of_a_disk_has_a_name_all_the_same() -> None:

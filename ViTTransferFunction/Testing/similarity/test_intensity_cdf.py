@@ -32,3 +32,11 @@ def test_a_value_that_fills_half_of_the_volume_takes_no_more_room_than_others() 
     at_air, at_half = cdf.at(geometry.ijk_to_ras_points(np.array([[6.0, 8.0, 2.0], [6.0, 8.0, 15.0]])))
     assert at_air == 0.0
     assert at_half == pytest.approx(0.5, abs=0.05)
+
+
+def test_where_the_scan_was_masked_nothing_is_darker() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (8, 8, 8))
+    array[2, 3, 4] = np.nan
+    geometry = Geometry(array.shape, OBLIQUE)
+    masked = geometry.ijk_to_ras_points(np.array([[4.0, 3.0, 2.0]]))
+    assert IntensityCdf(Volume(array, geometry)).at(masked).tolist() == [0.0]

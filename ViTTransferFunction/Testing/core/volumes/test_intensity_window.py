@@ -1,12 +1,22 @@
-"""Which voxels a volume's intensity windows are chosen by."""
+"""Windows of intensities, and which voxels they are chosen by."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes import intensity_window
-from ViTTransferFunction.Logic.core.volumes.intensity_window import finite_sample, quantiles
+from ViTTransferFunction.Logic.core.volumes.intensity_window import (
+    CT_SOFT_TISSUE,
+    IntensityWindow,
+    display_window,
+    finite_sample,
+    looks_like_hounsfield_units,
+    percentile_window,
+    quantiles,
+    telling_decimals,
+)
 from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
 
@@ -23,6 +33,67 @@ def test_a_scan_is_looked_at_all_over_and_alike_however_it_is_stored(
     assert 1000 < len(sample) <= 2000
     np.testing.assert_allclose(np.percentile(sample, (5, 50, 95)), np.percentile(scan.array, (5, 50, 95)), atol=1.0)
     np.testing.assert_array_equal(finite_sample(stored_as(scan, Orientation(order, mirrored))), sample)
+
+
+@pytest.mark.parametrize(
+    ("outside", "inside", "is_ct"),
+    [
+        (-1000.0, 300.0, True),
+        (-3024.0, 3071.0, True),  # Padded, with metal.
+        (-1000.0, -600.0, False),
+        (-1000.0, 1e5, False),
+        (-1e4, 300.0, False),
+        (0.0, 300.0, False),
+    ],
+)
+def test_a_ct_is_known_by_air_and_by_what_is_no_air(outside: float, inside: float, is_ct: bool) -> None:
+    scan = volume_of(np.where(np.indices((10, 12, 14))[0] < 3, outside, inside))
+    assert looks_like_hounsfield_units(scan) == is_ct
+    assert (display_window(scan) == CT_SOFT_TISSUE) == is_ct
+
+
+def test_where_nearly_all_voxels_are_equal_the_others_are_seen() -> None:
+    array = np.zeros((10, 12, 14))
+    array[5, 6, 7] = 7.0
+    assert display_window(volume_of(array)) == IntensityWindow(0.0, 7.0)
+
+
+def test_one_metal_voxel_does_not_move_the_window() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 100.0, (30, 30, 30))
+    before = percentile_window(volume_of(array))
+    array[3, 3, 3], array[4, 4, 4] = 30_000.0, np.nan
+    after = percentile_window(volume_of(array))
+    assert abs(after.high - before.high) < 1.0
+    assert abs(after.low - before.low) < 1.0
+
+
+def test_a_window_maps_to_zero_and_one_also_where_voxels_are_not_finite() -> None:
+    window = IntensityWindow(-100.0, 300.0)
+    mapped = window.apply(np.array([-1e9, -100.0, 100.0, 300.0, 1e9, np.nan, np.inf, -np.inf]))
+    np.testing.assert_allclose(mapped, [0, 0, 0.5, 1, 1, 0, 1, 0])
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        (1.0, 1.0),
+        (2.0, 1.0),
+        (0.0, float("nan")),
+        (float("-inf"), 0.0),
+        (-1e308, 1e308),
+        (0.0, 1e39),
+        (-3e38, 3e38),
+        (0.0, 1e-60),
+    ],
+)
+def test_a_window_needs_two_increasing_bounds(bounds: tuple[float, float]) -> None:
+    with pytest.raises(InputError, match="lower first"):
+        IntensityWindow(*bounds)
+
+
+@pytest.mark.parametrize(("span", "decimals"), [(4000.0, 0), (1000.0, 0), (999.0, 1), (1.5, 3), (1e-4, 6), (0.0, 6)])
+def test_a_thousandth_of_a_span_is_told_apart(span: float, decimals: int) -> None:
+    assert telling_decimals(span) == decimals
 
 
 def test_the_few_voxels_that_are_finite_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
