@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,13 +13,13 @@ from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.classes.close_up_choice import close_up_of
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
-from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Box, Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import CT_SOFT_TISSUE, display_window
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.network_channels import network_channels
 from ViTTransferFunction.Logic.features.settings import FeatureSettings, grid_shape
 from ViTTransferFunction.Logic.session import segmentation_session
-from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, close_up_settings, largest_within
+from ViTTransferFunction.Logic.session.close_ups import MOST_PATCHES, Part, close_up_settings, largest_within
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -115,6 +116,27 @@ def test_a_close_up_is_loaded_once_where_somebody_painted_far_beyond_its_box(
     # Fewer points of it are left beside others, and its box is the same.
     more = replace(looked_at[1], negative=np.repeat(start, 600, axis=0))
     assert not session.awaiting_close_ups([painted, more, looked_at[2]])
+
+
+def test_a_close_up_that_nobody_asks_for_any_more_is_forgotten(
+    session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
+) -> None:
+    session.look_closer(looked_at)
+    session.look_closer(requests_of(spheres))
+    assert session.awaiting_close_ups(looked_at)
+
+
+def test_in_a_part_count_all_classes_with_points_in_it_by_these_points(looked_at: list[ClassRequest], spheres: Spheres) -> None:
+    first, second, third = looked_at
+    assert first.close_up is not None
+    box = first.close_up.box_in(spheres[0].geometry, first.positive)
+    across = replace(second, positive=np.concatenate([second.positive, first.positive + 1.0]), negative=third.positive)
+    part = Part(box, SimpleNamespace(volume=spheres[0].part(box)))
+    (of_second, of_first), place = part.requests([third, across, first], 2)
+    assert (of_second.id, of_first.id, place) == (second.id, first.id, 1)
+    np.testing.assert_array_equal(of_second.positive, first.positive + 1.0)
+    assert len(of_second.negative) == 0
+    assert of_first.close_up is None
 
 
 def test_an_answer_of_a_class_stays_where_other_classes_alone_have_changed(
@@ -233,6 +255,32 @@ def test_a_thin_structure_is_not_lost_on_coarser_cells() -> None:
     assert sorted(set(reached[:, 0])) == [2, 3, 4, 5, 6, 7]
     assert set(map(tuple, reached[:, 1:])) <= {(4, 4), (4, 5), (5, 4), (5, 5)}
     assert len(reached) >= 6
+
+
+PARTS = [
+    (slice(0, 6), slice(0, 12), slice(0, 5)),
+    (slice(6, 12), slice(3, 7), slice(7, 12)),
+    (slice(0, 12), slice(0, 12), slice(0, 12)),
+]
+
+
+@pytest.mark.parametrize("box", PARTS)
+def test_a_cell_has_the_largest_of_its_voxels_up_to_the_faces_of_the_volume(box: Box) -> None:
+    whole = Geometry((12, 12, 12), np.diag([-1.0, 2.0, 1.5, 1.0]))
+    voxels = np.zeros(whole.shape, dtype=np.float32)
+    voxels[box] = np.random.default_rng(0).uniform(0.1, 1.0, voxels[box].shape)
+    of_cells = largest_within(ClassMap(voxels[box], whole.part(box), 0.5), whole.resized((4, 4, 4)))
+    np.testing.assert_array_equal(of_cells, voxels.reshape(4, 3, 4, 3, 4, 3).max(axis=(1, 3, 5)))
+
+
+@pytest.mark.parametrize("box", PARTS)
+def test_cells_smaller_than_voxels_have_the_map_as_far_as_it_reaches(box: Box) -> None:
+    whole = Geometry((12, 12, 12), np.diag([-1.0, 2.0, 1.5, 1.0]))
+    part, cells = whole.part(box), whole.resized((17, 30, 20))
+    reached = part.contains(cells.voxel_centres_ras()).reshape(cells.shape)
+    reached[tuple(cells.nearest_voxels(part.voxel_centres_ras()).T)] = True
+    of_cells = largest_within(ClassMap(np.full(part.shape, 0.7, dtype=np.float32), part, 0.5), cells)
+    np.testing.assert_allclose(of_cells, np.where(reached, 0.7, 0.0), rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -36,9 +36,9 @@ def test_a_box_of_voxels_is_what_its_close_up_covers() -> None:
 
 
 def test_a_point_beyond_enlarges_the_box_that_far_and_no_other_side() -> None:
-    close_up = CloseUp.of_box((slice(10, 30), slice(20, 50), slice(5, 65)), OBLIQUE)
+    close_up = CloseUp.of_box((slice(10, 26), slice(20, 45), slice(5, 65)), OBLIQUE)
     box = close_up.box_in(OBLIQUE, points_at(OBLIQUE, (15, 30, 40), (15, 30, 90)))
-    assert extents(box)[:2] == [(10, 30), (20, 50)]
+    assert extents(box)[:2] == [(10, 26), (20, 45)]
     assert box[2] == slice(5, 100)  # 9 mm more than the point, but the volume ends before.
     assert extents(close_up.box_in(OBLIQUE, points_at(OBLIQUE, (15, 30, 70))))[2] == (5, 80)
 
@@ -74,6 +74,22 @@ def test_the_close_up_of_a_structure_holds_its_clicked_part_and_a_margin() -> No
     close_up = close_up_of(ClassMap(array, cells, 0.5), middle, OBLIQUE)
     # Cells of 3 × 4 × 5 voxels, and a margin of 0.045 · 180 mm: 2.7, 4.05 and 8.1 voxels; along K that is widened to 16.
     assert extents(close_up.box_in(OBLIQUE, middle)) == [(19, 35), (19, 41), (11, 49)]
+
+
+def test_the_close_up_of_a_structure_holds_its_points_where_its_map_shows_nothing() -> None:
+    cells = OBLIQUE.resized((20, 20, 20))
+    nothing = np.zeros(cells.shape, dtype=np.float32)
+    # The last two in the outermost corner.
+    points = points_at(OBLIQUE, (30, 40, 50), (30, 48, 70), (59.49, 79.49, 99.49), (59.5, 79.5, 99.5))
+    # A margin of 8.1 mm as above, around voxel centres.
+    alone = close_up_of(ClassMap(nothing, cells, 0.5), points[:2], OBLIQUE)
+    assert extents(alone.box_in(OBLIQUE, points[:1])) == [(22, 39), (36, 53), (42, 79)]
+    shown = nothing.copy()
+    shown[9:11, 9:11, 9:11] = 0.9
+    both = close_up_of(ClassMap(shown, cells, 0.5), points[:2], OBLIQUE)
+    assert extents(both.box_in(OBLIQUE, points[:1])) == [(22, 38), (31, 53), (36, 79)]
+    of_corner = close_up_of(ClassMap(nothing, cells, 0.5), points[2:], OBLIQUE)
+    assert extents(of_corner.box_in(OBLIQUE, points[2:])) == [(44, 60), (64, 80), (84, 100)]
 
 
 def test_a_map_in_bytes_of_a_part_of_the_volume_gives_the_same_close_up() -> None:
