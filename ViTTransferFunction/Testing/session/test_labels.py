@@ -29,6 +29,11 @@ def test_each_voxel_goes_to_the_class_furthest_above_its_own_iso_value() -> None
     np.testing.assert_array_equal(labels.ravel(), [1, 2, 2, 2, 0])
 
 
+def test_a_later_class_need_not_be_far_above_an_earlier_one() -> None:
+    labels = assign_labels([(a_map(0.6, 0.6, 0.6, 0.6, 0.6), 0.5), (a_map(0.601, 0.599, 0.7, 0.5, 0.4), 0.5)], SHAPE)
+    np.testing.assert_array_equal(labels.ravel(), [2, 1, 2, 1, 1])
+
+
 def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class() -> None:
     labels = assign_labels(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
     np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])

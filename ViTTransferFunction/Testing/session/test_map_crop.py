@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, restricted
+from ViTTransferFunction.Logic.core.volumes.geometry import Box
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
+from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, crop_voxel_map, restricted
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
@@ -33,12 +35,35 @@ def test_a_map_of_nothing_still_has_a_box() -> None:
     assert crop.array.max() == 0
 
 
-def test_a_restricted_crop_encloses_just_the_labelled_voxels(ramp: np.ndarray) -> None:
-    crop = crop_map(ramp, 0.5)
-    labels = np.where(ramp >= 0.5, 2, 0).astype(np.uint16)
+@pytest.mark.parametrize("held", [(slice(0, 0),) * 3, (slice(0, 10), slice(0, 16), slice(0, 12))], ids=["nothing", "a half"])
+def test_a_map_of_which_a_part_is_held_has_the_crop_of_the_whole(ramp: np.ndarray, held: Box) -> None:
+    crop = crop_voxel_map(VoxelMap(ramp.shape, ramp, lambda k, rows: ramp[k, rows], held, ramp[held]), 0.5)
+    whole = crop_map(ramp, 0.5)
+    assert crop.box == whole.box
+    np.testing.assert_array_equal(crop.array, whole.array)
+
+
+def test_a_map_of_which_nothing_is_held_and_that_reaches_nowhere_still_has_a_box() -> None:
+    nothing = np.zeros((5, 6, 7), dtype=np.float32)
+    empty = (slice(0, 0),) * 3
+    crop = crop_voxel_map(VoxelMap(nothing.shape, nothing, lambda k, rows: nothing[k, rows], empty, nothing[empty]), 0.5)
+    assert min(crop.array.shape) >= 2
+    assert crop.array.max() == 0
+
+
+@pytest.mark.parametrize("rounded_down", [False, True])
+def test_a_restricted_crop_encloses_just_the_labelled_voxels(ramp: np.ndarray, rounded_down: bool) -> None:
+    iso = next(float(value) for value in np.unique(ramp) if value > 0.4 and (0.1 < 255.0 * value % 1.0 < 0.5) == rounded_down)
+    crop = crop_map(ramp, iso)
+    labels = np.where(ramp >= np.float32(iso), 2, 0).astype(np.uint16)
     labels[:, :, 6:] = 1
-    inside = restricted(crop, labels, 2).array / 255.0 >= crop.iso
-    np.testing.assert_array_equal(inside, (labels == 2)[crop.box])
+    shown = restricted(crop, labels, 2).array
+    np.testing.assert_array_equal(shown / 255.0 >= crop.iso, (labels == 2)[crop.box])
+    # Elsewhere the map is as it was: by it the surface is smooth.
+    well_below, well_above = ramp[crop.box] < iso - 0.01, (ramp[crop.box] > iso + 0.01) & (labels == 2)[crop.box]
+    for as_it_was in (well_below, well_above):
+        assert as_it_was.any()
+        np.testing.assert_array_equal(shown[as_it_was], crop.array[as_it_was])
 
 
 def test_the_crops_of_a_segmentation_show_its_segments(session: SegmentationSession, spheres: Spheres) -> None:

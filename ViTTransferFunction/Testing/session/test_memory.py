@@ -16,6 +16,7 @@ from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.background_tokens import background_cells
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.session import labels
+from ViTTransferFunction.Logic.session.memory_need import check_memory_for_features
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -91,6 +92,30 @@ def test_what_cannot_fit_is_refused_before_features_are_loaded(spheres: Spheres,
     monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 1000)
     with pytest.raises(InputError, match=r"Segmenting '.*' \(.* voxels\) takes at least .* resample it"):
         session.load_features()
+
+
+@pytest.mark.parametrize(
+    ("features_bytes", "cached", "least"),
+    [(10_000, True, 10_000 + 24), (10_000, False, 30_000), (10, False, 10 + 24)],
+    ids=["features and labels", "features while they are computed", "labels of few features"],
+)
+def test_features_need_as_much_memory_as_their_largest_step(
+    features_bytes: int, cached: bool, least: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    volume = Volume(np.arange(24, dtype=np.int16).reshape(2, 3, 4), Geometry((2, 3, 4), np.eye(4)))
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: least)
+    check_memory_for_features(volume, features_bytes, cached)
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: least - 1)
+    with pytest.raises(InputError, match=r"\(4×3×2 voxels\)"):
+        check_memory_for_features(volume, features_bytes, cached)
+
+
+def test_features_in_the_cache_need_no_memory_to_be_computed(spheres: Spheres, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache_known_features(*spheres)
+    session = open_session(spheres[0], SessionSettings(grid=GRID))
+    estimate = session.estimate()
+    monkeypatch.setattr(available_memory, "available_memory_bytes", lambda: 2 * estimate.memory_bytes)
+    assert session.load_features().cached
 
 
 def test_a_structure_too_large_to_refine_is_refused_before_any_is(

@@ -23,6 +23,7 @@ from ViTTransferFunction.Logic.session import feature_source
 from ViTTransferFunction.Logic.session.opening import chosen_model, open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.settings import SessionSettings
+from ViTTransferFunction.Logic.weights import sources
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -104,12 +105,39 @@ def test_the_weights_are_hashed_once_for_estimate_and_extraction(
     assert found.count == 1
 
 
+def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
+    spheres: Spheres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sources, "_download", lambda *_: pytest.fail("fetched without being asked for"))
+    model = PRETRAINED_MODELS[PRESETS[DEFAULT_PRESET].model]
+    estimate = open_session(spheres[0], SessionSettings(grid=GRID)).estimate()
+    assert (estimate.cached, estimate.seconds, estimate.model) == (False, None, model.name)
+    assert estimate.download is not None
+    assert (estimate.download.url, estimate.download.sha256) == (model.url, model.sha256)
+    assert Path(estimate.download.target).name == model.file_name
+    cache_known_features(*spheres)
+    estimate = open_session(spheres[0], SessionSettings(grid=GRID)).estimate()
+    assert (estimate.cached, estimate.download) == (True, None)
+
+
 def test_the_volume_is_hashed_once(spheres: Spheres) -> None:
     volume = Volume(spheres[0].array.copy(), spheres[0].geometry)
     before = volume.digest
     assert before == spheres[0].digest
     volume.array[0, 0, 0] += 1.0
     assert volume.digest is before
+
+
+def test_a_cache_without_room_is_told_of_before_features_are_computed_for_it(
+    spheres: Spheres, tiny_weights: SessionSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: FeatureCache, size_bytes: int) -> None:
+        raise InputError("The disk is full.")
+
+    monkeypatch.setattr(FeatureCache, "check_room", full)
+    monkeypatch.setattr(feature_source, "extract_features", lambda *_: pytest.fail("computed in vain"))
+    with pytest.raises(InputError, match="disk is full"):
+        open_session(spheres[0], tiny_weights).load_features()
 
 
 def test_features_are_reported_with_their_origin_and_precision(spheres: Spheres, tiny_weights: SessionSettings) -> None:

@@ -74,7 +74,7 @@ def test_spacing_and_volume_are_those_of_the_axes() -> None:
     assert geometry.voxel_volume_mm3 == pytest.approx(30.0)
 
 
-@pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.full((4, 4), np.nan), np.eye(3)])
+@pytest.mark.parametrize("matrix", [np.zeros((4, 4)), np.diag([2.0, 1.0, 0.0, 1.0]), np.full((4, 4), np.nan), np.eye(3)])
 def test_a_matrix_that_maps_nowhere_is_refused(matrix: np.ndarray) -> None:
     with pytest.raises(ValueError, match="invertible"):
         Geometry((2, 2, 2), matrix)

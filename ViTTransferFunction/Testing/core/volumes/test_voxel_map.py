@@ -100,6 +100,17 @@ def test_a_map_that_is_held_whole_is_looked_for_no_further_than_where_it_was_ref
     assert whole.box_above(value) == voxels.box_above(value)
 
 
+def test_a_map_of_a_part_is_that_of_the_whole_with_nothing_beyond() -> None:
+    box = slice(3, 9), slice(0, 10), slice(4, 8)
+    part = np.random.default_rng(4).random((6, 10, 4), dtype=np.float32)
+    whole = np.zeros(SHAPE, dtype=np.float32)
+    whole[box] = part
+    placed = VoxelMap.whole(part).placed(SHAPE, box)
+    np.testing.assert_array_equal(placed.array, whole)
+    np.testing.assert_array_equal(placed.part((slice(0, 6), slice(2, 5), slice(3, 8))), whole[:6, 2:5, 3:8])
+    assert placed.box_above(0.01) == box
+
+
 @pytest.mark.parametrize("most", [1, 7, 10_000])
 def test_a_map_that_is_there_is_whole(most: int) -> None:
     voxels = VoxelMap.whole(ELSEWHERE)
