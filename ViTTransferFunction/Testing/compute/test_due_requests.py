@@ -19,6 +19,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Done,
     Extract,
     Failed,
+    GivenUp,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -172,6 +173,20 @@ def test_a_click_does_not_wait_for_volumes_and_those_of_the_click_before_stay_me
     ready.update([LIVER], None)
     assert client.cancelled == [measuring]
     assert client.asked[-1] == ComputeMaps((LIVER,))
+
+
+def test_nothing_is_measured_of_classes_that_went_before_it_could_be(proxy: SegmentationProxy, client: StubClient) -> None:
+    proxy.extract()
+    client.answer(Extract, CoarseFeatures())
+    proxy.update([CLOSER], None)
+    proxy.poll()
+    client.answer(ComputeMaps, Maps((MAP,), awaiting_close_ups=("liver",)))
+    proxy.poll()
+    proxy.update([], None)
+    client.answer(Extract, GivenUp())
+    proxy.poll()
+    assert client.kinds()[-1] == "ComputeMaps"
+    assert not proxy.busy
 
 
 def test_close_ups_are_looked_at_before_anything_is_measured_or_refined(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -169,6 +170,29 @@ def test_progress_is_that_of_segments_once_they_are_asked_for(looked_at: Segment
     assert not looked_at.looks_closer
 
 
+def test_the_time_that_is_left_is_counted_from_where_the_present_step_began(
+    proxy: SegmentationProxy, client: StubClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    proxy.extract()
+    left_s = []
+    for seconds, done, what in (
+        (0, 0, "Downloading"),
+        (30, 8, "Downloading"),
+        (2, 0, "Computing"),
+        (1, 1, "Computing"),
+        (5, 2, "Computing"),
+    ):
+        now += seconds
+        client.answer(Extract, Progressed(done, 10, what))
+        proxy.poll()
+        assert proxy.progress is not None
+        left_s.append(proxy.progress.seconds_left)
+    # Of a second's work nothing can be told yet.
+    assert left_s == [None, pytest.approx(7.5), None, None, pytest.approx(24.0)]
+
+
 def test_a_process_that_died_without_a_word_may_have_run_out_of_memory(
     proxy: SegmentationProxy, client: StubClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,6 +215,21 @@ def test_a_rendering_that_is_under_way_when_3d_views_are_switched_off_is_not_sho
     client.answer(Render, RENDERING)
     assert ready.poll() == set()
     assert (ready.rendering, ready.awaits_views) == (None, False)
+
+
+def test_a_rendering_stays_until_the_next_one_and_goes_with_the_last_class(
+    ready: SegmentationProxy, client: StubClient
+) -> None:
+    ready.look("similarity", {})
+    ready.update([LIVER], None)
+    client.answer(ComputeMaps, Maps((MAP,)))
+    ready.poll()
+    client.answer(Render, RENDERING)
+    ready.poll()
+    ready.update([MOVED], None)
+    assert ready.rendering is RENDERING
+    ready.update([], None)
+    assert ready.rendering is None
 
 
 PROPOSALS = IsoProposals(smaller=0.8, chosen=0.4, larger=0.1)
@@ -236,6 +275,26 @@ def test_the_answer_to_a_size_that_was_scrolled_past_does_not_bring_it_back(
     refined.poll()
     assert refined.maps["liver"].iso == pytest.approx(0.8)
     assert client.asked[-1] == ComputeMaps((replace(LIVER, size=-1.0),))
+
+
+@pytest.mark.parametrize("refinement", [Refinement(), None])
+def test_a_click_leaves_the_other_classes_refined_only_where_they_will_be_again(
+    ready: SegmentationProxy, client: StubClient, refinement: Refinement | None
+) -> None:
+    before = with_both(ready, client)
+    client.answer(MeasureMaps, Volumes((1.5, 0.5)))
+    ready.update([LIVER, SPLEEN], Refinement())
+    client.answer(ComputeMaps, Maps(before))
+    ready.poll()
+    client.answer(MeasureMaps, Volumes((1.5, 0.5)))
+    ready.poll()
+    client.answer(RefineMaps, RefinedMaps((replace(MAP), replace(MAP)), (1.5, 0.5)))
+    ready.poll()
+    assert ready.refined == (True, True)
+    ready.update([MOVED, SPLEEN], refinement)
+    client.answer(ComputeMaps, Maps((replace(MAP), replace(MAP))))
+    ready.poll()
+    assert ready.refined == (False, refinement is not None)
 
 
 def test_maps_go_with_the_last_class_whatever_is_being_computed_of_it(refined: SegmentationProxy, client: StubClient) -> None:
@@ -339,15 +398,19 @@ def test_labels_that_were_on_their_way_when_the_user_cancelled_are_dropped(
 
 
 def test_a_lost_process_is_reported_and_started_again_by_the_next_extraction(
-    proxy: SegmentationProxy, client: StubClient
+    refined: SegmentationProxy, client: StubClient
 ) -> None:
     client.alive = False
-    assert proxy.poll() == {"state"}
-    assert "MemoryError" in (proxy.take_error() or "")
-    assert (proxy.phase, proxy.pid) == ("no features", None)
+    assert refined.poll() == {"state"}
+    assert "MemoryError" in (refined.take_error() or "")
+    assert (refined.phase, refined.usable, refined.pid) == ("no features", False, None)
+    assert (refined.maps, refined.progress, refined.busy) == ({}, None, False)
     client.alive = True
-    proxy.extract()
+    refined.extract()
     assert client.kinds()[-3:] == ["TakeVolume", "Prepare", "Extract"]
+    client.answer(Extract, Done())
+    refined.poll()
+    assert client.asked[-1] == ComputeMaps((LIVER,))
 
 
 def test_a_process_that_was_started_ahead_serves_the_volume_that_is_chosen_then(client: StubClient) -> None:

@@ -48,6 +48,7 @@ def test_cells_and_voxels_meet_on_the_box_that_matters_to_both() -> None:
     shown, box, shape = on_one_box(maps, WHOLE)
     of_fine, of_coarse = map(whole, shown)
     assert shape is None
+    assert fine[box].size < fine.size
     assert of_fine.shape == of_coarse.shape == fine[box].shape
     near = fine[box] >= 0.5 * ISO
     np.testing.assert_allclose(of_fine[near] / 255.0, fine[box][near], atol=0.5 / 255.0)
@@ -94,6 +95,20 @@ def test_cells_alone_stay_as_they_are() -> None:
     (array,), box, shape = on_one_box([low], WHOLE)
     assert array is low.array
     assert (box, shape) == ((slice(0, 20), slice(0, 16), slice(0, 24)), None)
+
+
+def test_cells_alone_are_rendered_within_the_budget_where_the_surroundings_are() -> None:
+    (array,), box, shape = on_one_box([on_cells(cone(12))], WHOLE, surroundings=True)
+    assert array.shape == (10, 8, 12)
+    assert (box, shape) == (whole_box(WHOLE), WHOLE)
+
+
+def test_a_map_that_is_certain_has_no_holes() -> None:
+    """The filter that smooths it exceeds 1 beside an edge."""
+    certain = np.zeros(WHOLE, dtype=np.float32)
+    certain[6:14, 4:12, 8:18] = 1.0
+    (_, of_cells), box, _ = on_one_box([on_voxels(cone(6)), on_cells(certain)], WHOLE)
+    assert whole(of_cells)[certain[box] > 0.0].min() > 0.4 * 255
 
 
 def test_a_map_that_reaches_its_iso_value_nowhere_shows_nothing() -> None:
