@@ -115,9 +115,10 @@ def test_sizes_of_pixels_may_be_rounded(tmp_path: Path) -> None:
     assert warnings_of(tmp_path) == []
 
 
-def test_slices_in_several_directions_are_no_volume(tmp_path: Path) -> None:
+@pytest.mark.parametrize("directions", [SAGITTAL, np.diag([-1.0, -1.0, 1.0])], ids=["across", "turned by half"])
+def test_slices_in_several_directions_are_no_volume(tmp_path: Path, directions: np.ndarray) -> None:
     write_dicom(tmp_path, stack(3))
-    write_dicom(tmp_path, stack(3, SAGITTAL), first=3)
+    write_dicom(tmp_path, stack(3, directions), first=3)
     with pytest.raises(InputError, match="not parallel"):
         read_volume(tmp_path)
 
@@ -337,9 +338,19 @@ def test_frames_of_a_tilted_gantry_lie_where_they_say(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("as_folder", [False, True])
-def test_frames_that_are_scaled_each_in_its_own_way_keep_their_values(tmp_path: Path, as_folder: bool) -> None:
+@pytest.mark.parametrize(
+    "scales",
+    [
+        [(3, 5), (1, 0), (0.25, -7), (100, 0), (2, 1000)],
+        [(2, 0), (1, 0), (3, 0), (2, 0), (2, 0)],
+        [(2, 0), (2, 0), (2, -1000), (2, 0), (2, 7)],
+    ],
+    ids=["both", "slopes", "intercepts"],
+)
+def test_frames_that_are_scaled_each_in_its_own_way_keep_their_values(
+    tmp_path: Path, scales: list[tuple[float, float]], as_folder: bool
+) -> None:
     """ITK takes the scale of the first frame for all."""
-    scales = [(3, 5), (1, 0), (0.25, -7), (100, 0), (2, 1000)]
     file = write_frames(tmp_path / "scan" / "1.dcm", ASCENDING, scales=scales)
 
     volume = read_volume(file.parent if as_folder else file, pytest.fail)

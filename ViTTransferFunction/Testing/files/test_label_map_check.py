@@ -24,6 +24,12 @@ def test_labels_are_told_whatever_numbers_they_are_kept_in(dtype: type) -> None:
     assert looks_like_labels((LABELS > 0).astype(dtype))
 
 
+def test_labels_of_thin_structures_are_told() -> None:
+    vessels = np.zeros(SHAPE, dtype=np.uint8)
+    vessels[:, 10:20, 10:12], vessels[:, 10:20, 20:22] = 1, 2
+    assert looks_like_labels(vessels)
+
+
 @pytest.mark.parametrize(
     "scan",
     [
@@ -31,6 +37,10 @@ def test_labels_are_told_whatever_numbers_they_are_kept_in(dtype: type) -> None:
         (100 * LABELS + RANDOM.normal(-100.0, 5.0, SHAPE)).astype(np.int16),
         LABELS + 0.5,
         np.where(DISTANCE < 9, np.nan, LABELS),
+        np.where(DISTANCE < 9, np.inf, LABELS),
+        np.where(DISTANCE < 9, 0, -1000),
+        np.arange(np.prod(SHAPE) // 8).reshape(20, 40, 5).repeat(8, axis=2),  # Even, of thousands of numbers.
+        (np.indices(SHAPE) % 2).all(axis=0).astype(np.uint8),  # Specks.
         np.clip(RANDOM.normal(0.0, 3.0, SHAPE), 0, 7).astype(np.uint8),  # Of very few grey levels.
         (200 - 10 * DISTANCE).astype(np.int16),
     ],

@@ -81,6 +81,16 @@ def test_what_other_programs_leave_out_is_as_slicer_has_it(tmp_path: Path, label
     assert segments == [Segment("kidney", default_color(0))]
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float64])
+def test_the_segments_of_a_label_map_are_named_by_its_numbers_also_where_these_are_written_as_fractions(
+    tmp_path: Path, labels: np.ndarray, dtype: type
+) -> None:
+    write_by_others(tmp_path / "labels.nrrd", np.array([0, 7, 3])[labels].astype(dtype), {})
+    read, _, segments = read_segmentation(tmp_path / "labels.nrrd")
+    np.testing.assert_array_equal(read, np.array([0, 2, 1])[labels])
+    assert [segment.name for segment in segments] == ["3", "7"]
+
+
 @pytest.mark.parametrize(
     ("tags", "message"),
     [

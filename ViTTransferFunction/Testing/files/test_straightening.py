@@ -152,6 +152,18 @@ def test_slices_at_even_distances_are_only_moved() -> None:
     np.testing.assert_allclose(geometry.spacing_mm, [1.0, 1.0, 2.0])
 
 
+@pytest.mark.parametrize("shear", [0.2, -0.2])
+def test_slices_whose_pixels_are_no_rectangles_are_left_as_they_are(shear: float) -> None:
+    scanner = Scanner(EVEN, 20.0)
+    matrix = scanner.as_read.ijk_to_ras.copy()
+    matrix[:3, 1] += shear * matrix[:3, 0]
+    geometry = Geometry(scanner.as_read.shape, matrix)
+    taken = ball(scanner.pixels_ras)
+    array, read = straightened(SCAN, taken, geometry, scanner.positions, pytest.fail)
+    assert array is taken
+    assert read is geometry
+
+
 def test_where_nothing_was_measured_is_the_lowest_value() -> None:
     scanner = Scanner(EVEN, 20.0)
     bright = np.full((len(EVEN), *scanner.size), 40, np.int16)
@@ -220,6 +232,14 @@ def test_slices_that_are_no_one_stack_are_refused(far_mm: float, told: str) -> N
     with pytest.raises(InputError, match="no one stack of slices") as refusal:
         scanner.straightened(np.ones((6, 3, 4), np.int16))
     assert told in str(refusal.value)
+
+
+@pytest.mark.parametrize("along", ["I", "J"])
+def test_a_slice_that_is_shifted_far_beside_the_others_is_none_of_their_stack(along: str) -> None:
+    scanner = Scanner(EVEN, size=(3, 4))
+    scanner.positions[-1, "IJ".index(along)] += 1e6
+    with pytest.raises(InputError, match=r"shifted against each other by up to 1e\+06 mm.* would have"):
+        scanner.straightened(np.ones((len(EVEN), 3, 4), np.int16))
 
 
 def test_a_grid_that_memory_has_no_room_for_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
