@@ -55,13 +55,26 @@ def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
     assert dice(weighed > 0.35, inside) > dice(similarity > 0.35, inside) + 0.02
 
 
-def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are() -> None:
-    intensities, _, similarity = ball_and_its_map()
+@pytest.mark.parametrize("distinct", [False, True])
+def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are(distinct: bool) -> None:
+    intensities, inside, similarity = ball_and_its_map()
+    if distinct:
+        intensities, similarity = np.where(inside, 180.0, 20.0), ndimage.gaussian_filter(inside.astype(np.float32), 0.7)
     weighed = with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)
     factor = weighed[similarity > 0.175] / similarity[similarity > 0.175]
     assert factor.max() <= LARGEST_FACTOR * 1.0001
     assert factor.min() >= 1.0 / LARGEST_FACTOR * 0.9999
+    assert (factor.min() <= 1.0 / LARGEST_FACTOR * 1.0001) == distinct
     np.testing.assert_array_equal(weighed[similarity <= 0.175], similarity[similarity <= 0.175])
+
+
+def test_what_is_farther_from_the_structure_is_weighed_where_it_is_asked_for_and_alters_nothing_nearer() -> None:
+    intensities, _, similarity = ball_and_its_map()
+    usual, wide = (with_intensity_likelihood(similarity, intensities, WINDOW, 0.35, near) for near in (None, 0.05))
+    np.testing.assert_array_equal(wide[similarity > 0.175], usual[similarity > 0.175])
+    farther = (similarity > 0.05) & (similarity <= 0.175)
+    assert (wide[farther] != similarity[farther]).mean() > 0.9
+    np.testing.assert_array_equal(wide[similarity <= 0.05], similarity[similarity <= 0.05])
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -127,6 +140,13 @@ def test_refined_maps_stay_between_zero_and_one_and_keep_what_is_far_from_the_st
 
 
 @pytest.mark.parametrize("method", REFINEMENT_METHODS)
+def test_a_scan_that_is_a_mirrored_view_is_refined_as_its_copy(method: RefinementMethod) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    mirrored = intensities[::-1, :, ::-1]
+    np.testing.assert_array_equal(refined(mirrored, similarity, method), refined(mirrored.copy(), similarity, method))
+
+
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
 def test_a_map_below_its_iso_value_everywhere_is_only_interpolated(method: RefinementMethod) -> None:
     intensities, _, similarity = ball_and_its_map()
     faint = (0.1 * similarity).astype(np.float32)
@@ -159,11 +179,16 @@ def test_the_window_lies_about_most_of_the_clicked_intensities_not_between_two_k
     assert (window.low, window.high) == (-60.0, 140.0)
 
 
-def test_where_two_kinds_are_clicked_equally_often_the_window_shows_one_of_them() -> None:
+@pytest.mark.parametrize(("low", "shown"), [(0.0, 40.0), (-1100.0, -1000.0), (-700.0, -1000.0), (-500.0, 40.0)])
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_kinds_that_are_clicked_equally_often_the_one_nearer_to_what_the_user_looks_at_is_shown(
+    low: float, shown: float, order: int
+) -> None:
     array = np.full((8, 8, 8), 40.0)
     array[:4] = -1000.0
-    window = class_window(volume_of(array), WINDOW, np.array([[3.0, 3.0, 1.0], [3.0, 3.0, 6.0]]))
-    assert window.low < -1000.0 < window.high or window.low < 40.0 < window.high
+    points = np.array([[3.0, 3.0, 1.0], [3.0, 3.0, 6.0]])[::order]
+    window = class_window(volume_of(array), IntensityWindow(low, low + 200.0), points)
+    assert (window.low, window.high) == (shown - 100.0, shown + 100.0)
 
 
 def test_a_lower_threshold_widens_what_is_refined_and_leaves_the_rest_nearly_as_it_was() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.features.whitening import NormalisedFeatures, normalised_features
 from ViTTransferFunction.Logic.similarity.cosine import CosineSimilarity, mean_clamped_cosine, mean_cosine
@@ -54,6 +55,8 @@ def test_the_authors_variant_drops_low_cosines_and_sharpens_the_others() -> None
     cells = np.array([[1.0, 0.0], [0.6, 0.8], [0.2, np.sqrt(0.96)], [-1.0, 0.0]]).reshape(1, 1, 4, 2)
     similarity = mean_clamped_cosine(cells, np.array([[1.0, 0.0]]))
     np.testing.assert_allclose(similarity.ravel(), [1.0, 0.6**2.5, 0.0, 0.0], atol=1e-6)
+    of_two = mean_clamped_cosine(cells, np.array([[1.0, 0.0], [0.0, 1.0]]))
+    np.testing.assert_allclose(of_two.ravel(), [0.5, 0.5 * (0.6**2.5 + 0.8**2.5), 0.5 * 0.96**1.25, 0.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("method", [mean_cosine, mean_clamped_cosine])
@@ -67,8 +70,9 @@ def test_maps_stay_between_zero_and_one(features: NormalisedFeatures, method: Av
 
 @pytest.mark.parametrize("method", [mean_cosine, mean_clamped_cosine])
 def test_a_negative_point_lowers_the_map_where_it_lies(features: NormalisedFeatures, method: Average) -> None:
-    before = map_of(features, a_class(at_turned_cells((1, 2, 3), (4, 4, 2))), method)
-    after = map_of(features, a_class(at_turned_cells((1, 2, 3)), negative=at_turned_cells((4, 4, 2))), method)
+    points = at_turned_cells((1, 2, 3), (4, 4, 2))
+    before = map_of(features, a_class(points), method)
+    after = map_of(features, a_class(points, negative=points[1:]), method)
     assert before[2, 4, 4] > 0.1
     assert after[2, 4, 4] < 1e-6
 
@@ -79,7 +83,16 @@ def test_a_duplicate_has_the_threshold_of_the_original_and_does_not_alter_it(fea
     ((_, similarity),) = rule.maps([original])
     duplicated = [original, ClassRequest("a copy", original.positive), other]
     alone = rule.iso(similarity, [original, other], 0)
+    at_own, at_other = similarity.array[3, 2, 1], similarity.array[2, 4, 4]
+    assert alone.chosen == pytest.approx(0.5 * (at_own + at_other))
+    assert rule.refined_iso(VoxelMap.whole(similarity.array), similarity, [original, other], 0) == alone
     assert [rule.iso(similarity, duplicated, index) for index in (0, 1)] == [alone, alone]
+
+
+def test_the_class_that_is_waited_for_comes_first(features: NormalisedFeatures) -> None:
+    classes = [ClassRequest(name, at_turned_cells((1, 2, 3))) for name in "abc"]
+    rule = CosineSimilarity(features, TURNED_CELLS, mean_cosine)
+    assert [index for index, _ in rule.maps(classes, first=1)] == [1, 0, 2]
 
 
 def test_the_order_of_points_does_not_matter(features: NormalisedFeatures) -> None:

@@ -160,6 +160,13 @@ def test_the_clicks_of_one_class_are_negatives_of_the_others(similarity: KernelR
     assert second[RIGHT].mean() > second[LEFT].mean()
 
 
+def test_a_class_elsewhere_leaves_a_structure_as_large_as_it_is(similarity: KernelRidge) -> None:
+    annotated = a_class("a", IN_LEFT)
+    (alone,) = maps_of(similarity, [annotated])
+    beside, _ = maps_of(similarity, [annotated, a_class("b", IN_ABOVE)])
+    assert beside[LEFT].mean() == pytest.approx(alone[LEFT].mean(), rel=0.02)
+
+
 def test_maps_do_not_depend_on_what_was_clicked_and_removed_before(similarity: KernelRidge) -> None:
     before = maps_of(similarity, [a_class("a", IN_LEFT)])
     maps_of(similarity, [a_class("a", np.concatenate([IN_RIGHT, IN_LEFT, IN_ABOVE]))])
