@@ -52,6 +52,20 @@ def test_points_that_lie_inside_as_voxels_are_said_to_be_so() -> None:
         check_requests([voxels], GEOMETRY)
 
 
+def test_points_may_be_a_list_of_arrays_and_nothing_that_is_no_list_of_positions() -> None:
+    np.testing.assert_array_equal(ClassRequest("a", list(POINTS_RAS)).positive, POINTS_RAS)  # type: ignore[arg-type]
+    for no_points in (
+        list(POINTS_RAS[:, :2]),
+        POINTS_RAS[:, :2],
+        POINTS_RAS[0],
+        [POINTS_RAS > 0.0],
+        POINTS_RAS * np.inf,
+        "RAS",
+    ):
+        with pytest.raises(InputError, match=r"positive points of class 'a' are not a list of finite \[x, y, z\] positions"):
+            ClassRequest("a", no_points)  # type: ignore[arg-type]
+
+
 def test_a_class_without_a_name_is_called_by_its_id() -> None:
     assert ClassRequest("a", POINTS_RAS).name == "a"
     assert ClassRequest("a", POINTS_RAS, name="liver").name == "liver"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from ViTTransferFunction.Logic.core.classes import label_points
 from ViTTransferFunction.Logic.core.classes.label_points import points_in_label
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.stepped_work import STEP_VOXELS, SteppedWork, finished
@@ -75,6 +76,19 @@ def test_a_structure_of_a_single_voxel_gives_that_voxel() -> None:
     labels = np.zeros((5, 6, 7), dtype=np.uint8)
     labels[2, 3, 4] = 1
     np.testing.assert_array_equal(points_in(labels), [[2, 3, 4]])
+
+
+def test_a_point_is_in_the_middle_of_what_its_cell_holds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(label_points, "MAX_CELLS", 1)
+    labels = np.zeros((9, 9, 9), dtype=np.uint8)
+    labels[:, :, :5] = 1
+    np.testing.assert_array_equal(points_in(labels, ijk_to_ras=np.eye(4)), [[4, 4, 2]])
+
+
+def test_where_no_voxel_carries_the_label_there_is_no_point() -> None:
+    labels = np.zeros((5, 6, 7), dtype=np.uint8)
+    points = finished(points_in_label(labels, 1, (slice(0, 5),) * 3, Geometry(labels.shape, OBLIQUE), 5))
+    assert points.shape == (0, 3)
 
 
 def test_points_of_a_thin_structure_in_a_large_box_lie_on_it() -> None:

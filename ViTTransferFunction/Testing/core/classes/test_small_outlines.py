@@ -50,8 +50,8 @@ def test_what_is_shown_elsewhere_in_the_plane_counts_and_what_is_beside_it_does_
     shown = ball(6.0)
     other = np.zeros(shown.array.shape, dtype=np.float32)
     k, j, i = np.ogrid[:20, :60, :60]
-    for middle_k, expected in ((0, 1.0), (10, 2 * 36 / (36 + 36 + 64))):
-        disc = (np.abs(k - middle_k) < 1) & ((j - 10) ** 2 + (i - 10) ** 2 <= 8.0**2)
+    for middle_k, middle, expected in ((0, 10, 1.0), (10, 10, 2 * 36 / (36 + 36 + 64)), (10, 50, 2 * 36 / (36 + 36 + 64))):
+        disc = (np.abs(k - middle_k) < 1) & ((j - middle) ** 2 + (i - middle) ** 2 <= 8.0**2)
         both = ClassMap(np.maximum(shown.array, other + disc), shown.geometry, 0.5)
         assert agreement(both, circle(6.0)) == pytest.approx(expected, abs=0.06)
 
