@@ -100,6 +100,22 @@ def test_nothing_is_made_but_requests_and_replies(name: str) -> None:
         from_message(Message({"number": 1, "body": {"type": name, "values": {}}}))
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"number": "1", "body": {"type": "Done", "values": {}}},
+        {"number": 1.5, "body": {"type": "Done", "values": {}}},
+        {"number": 1, "body": "Done"},
+        {"number": 1, "body": [{"type": "Done", "values": {}}]},
+        {"number": 1, "body": {"array": 0}},
+        {"number": 1},
+    ],
+)
+def test_a_message_that_is_no_request_and_no_reply_is_refused(content: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="no request or reply"):
+        from_message(Message(content, (ARRAY,)))
+
+
 def test_values_that_a_type_does_not_take_are_refused_in_its_own_words() -> None:
     message = to_message(1, requests.ComputeMaps((LIVER,)))
     message.content["body"]["values"]["classes"][0]["values"]["iso"] = 2.0

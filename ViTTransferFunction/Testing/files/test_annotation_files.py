@@ -165,6 +165,8 @@ def test_only_name_and_positive_points_are_required(tmp_path: Path) -> None:
         (one_class(color="red"), "color of class 'liver' is 'red'"),
         (one_class(color="#gggggg"), "color of class 'liver'"),
         (one_class(color=[0, 0, 255]), "color of class 'liver'"),
+        (one_class(color=["1", 0, 0]), "color of class 'liver'"),
+        (one_class(color=[True, 0, 0]), "color of class 'liver'"),
         (one_class(opacity=1.5), "'opacity' of class 'liver' is 1.5"),
         (one_class(iso=-0.1), "'iso' of class 'liver'"),
         (one_class(size="large"), "size of class 'liver' is 'large'; expected 'smaller' or 'larger', or a number from -3 to 3"),
