@@ -18,13 +18,16 @@ TRIGGER, ACQUIRED, NUMBER = "0018|1060", "0008|0032", "0020|0013"
 ABOUT = {"0020|0011": "5", "0008|103e": "Liver", "0008|0060": "MR"}
 
 
-def write(folder: Path, tags_of: Callable[[int, int], Mapping[str, str]], counts: tuple[int, ...] = (4, 4)) -> None:
+def write(
+    folder: Path, tags_of: Callable[[int, int], Mapping[str, str]], counts: tuple[int, ...] = (4, 4), mixed: bool = False
+) -> None:
     """Write a series of volumes of so many slices each, whose voxels are ten times the volume's index.
 
     Args:
         folder: where to.
         tags_of: elements of the slice, by the volume's index and its own.
         counts: of slices.
+        mixed: whether the names of the files say nothing of their volumes; else they are in their order.
     """
     for volume, count in enumerate(counts):
         for k in range(count):
@@ -32,7 +35,8 @@ def write(folder: Path, tags_of: Callable[[int, int], Mapping[str, str]], counts
             array[0, 0, 0] = k
             scan = Scan(array, np.array([1.0, 1.0, 3.0]), np.eye(3), np.array([0.0, 0.0, 3.0 * k]), ([0] * 3, [0] * 3))
             tags = {**ABOUT, NUMBER: "1", **tags_of(volume, k)}
-            (path,) = write_dicom(folder, scan, first=100 * volume + k, about=tags)
+            rank = (volume + k) % len(counts) if mixed else volume
+            (path,) = write_dicom(folder, scan, first=100 * rank + k, about=tags)
             assert path.exists()
 
 
@@ -74,14 +78,15 @@ def test_volumes_may_differ_in_more_than_one_way(tmp_path: Path) -> None:
     assert offered(tmp_path) == [f"5: Liver, {each} (MR, 7×6×4)" for each in told]
 
 
+@pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize(
     ("tag", "told"), [(TRIGGER, "trigger time"), (ACQUIRED, "time"), (ACQUISITION, "acquisition"), (NUMBER, "image number")]
 )
 def test_where_each_slice_has_a_value_of_its_own_volumes_are_told_by_their_order_at_each_place(
-    tmp_path: Path, tag: str, told: str
+    tmp_path: Path, tag: str, told: str, mixed: bool
 ) -> None:
     """As of a beating heart, whose slices are taken one after the other."""
-    write(tmp_path, lambda volume, k: {tag: str(95000 + 300 * k + 7 * volume)}, (4, 4, 4))
+    write(tmp_path, lambda volume, k: {tag: str(95000 + 300 * k + 7 * volume)}, (4, 4, 4), mixed)
     assert offered(tmp_path) == [f"5: Liver, {number} of 3 by {told} (MR, 7×6×4)" for number in (1, 2, 3)]
 
 
