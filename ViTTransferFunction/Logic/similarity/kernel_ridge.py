@@ -282,11 +282,11 @@ class KernelRidge:
 def _point_ridge(annotated: _Annotated) -> np.ndarray:
     """What each annotated point may be missed by, (P,)."""
     ridge = np.empty(len(annotated.points_ras))
-    for positive in (True, False):
-        for index in np.unique(annotated.classes):
-            own = (annotated.classes == index) & (annotated.positive == positive)
-            many = len(different_places(annotated.points_ras[own])) / FEW_POINTS
-            ridge[own] = min(POINT_RIDGE * max(many, 1.0) ** MANY_POINTS_EXPONENT, BACKGROUND_RIDGE)
+    parts = 2 * annotated.classes + annotated.positive
+    for part in np.unique(parts):
+        own = parts == part
+        many = len(different_places(annotated.points_ras[own])) / FEW_POINTS
+        ridge[own] = min(POINT_RIDGE * max(many, 1.0) ** MANY_POINTS_EXPONENT, BACKGROUND_RIDGE)
     return ridge
 
 
