@@ -16,7 +16,7 @@ import vtk
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QLineEdit
+from PySide6.QtWidgets import QApplication, QLineEdit
 
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
@@ -144,6 +144,18 @@ def test_f2_renames_and_delete_then_deletes_a_letter(widget: Any, host: Host) ->
     QTest.keyClick(editor, Qt.Key.Key_Delete)
     QTest.keyClick(editor, Qt.Key.Key_Return)
     wait_until(lambda: names(widget) == ["iver"])
+
+
+def test_a_key_after_a_click_on_the_selected_structure_is_no_new_name(widget: Any, host: Host) -> None:
+    add_class(widget, "liver")
+    table = focus(widget, host)
+    middle = table.visualItemRect(table.item(0, NAME)).center()
+    QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=middle)
+    # Qt waits that long for a second click before it has a name edited.
+    QTest.qWait(QApplication.doubleClickInterval() + 200)
+    assert table.findChild(QLineEdit) is None
+    QTest.mouseDClick(table.viewport(), Qt.MouseButton.LeftButton, pos=middle)
+    assert table.findChild(QLineEdit) is not None
 
 
 def test_the_selected_structure_is_in_sight_when_a_scene_of_many_is_opened(
