@@ -17,12 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.weights import download as download_module
 from ViTTransferFunction.Logic.weights.download import DownloadFailed, download
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS, PretrainedModel
 from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights
+from ViTTransferFunction.Logic.weights.state_dict import tensors_sha256
 from ViTTransferFunction.Logic.weights.store import list_weights, remove_weights, weights_folder
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
 
@@ -371,6 +373,27 @@ class TestTrust:
 
         with pytest.raises(InputError, match=f"expected {SHA256}"):
             find_weights(NAME, trust=trusting)
+
+    def test_a_file_that_is_made_anew_on_each_computer_is_known_by_its_tensors(
+        self, folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        right, wrong = {"weight": torch.zeros(2)}, {"weight": torch.ones(2)}
+        published = _publish(monkeypatch, url="", sha256=SHA256)
+        model = dataclasses.replace(published, tensors_sha256=tensors_sha256(right))
+        monkeypatch.setitem(PRETRAINED_MODELS, NAME, model)
+        folder.mkdir(parents=True)
+
+        torch.save(wrong, folder / model.file_name)
+        with pytest.raises(InputError, match="was changed or is damaged"):
+            find_weights(NAME, allow_download=False)
+
+        torch.save(right, folder / model.file_name)
+        assert find_weights(NAME, allow_download=False).path == folder / model.file_name
+        assert "No hash is published" not in caplog.text
+
+        (folder / model.file_name).write_bytes(b"no weights")
+        with pytest.raises(InputError, match="was changed or is damaged"):
+            find_weights(NAME, allow_download=False)
 
 
 class TestCache:

@@ -125,3 +125,9 @@ def test_a_reference_geometry_that_others_rely_on_stays(a_segmentation: Any, a_v
     a_segmentation.SetReferenceImageGeometryParameterFromVolumeNode(other_volume)
     write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
     assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is other_volume
+
+
+def test_others_without_a_reference_geometry_get_the_volumes(a_segmentation: Any, a_volume: Any) -> None:
+    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), np.eye(4))
+    write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is a_volume
