@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -49,13 +50,20 @@ def test_of_a_class_that_is_as_by_default_nothing_is_kept(node: Any) -> None:
     assert [attribute(node, name) for name in ("iso", "low", "closeUp", "continues")] == [None] * 4
 
 
-@pytest.mark.parametrize("garbage", ["", "nan", "7", "-0.1", "much"])
+@pytest.mark.parametrize("garbage", ["", "nan", "1.5", "-0.1", "much"])
 def test_garbled_settings_count_as_absent(node: Any, garbage: str) -> None:
     for name in ("iso", "opacity", "proximity", "closeUp"):
         set_attribute(node, name, garbage)
     settings = read_settings(node)
     assert [settings[name] for name in ("iso", "proximity", "close_up")] == [None, 0.0, None]
     assert read_look(node, COLOR).opacity == 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_shares_of_nothing_and_of_all_are_kept(node: Any, share: float) -> None:
+    write_settings(node, replace(LIVER, iso=share, proximity=share, look=replace(LIVER.look, opacity=share)))
+    settings = read_settings(node)
+    assert (settings["iso"], settings["proximity"], read_look(node, COLOR).opacity) == (share, share, share)
 
 
 @pytest.mark.parametrize(("text", "size"), [("-2.5", -2.5), ("3.0", 3.0), ("3.1", 0.0), ("nan", 0.0), ("larger", 0.0)])
