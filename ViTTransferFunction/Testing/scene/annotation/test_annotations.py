@@ -183,14 +183,15 @@ def test_a_class_keeps_its_name_where_the_new_one_cannot_be_written(session: Sce
 @pytest.mark.parametrize("tool", ["click", "brush"])
 def test_a_hidden_structure_that_gets_a_point_is_shown_in_one_step(session: SceneSession, positive: bool, tool: str) -> None:
     annotations = session.annotations
-    id_ = annotations.add_class("liver").id
+    id_, other = annotations.add_class("liver").id, annotations.add_class("spleen").id
     annotations.set_class(id_, visible=False)
+    annotations.set_class(other, visible=False)
     points = annotations.points_node(id_, positive)
     if tool == "click":
         points.AddControlPointWorld(vtk.vtkVector3d(1.0, 2.0, 3.0))
     else:
         annotations.add_points(id_, np.array([[1.0, 2.0, 3.0]]), positive)
-    assert session.classes[0].visible
+    assert [state.visible for state in session.classes] == [True, False]
     assert points.GetDisplayNode().GetVisibility()
     annotations.undo()
     assert not session.classes[0].visible

@@ -77,9 +77,13 @@ def test_writing_what_is_there_already_touches_nothing(scene: Any, parameter_nod
     assert [n.GetMTime() for n in nodes] == before
 
 
-def test_polarities_differ_by_shape(scene: Any, parameter_node: Any) -> None:
+def test_points_inside_are_dots_and_those_outside_crosses_in_a_list_that_says_so(scene: Any, parameter_node: Any) -> None:
     node = create_class(scene, parameter_node, LIVER)
-    assert node.GetDisplayNode().GetGlyphType() != display_of_negative(node).GetGlyphType()
+    display, outside = node.GetDisplayNode(), display_of_negative(node)
+    assert (display.GetGlyphType(), outside.GetGlyphType()) == (display.Sphere3D, display.ThickCross2D)
+    negative = negative_node(node)
+    assert negative is not None
+    assert (node.GetName(), negative.GetName()) == ("Leber, groß", "Leber, groß – outside")
 
 
 def test_points_under_a_transform_are_given_in_the_scenes_coordinates(scene: Any, parameter_node: Any) -> None:
