@@ -51,6 +51,8 @@ def test_structures_without_points_get_those_of_another_scan_in_one_step(
     assert session.classes == before
     session.set_volume(baseline)
     assert session.classes == theirs
+    # On the copy, there are structures without points.
+    assert session.other_scans.names == {}
 
 
 def test_a_structure_that_has_points_keeps_them_and_the_other_one_gets_a_number(

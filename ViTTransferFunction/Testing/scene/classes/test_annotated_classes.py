@@ -133,13 +133,16 @@ def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_
         session.file_classes.add([red])
     assert session.classes == before
     session.file_classes.add([red, spleen])
+    assert session.selected_class == session.classes[1]
     session.file_classes.add([more])
     with pytest.raises(InputError, match="are all there already"):
         session.file_classes.add([more])
-    assert [state.name for state in session.classes] == ["liver", "spleen", "liver (2)"]
+    session.file_classes.add([replace(red, request=replace(red.request, size=1.0))])
+    assert [state.name for state in session.classes] == ["liver", "spleen", "liver (2)", "liver (3)"]
     assert session.classes[0].color == RED
-    assert len({state.color for state in session.classes}) == 3
-    assert len(session.file_classes.annotated()) == 3
+    assert len({state.color for state in session.classes}) == 4
+    assert len(session.file_classes.annotated()) == 4
+    assert session.take_error() is None
 
 
 def test_points_of_another_scan_are_refused_and_nothing_is_added(session: SceneSession, spheres: Spheres) -> None:

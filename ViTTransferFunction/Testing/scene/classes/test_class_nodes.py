@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from ViTTransferFunction.Logic.rendering.appearance import Appearance
 from ViTTransferFunction.Logic.scene.classes.class_nodes import (
+    class_id,
     class_nodes,
     create_class,
+    give_to_volume,
     negative_node,
     order_classes,
     read_class,
@@ -146,6 +148,18 @@ def test_classes_are_brought_into_order(scene: Any, parameter_node: Any) -> None
         create_class(scene, parameter_node, replace(LIVER, id=id_))
     order_classes(parameter_node, ["c", "a", "b"])
     assert [read_class(node).id for node in class_nodes(parameter_node)] == ["c", "a", "b"]
+
+
+def test_classes_that_a_volume_is_given_beside_one_of_their_name_and_id_are_others(scene: Any, parameter_node: Any) -> None:
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    first = create_class(scene, parameter_node, LIVER)
+    assert give_to_volume(volume, [first]) == [first]
+    others = [create_class(scene, parameter_node, LIVER) for _ in range(2)]
+    assert give_to_volume(volume, [first, *others]) == others
+    parameter_node.SetNodeReferenceID("volume", volume.GetID())
+    nodes = class_nodes(parameter_node)
+    assert nodes == [first, *others]
+    assert len(set(map(class_id, nodes))) == len({node.GetName() for node in nodes}) == 3
 
 
 def test_lists_are_kept_in_a_folder_where_the_application_lists_nodes(scene: Any, parameter_node: Any) -> None:
