@@ -71,14 +71,35 @@ def test_a_structure_that_has_points_keeps_them_and_the_other_one_gets_a_number(
 def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
     slicer_app: Any, session: SceneSession, spheres: Spheres
 ) -> None:
-    annotate(session, spheres)
+    first, second, _ = annotate(session, spheres)
+    session.annotations.add_points(first, np.array([[1000.0, 0.0, 0.0]]), positive=False)  # In neither.
+    session.annotations.set_class(second, visible=False)
     classes = session.classes
     slicer_app.scene.RemoveNode(session.parameters.volume)
     assert session.other_scans.names == {}
     session.set_volume(add_volume(slicer_app.scene, spheres[0]))
     assert list(session.other_scans.names.values()) == [f"{spheres[0].name} (removed)"]
     session.other_scans.take_over(*session.other_scans.names)
-    assert [state.positive for state in session.classes] == [state.positive for state in classes]
+    assert [(state.positive, state.negative) for state in session.classes] == [
+        (state.positive, state.negative) for state in classes
+    ]
+    assert all(state.visible for state in session.classes)
+
+
+def test_scans_of_one_name_are_two(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
+    scans = [session.parameters.volume, add_volume(slicer_app.scene, spheres[0]), add_volume(slicer_app.scene, spheres[0])]
+    for label, scan in enumerate(scans[:2], start=1):
+        scan.SetName("CT")
+        session.set_volume(scan)
+        session.annotations.add_points(
+            session.annotations.add_class(f"sphere {label}").id, centre_ras(spheres, label), positive=True
+        )
+    session.set_volume(scans[2])
+    assert list(session.other_scans.names.values()) == ["CT", "CT"]
+    session.other_scans.take_over(list(session.other_scans.names)[1])
+    assert [state.positive for state in session.classes if state.positive] == [
+        tuple(map(tuple, centre_ras(spheres, 2).tolist()))
+    ]
 
 
 def test_points_of_a_scan_that_lies_elsewhere_are_refused(session: SceneSession, follow_up: FollowUp, spheres: Spheres) -> None:

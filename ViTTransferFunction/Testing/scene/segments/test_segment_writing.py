@@ -98,6 +98,14 @@ def test_the_segmentation_moves_with_the_volume_from_then_on(a_segmentation: Any
     assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
 
 
+def test_an_empty_segmentation_stays_under_the_transform_that_the_user_gave_it(a_segmentation: Any, a_volume: Any) -> None:
+    put_under(a_segmentation, MOVED)
+    given = a_segmentation.GetParentTransformNode()
+    (segment_id,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
+    assert a_segmentation.GetParentTransformNode() is given
+    assert voxels_of(a_segmentation, segment_id) == positions_of(block(1, 4), a_volume)
+
+
 def test_writing_again_replaces_the_voxels_of_the_same_segment(a_segmentation: Any, a_volume: Any) -> None:
     first = write_segments(a_segmentation, a_volume, [output(block(1, 4)), output(block(4, 5), "b", "b")], respect_others=True)
     again = write_segments(a_segmentation, a_volume, [output(block(2, 3)), output(block(0, 1), "b", "b")], respect_others=True)

@@ -131,3 +131,11 @@ def test_others_without_a_reference_geometry_get_the_volumes(a_segmentation: Any
     add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), np.eye(4))
     write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=True)
     assert a_segmentation.GetNodeReference("referenceImageGeometryRef") is a_volume
+
+
+def test_others_do_not_move_with_a_volume_that_is_under_a_transform(a_segmentation: Any, a_volume: Any) -> None:
+    add_segment(a_segmentation, "other", np.ones((3, 3, 3), dtype=bool), np.eye(4))
+    put_under(a_volume, MOVED)
+    (ours,) = write_segments(a_segmentation, a_volume, [output(block(1, 4))], respect_others=False)
+    assert a_segmentation.GetParentTransformNode() is None
+    assert voxels_of(a_segmentation, ours) == positions_of(block(1, 4), a_volume)
