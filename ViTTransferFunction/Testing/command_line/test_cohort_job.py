@@ -125,6 +125,31 @@ def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once
     assert "holds 2 DICOM volumes" in segment_case(unnamed).message
 
 
+def test_a_worker_with_other_weights_writes_nothing_and_what_somebody_corrected_is_moved_and_said_to_be(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
+    voxels = np.random.default_rng(0).integers(0, 100, (6, 7, 8)).astype(np.int16)
+    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(tmp_path / "scan.nrrd"))
+    points = tmp_path / "points.json"
+    points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[4, 3, 3]]}]}')
+    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
+    right, other = (
+        CaseJob(Case("scan", tmp_path / "scan.nrrd", points), CohortSettings(settings, sha256), tmp_path)
+        for sha256 in (sha256_of(tmp_path / "tiny.pth"), "f00d")
+    )
+    right.output.write_text("corrected")
+
+    refused = segment_case(other)
+    assert (refused.status, right.output.read_text()) == ("refused", "corrected")
+    assert "worker's weights file has SHA-256" in refused.message
+
+    done = segment_case(right)
+    assert done.status == "done"
+    assert f"is now {tmp_path / 'kept' / 'scan-1.seg.nrrd'}" in done.message
+
+
 @pytest.mark.parametrize("name", ["a.mhd", "a.raw", "a.json"])
 def test_a_case_is_not_done_once_its_header_voxels_or_points_change(job: CaseJob, name: str) -> None:
     with (job.case.volume.parent / name).open("a") as file:
@@ -208,6 +233,7 @@ def test_a_table_that_cannot_be_written_now_does_not_stop_the_cases(
     with monkeypatch.context() as closed:
         closed.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(PermissionError(13, "in use")))
         table.put(CaseOutcome("a", "done"))
+        assert "in use" in caplog.text
         table.put(CaseOutcome("b", "done"))
         with pytest.raises(InputError, match="in use"):
             table.save()
@@ -253,6 +279,24 @@ def test_results_never_replace_what_they_are_made_from(
     (tmp_path / "in").mkdir()
     (tmp_path / "cohort.csv").write_text("case,volume,annotations\na,in,a.json\n")
     args = build_parser().parse_args(["cohort", "cohort.csv", "-o", folder])
+    with pytest.raises(InputError, match=message):
+        run(args)
+
+
+@pytest.mark.parametrize(
+    ("volume", "points", "message"),
+    [
+        ("out/a.seg.nrrd", "a.json", "the segmentation of case 'a' would be written over the volume of case 'a'"),
+        ("a.nrrd", "out/a.cohort.json", "the record of case 'a' would be written over the annotations of case 'a'"),
+    ],
+    ids=["a volume", "points"],
+)
+def test_the_files_of_a_case_never_replace_what_they_are_made_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, volume: str, points: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cohort.csv").write_text(f"case,volume,annotations\na,{volume},{points}\n")
+    args = build_parser().parse_args(["cohort", "cohort.csv", "-o", "out"])
     with pytest.raises(InputError, match=message):
         run(args)
 
