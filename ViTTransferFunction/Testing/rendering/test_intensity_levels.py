@@ -41,7 +41,7 @@ def test_what_is_frequent_gets_more_levels_and_all_is_covered() -> None:
 
 def test_what_is_no_number_is_dark() -> None:
     intensities = np.full((2, 2, 2), np.nan)
-    assert (gray_levels(intensities, np.arange(256.0), (2, 2, 2)) == 0).all()
+    assert (gray_levels(intensities, np.arange(-100.0, 156.0), (2, 2, 2)) == 0).all()
 
 
 @pytest.mark.parametrize("shape", [(20, 18, 16), (13, 18, 11), (31, 40, 20)])

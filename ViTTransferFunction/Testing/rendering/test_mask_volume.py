@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.rendering.class_membership import memberships
-from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, NUMBER, SURFACE
+from ViTTransferFunction.Logic.rendering.composition import DEPTH, INTENSITY, LIGHT, NUMBER, SURFACE
 from ViTTransferFunction.Logic.rendering.mask_volume import mask_volume
 
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -77,6 +77,14 @@ def test_of_two_that_overlap_the_more_opaque_one_has_the_voxels() -> None:
         depths, numbers = at_voxels(geometry, *mask_volume(geometry, masks, opacities))
         assert (numbers[core] == number).all()
         assert (depths[core] > 160).all()
+
+
+def test_what_is_not_seen_casts_no_shadow() -> None:
+    masks = [ball_mask((9.5, 11.5, 9.5), 4.0), ball_mask((9.5, 11.5, 18.5), 4.0)]
+    both, one = (mask_volume(grid(), masks, [1.0, opacity])[0] for opacity in (0.1, 0.0))
+    lighter = one[..., LIGHT] > both[..., LIGHT]
+    assert lighter[one[..., NUMBER] == 1].any()
+    assert (one[..., LIGHT] >= both[..., LIGHT]).all()
 
 
 def test_what_is_around_the_masks_is_in_the_volume_where_it_is_wanted() -> None:
