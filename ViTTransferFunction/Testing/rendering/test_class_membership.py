@@ -70,6 +70,14 @@ def test_classes_far_away_change_nothing() -> None:
     np.testing.assert_array_equal(together[3].values, members([FAR])[0].values)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+@pytest.mark.parametrize("iso", [0.0, 0.003, 0.02])
+def test_what_is_many_times_above_a_low_iso_value_is_well_inside(dtype: type, iso: float) -> None:
+    similarity = FAR if dtype is np.uint8 else FAR.astype(np.float32) / np.float32(255.0)
+    ((_, membership),) = memberships([similarity], [iso], SHAPE, [1.5])
+    assert (whole(membership)[FAR > 100] == 255).all()
+
+
 @pytest.mark.parametrize("shape", [SHAPE, (11, 36, 13)])
 def test_voxels_of_a_part_are_those_of_all(shape: tuple[int, int, int]) -> None:
     array = np.random.default_rng(0).integers(-1000, 1000, SHAPE).astype(np.int16)
