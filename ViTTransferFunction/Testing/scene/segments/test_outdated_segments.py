@@ -59,6 +59,15 @@ def test_a_change_of_what_segments_follow_from_is_told_until_they_are_written_ag
     assert not session.segments.outdated
 
 
+def test_segments_are_outdated_while_other_intensities_are_looked_at(session: SceneSession) -> None:
+    write_all(session)
+    low, high = session.parameters.window
+    session.parameters.set_window(low, high + 1.0, automatic=False)
+    assert session.segments.outdated
+    session.parameters.set_window(low, high, automatic=True)
+    assert not session.segments.outdated
+
+
 def test_what_does_not_change_segments_leaves_them_as_they_are(session: SceneSession) -> None:
     write_all(session)
     session.annotations.set_class(session.classes[0].id, opacity=0.3, visible=False)
