@@ -156,9 +156,8 @@ def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:
 
     Scouts among the slices of a scan are none of them.
     """
-    scouts = [one for one in slices if SCOUT in IMAGE_TYPE.value(one).split("\\")]
-    if 0 < len(scouts) < len(slices):
-        others = [one for one in slices if one not in scouts]
+    scouts, others = [one for one in slices if _is_scout(one)], [one for one in slices if not _is_scout(one)]
+    if scouts and others:
         return [DicomSeries((one,), f"scout {one.path.relative_to(folder)}") for one in scouts] + _volumes(others, folder)
     single = [one for one in slices if one.size[2] == 1]
     if len(single) < len(slices) > 1:
@@ -166,6 +165,10 @@ def _volumes(slices: list[DicomSlice], folder: Path) -> list[DicomSeries]:
         return whole + (_volumes(single, folder) if single else [])
     stacked = [slices[index] for index in np.argsort(heights(slices), kind="stable")]
     return [DicomSeries(tuple(volume), part) for part, volume in volumes_of_series(stacked)]
+
+
+def _is_scout(one: DicomSlice) -> bool:
+    return SCOUT in IMAGE_TYPE.value(one).split("\\")
 
 
 def _rank(series: DicomSeries) -> tuple[int, str]:
