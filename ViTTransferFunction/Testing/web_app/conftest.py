@@ -116,7 +116,16 @@ def in_app(quick_compute_processes: None) -> Iterator[Callable[[Journey], None]]
         return WebApp()
 
     app = loop.run_until_complete(make())
-    yield lambda journey: loop.run_until_complete(journey(app))
+
+    async def travel(journey: Journey) -> None:
+        try:
+            await journey(app)
+        finally:
+            # What is not saved goes to the cache of this test, which the next one does not share.
+            app.unsaved_points.leave()
+            await app.unsaved_points._done(lambda: None)
+
+    yield lambda journey: loop.run_until_complete(travel(journey))
     app.session.close()
     for task in asyncio.all_tasks(loop):
         task.cancel()
