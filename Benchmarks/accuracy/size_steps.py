@@ -15,7 +15,8 @@ from Benchmarks.shared.click_sequence import ClickSequence
 from Benchmarks.shared.labelled_cases import LabelledVolume, classes_of
 from Benchmarks.shared.segmentation_metrics import dice
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
-from ViTTransferFunction.Logic.session.labels import assign_labels, keep_annotated_components
+from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
+from ViTTransferFunction.Logic.session.labels import Competition, keep_annotated_components
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 
 STEPS = (-1.0, 1.0)
@@ -57,6 +58,9 @@ def _proposal(
     low = session.low_resolution_maps(stepped)[index]
     full = session.refined_map(low, stepped, index, "bilateral")
     geometry = session.volume.geometry
-    labels = assign_labels([*maps[:index], (full.voxels.array, full.iso), *maps[index + 1 :]], geometry.shape)
-    keep_annotated_components(labels, geometry, {index + 1: requests[index].positive})
+    competition = Competition(geometry.shape, np.uint16)
+    for similarity, iso in (*maps[:index], (full.voxels.array, full.iso), *maps[index + 1 :]):
+        competition.enter(similarity, iso, whole_box(geometry.shape))
+    keep_annotated_components(competition.labels, geometry, {index + 1: requests[index].positive})
+    labels: np.ndarray = competition.labels
     return labels == index + 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -27,33 +27,16 @@ SLAB_VOXELS = 2**24
 """Components are looked for in parts of so many voxels, each of which takes four bytes then."""
 
 
-def assign_labels(maps: Iterable[tuple[np.ndarray, float]], shape: tuple[int, int, int]) -> np.ndarray:
-    """Label each voxel with the class whose map exceeds its own iso value by the largest factor.
-
-    Args:
-        maps: for each class its map (K, J, I) in [0, 1] and its iso value; consumed one at a time, so that they need not all
-            be in memory.
-        shape: of the maps, (K, J, I).
-
-    Returns:
-        (K, J, I) uint16: 0 where no class reaches its iso value, else 1 + the index of the class. A tie (`TIE`) stays with the
-        class that came first.
-    """
-    competition = Competition(shape, np.uint16)
-    for similarity, iso in maps:
-        competition.enter(similarity, iso, whole_box(shape))
-    return competition.labels
-
-
 class Competition:
-    """Classes compete for voxels, one after the other.
+    """Classes compete for voxels, one after the other: each goes to the class whose map exceeds its own iso value by most.
 
     Args:
         shape: of the volume, (K, J, I).
         dtype: of the labels.
 
     Attributes:
-        labels: (K, J, I), 0 where no class reaches its iso value, else 1 + the index of the class; a tie stays with the first.
+        labels: (K, J, I), 0 where no class reaches its iso value, else 1 + the index of the class; a tie (`TIE`) stays with the
+            class that came first.
     """
 
     def __init__(self, shape: tuple[int, int, int], dtype: type[np.unsignedinteger[Any]]) -> None:

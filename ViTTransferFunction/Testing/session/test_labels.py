@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,9 +10,10 @@ import pytest
 from scipy import ndimage
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
+from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.session import labels as labels_module
-from ViTTransferFunction.Logic.session.labels import assign_labels, count_labels, keep_annotated_components
+from ViTTransferFunction.Logic.session.labels import Competition, count_labels, keep_annotated_components
 
 SHAPE = (1, 1, 5)
 
@@ -23,49 +22,36 @@ def a_map(*values: float) -> np.ndarray:
     return np.array(values, dtype=np.float32).reshape(SHAPE)
 
 
+def labels_of(*maps: tuple[np.ndarray, float]) -> list[int]:
+    """What classes win by their maps and iso values, of each voxel."""
+    competition = Competition(SHAPE, np.uint16)
+    for similarity, iso in maps:
+        competition.enter(similarity, iso, whole_box(SHAPE))
+    labels: list[int] = competition.labels.ravel().tolist()
+    return labels
+
+
 def test_each_voxel_goes_to_the_class_furthest_above_its_own_iso_value() -> None:
     first, second = a_map(0.9, 0.6, 0.4, 0.1, 0.0), a_map(0.1, 0.6, 0.4, 0.3, 0.1)
-    labels = assign_labels(iter([(first, 0.5), (second, 0.2)]), SHAPE)
-    np.testing.assert_array_equal(labels.ravel(), [1, 2, 2, 2, 0])
+    assert labels_of((first, 0.5), (second, 0.2)) == [1, 2, 2, 2, 0]
 
 
 def test_a_later_class_need_not_be_far_above_an_earlier_one() -> None:
-    labels = assign_labels([(a_map(0.6, 0.6, 0.6, 0.6, 0.6), 0.5), (a_map(0.601, 0.599, 0.7, 0.5, 0.4), 0.5)], SHAPE)
-    np.testing.assert_array_equal(labels.ravel(), [2, 1, 2, 1, 1])
+    assert labels_of((a_map(0.6, 0.6, 0.6, 0.6, 0.6), 0.5), (a_map(0.601, 0.599, 0.7, 0.5, 0.4), 0.5)) == [2, 1, 2, 1, 1]
 
 
 def test_a_voxel_at_the_iso_value_is_selected_and_a_tie_goes_to_the_first_class() -> None:
-    labels = assign_labels(iter([(a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)]), SHAPE)
-    np.testing.assert_array_equal(labels.ravel(), [1, 1, 0, 0, 0])
+    assert labels_of((a_map(0.5, 0.8, 0, 0, 0), 0.5), (a_map(0.5, 0.8, 0, 0, 0), 0.5)) == [1, 1, 0, 0, 0]
 
 
 def test_what_rounding_makes_of_equal_maps_is_a_tie() -> None:
     values = np.array([0.5, 0.25, 0.75, 0.3, 0.2], dtype=np.float32)
     rounded = values * np.array([1.0, 1.0 + 1e-5, 1.0 - 1e-5, 1.0 + 2e-5, 1.0], dtype=np.float32)
-    labels = assign_labels([(a_map(*values), 0.25), (a_map(*rounded), 0.25)], SHAPE)
-    assert labels.ravel().tolist() == [1, 1, 1, 1, 0]
+    assert labels_of((a_map(*values), 0.25), (a_map(*rounded), 0.25)) == [1, 1, 1, 1, 0]
 
 
 def test_every_label_is_counted_also_one_that_no_voxel_carries() -> None:
     assert count_labels(np.array([0, 3, 3, 1, 0], dtype=np.uint16).reshape(SHAPE), 4) == [1, 0, 2, 0]
-
-
-def test_no_more_than_two_maps_are_in_memory_at_once() -> None:
-    made: list[weakref.ref[np.ndarray]] = []
-    counts = []
-
-    def maps() -> Iterator[tuple[np.ndarray, float]]:
-        for _ in range(4):
-            similarity = a_map(1, 1, 1, 1, 1)
-            made.append(weakref.ref(similarity))
-            counts.append(sum(of_map() is not None for of_map in made))
-            yield similarity, 0.5
-            del similarity
-
-    assign_labels(maps(), SHAPE)
-    assert len(counts) == 4
-    # The one that is made, and the one before, which the loop over maps still names.
-    assert max(counts) <= 2
 
 
 def test_only_components_with_a_point_are_kept() -> None:

@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.compute.requests import (
 )
 from ViTTransferFunction.Logic.compute.service import SegmentationService
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
 from ViTTransferFunction.Logic.session.settings import SessionSettings
@@ -58,6 +59,21 @@ def test_a_session_that_is_let_go_keeps_neither_volume_nor_features(spheres: Sph
     assert alive(left) == 3
     del session, volume
     assert alive(left) == 0
+
+
+def test_a_refined_map_is_let_go_before_the_next_one_is_made(spheres: Spheres) -> None:
+    cache_known_features(*spheres)
+    session = open_session(Volume(spheres[0].array, spheres[0].geometry), SETTINGS)
+    session.load_features()
+    maps: list[weakref.ref[VoxelMap]] = []
+    there: dict[int, int] = {}
+
+    def on_progress(done: int, total: int, what: str) -> None:
+        there[done] = sum(reference() is not None for reference in maps)
+
+    session.segment(requests_of(spheres), progress=on_progress, on_map=lambda _, full: maps.append(weakref.ref(full.voxels)))
+    assert there == {0: 0, 1: 0, 2: 0, 3: 0}
+    assert len(maps) == 3
 
 
 @pytest.mark.parametrize("prepared", [False, True], ids=["clicked", "prepared"])
