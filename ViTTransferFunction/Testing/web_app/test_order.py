@@ -83,3 +83,27 @@ def test_a_stroke_is_one_in_the_structure_that_was_selected_then(page: AppPage) 
     page.page.mouse.up()
     page["add-class"].click()
     wait_for_points(page, "> 0", "=== 0")
+
+
+@pytest.mark.parametrize(
+    ("turns", "slices"), [([(0, 100)] * 3, 3), ([(1, 3)] * 3, 3), ([(0, 3)] * 31, 4), ([(0, 40), (0, -40), (0, -40)], -1)]
+)
+def test_a_notch_of_a_mouse_is_a_slice_and_touchpads_leaf_no_faster(
+    page: AppPage, turns: list[tuple[int, float]], slices: int
+) -> None:
+    """Turns by their mode (0: pixels, 1: lines) and how far."""
+    page["slice-Red"].fill("10")
+    page.page.wait_for_function("window.requests.awaited() === null")
+    shown = "Number(document.querySelector('[data-testid=slice-Red]').value)"
+    before, step = page.page.evaluate(shown), float(page["slice-Red"].get_attribute("step") or "")
+    page.page.evaluate("""(turns) => {
+        const view = document.querySelector("[data-testid='view-Red'] img");
+        const { left, top } = view.getBoundingClientRect();
+        for (const [deltaMode, deltaY] of turns)
+            view.dispatchEvent(
+                new WheelEvent("wheel", { deltaMode, deltaY, clientX: left + 9, clientY: top + 9, bubbles: true, cancelable: true })
+            );
+    }""", turns)  # fmt: skip
+    page["add-class"].click()
+    wait_for_points(page, "=== 0", "=== 0")
+    page.page.wait_for_function(f"Math.abs({shown} - {before - slices * step}) < {step / 4}")

@@ -62,13 +62,34 @@
   // Keys choose tools, and the wheel other slices, in which the mouse is not known to be.
   window.addEventListener("keydown", () => { rest = ""; }, { capture: true });
 
+  // How far a wheel turns by a notch, at least, of a mouse whose events are notches. Touchpads send many events of few pixels each.
+  const NOTCH_PX = 30;
+  const LINE_PX = 16;
+  // After which a turn is a new one. Its first event counts whatever its size: mice of Macs turn slowly by few pixels a notch.
+  const PAUSE_MS = 200;
+  let turn = { when: -Infinity, way: 0, px: 0 };
+
+  // 1 away from the user, -1 towards them, or 0 if it was not turned that far yet.
+  function notchOf(event) {
+    // Browsers turn sideways while Shift is held.
+    const px = (event.deltaMode ? LINE_PX : 1) * (event.deltaY || (event.shiftKey && event.deltaX));
+    if (!px) return 0;
+    const way = Math.sign(px);
+    const isNew = way !== turn.way || event.timeStamp - turn.when > PAUSE_MS;
+    turn = { when: event.timeStamp, way, px: isNew ? NOTCH_PX : turn.px + Math.abs(px) };
+    if (turn.px < NOTCH_PX) return 0;
+    turn.px = 0;
+    return -way;
+  }
+
   window.addEventListener("wheel", (event) => {
     const area = viewAt(event);
     if (!area) return;
     event.preventDefault();
     event.stopPropagation();
-    // Browsers turn sideways while Shift is held.
-    step(area, "wheel", event, -Math.sign(event.deltaY || event.deltaX));
+    const notch = notchOf(event);
+    if (!notch) return;
+    step(area, "wheel", event, notch);
     rest = "";
   }, { capture: true, passive: false });
 })();
