@@ -192,6 +192,20 @@ def test_signs_may_be_on_altgr_as_windows_reports_it_or_on_option(page: AppPage)
     assert page.page.evaluate(ASKED_BY, others) == []
 
 
+PREVENTED = """([test_id, key]) => {
+    const pressed = new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true });
+    document.querySelector(`[data-testid='${test_id}']`).dispatchEvent(pressed);
+    return pressed.defaultPrevented;
+}"""
+"""Whether the page keeps a key that is pressed in an element from the browser."""
+
+
+@pytest.mark.parametrize("key", ["/", "'"])
+def test_firefox_is_not_to_search_the_page_for_the_keys_of_tools(page: AppPage, key: str) -> None:
+    assert page.page.evaluate(PREVENTED, ["app", key])
+    assert not page.page.evaluate(PREVENTED, ["grid", key])
+
+
 def test_the_selected_structure_is_in_sight_in_a_long_table(page: AppPage) -> None:
     for number in range(page.page.evaluate("window.trame.state.get('classes').length"), STRUCTURES + 4):
         page["add-class"].click()

@@ -7,6 +7,9 @@
   // Whether the page may not be used, since the server is not heard, or serves another one.
   const isCutOff = () => document.querySelector("#app").inert;
 
+  // Keys by which Firefox searches the page for what is typed next: tools, say.
+  const SEARCH_KEYS = ["/", "'"];
+
   // Keys, by the table that all front ends share.
   const PLAIN = { Escape: "Esc", Delete: "Del", ArrowUp: "Up", ArrowDown: "Down" };
 
@@ -48,6 +51,7 @@
       return;
     }
     if (isTyping(event.target) || inDialog) return;
+    if (SEARCH_KEYS.includes(key)) event.preventDefault();
     const shortcut = (state("keys") || []).find((entry) => entry.key === key);
     if (!shortcut) return;
     const row = event.target.closest && event.target.closest("[data-class-row]");
