@@ -229,3 +229,28 @@ def test_an_app_that_was_started_anew_is_not_taken_for_the_one_before(page: AppP
     page.page.evaluate("trame.client.getConnection().getSession().close()")
     wait_for_connection(page, "anew")
     page.keep_picture("anew")
+
+
+def test_a_browser_that_is_too_old_says_so_and_waits_for_nothing(new_page: Callable[[], Any], address: str) -> None:
+    page = new_page()
+    page.page.add_init_script("delete AbortSignal.timeout")
+    page.page.goto(address)
+    page.page.get_by_text("This browser is too old").wait_for()
+    page.keep_picture("too old")
+
+
+def test_what_the_server_says_comes_in_its_order_however_long_browsers_read(page: AppPage) -> None:
+    order = page.page.evaluate("""async () => {
+        const read = Blob.prototype.arrayBuffer;
+        let patience = 500;
+        Blob.prototype.arrayBuffer = async function () {
+            await new Promise((done) => setTimeout(done, (patience -= 20)));
+            return read.call(this);
+        };
+        const order = [];
+        const ask = (number) => window.requests.ask("arrive").then(() => order.push(number));
+        await Promise.all([0, 1, 2, 3, 4].map(ask));
+        Blob.prototype.arrayBuffer = read;
+        return order;
+    }""")
+    assert order == [0, 1, 2, 3, 4]

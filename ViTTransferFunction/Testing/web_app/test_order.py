@@ -98,11 +98,11 @@ def test_a_notch_of_a_mouse_is_a_slice_and_touchpads_leaf_no_faster(
     before, step = page.page.evaluate(shown), float(page["slice-Red"].get_attribute("step") or "")
     page.page.evaluate("""(turns) => {
         const view = document.querySelector("[data-testid='view-Red'] img");
-        const { left, top } = view.getBoundingClientRect();
-        for (const [deltaMode, deltaY] of turns)
-            view.dispatchEvent(
-                new WheelEvent("wheel", { deltaMode, deltaY, clientX: left + 9, clientY: top + 9, bubbles: true, cancelable: true })
-            );
+        const { x, y } = view.getBoundingClientRect();
+        for (const [deltaMode, deltaY] of turns) {
+            const turn = { deltaMode, deltaY, clientX: x + 9, clientY: y + 9, bubbles: true, cancelable: true };
+            view.dispatchEvent(new WheelEvent("wheel", turn));
+        }
     }""", turns)  # fmt: skip
     page["add-class"].click()
     wait_for_points(page, "=== 0", "=== 0")

@@ -1,5 +1,6 @@
-// Stands in the page itself, before all else. Where a script, or the first connection, breaks off before everything is there, the page
-// is loaded anew as soon as the server answers. From then on, `connection.js` sees to connections.
+// Stands in the page itself, before all else. A browser that is too old for the page says so. Where a script, or the first connection,
+// breaks off before everything is there, the page is loaded anew as soon as the server answers. From then on, `connection.js` sees to
+// connections.
 (() => {
   // Whether the server is there is asked so often, and each time so long.
   const RETRY_MS = 1000;
@@ -9,20 +10,27 @@
   // So often in a row: something else may keep a script away, a filter of the browser say, and the page may do without it.
   const MOST = 5;
   const COUNT = "vittf loaded again";
-  const STYLE = "position: fixed; inset: 0; z-index: 2000; display: flex; align-items: center; justify-content: center; " +
-    "background: #14171a; color: #dce2e7; font: 15px/1.5 system-ui, sans-serif";
+  const STYLE = "position: fixed; top: 0; right: 0; bottom: 0; left: 0; z-index: 2000; display: flex; align-items: center; " +
+    "justify-content: center; text-align: center; background: #14171a; color: #dce2e7; font: 15px/1.5 system-ui, sans-serif";
 
+  // What came last to browsers of all that the page needs.
+  const isModern = () => "inert" in HTMLElement.prototype && "timeout" in (window.AbortSignal || {}) &&
+    CSS.supports("container-type", "inline-size");
   const isThere = () => Boolean(window.requests && document.querySelector(".connection"));
   let again = false;
+
+  function say(text) {
+    const note = document.documentElement.appendChild(document.createElement("div"));
+    note.textContent = text;
+    note.style.cssText = STYLE;
+    note.setAttribute("role", "status");
+  }
 
   async function loadAgain() {
     const count = Number(sessionStorage.getItem(COUNT));
     if (again || count >= MOST) return;
     again = true;
-    const note = document.documentElement.appendChild(document.createElement("div"));
-    note.textContent = "The connection was lost. This page comes up by itself as soon as the app answers.";
-    note.style.cssText = STYLE;
-    note.setAttribute("role", "status");
+    say("The connection was lost. This page comes up by itself as soon as the app answers.");
     for (;;) {
       await new Promise((done) => setTimeout(done, RETRY_MS));
       const { status } = await fetch("served", { cache: "no-store", signal: AbortSignal.timeout(PROBE_MS) }).catch(() => ({}));
@@ -35,14 +43,27 @@
     window.location.reload();
   }
 
+  if (!isModern()) {
+    say("This browser is too old for the app, which needs Chrome or Edge 105, Firefox 112, Safari 16, or a newer one.");
+    return;
+  }
   window.addEventListener("error", ({ target }) => {
     if (target.tagName === "SCRIPT" || target.rel === "stylesheet") loadAgain();
   }, { capture: true });
+  // trame has messages come as blobs, and reads several at a time: browsers may then hand a later one out first, and the page would go
+  // on showing what was replaced, the letters of the patient's sides for one. What it reads here is there at once, so in its order.
+  const readInOrder = (buffer) => ({ slice: (...part) => ({ arrayBuffer: async () => buffer.slice(...part) }) });
   window.WebSocket = class extends WebSocket {
     constructor(...given) {
       super(...given);
       window.newestSocket = this;  // For `connection.js`: trame keeps it to itself.
       this.addEventListener("close", () => isThere() || loadAgain());
+    }
+    set binaryType(_) {
+      super.binaryType = "arraybuffer";
+    }
+    set onmessage(react) {
+      super.onmessage = react && (({ data }) => react({ data: readInOrder(data) }));
     }
   };
   setTimeout(() => (isThere() ? sessionStorage.removeItem(COUNT) : loadAgain()), PATIENCE_MS);
