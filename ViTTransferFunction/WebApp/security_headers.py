@@ -12,7 +12,6 @@ _INLINE_SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
-    "X-Frame-Options": "DENY",
     # The address has the token in it.
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -21,14 +20,19 @@ _HEADERS = {
 
 _DEFAULTS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    "X-Frame-Options": "DENY",
     "Cache-Control": "private, no-cache",
 }
+
+_OF_DOWNLOADS = {"Content-Security-Policy": "default-src 'none'; frame-ancestors 'self'", "X-Frame-Options": "SAMEORIGIN"}
+"""The page downloads through a frame, and WebKit, of which Safari is made, keeps no file that no frame may show."""
 
 
 async def add_security_headers(request: web.Request, response: web.StreamResponse) -> None:
     """Complete a response's headers; aiohttp calls it before it sends one."""
     response.headers.update(_HEADERS)
-    for name, value in _DEFAULTS.items():
+    is_download = request.path.split("/")[2:3] == ["download"]
+    for name, value in (_DEFAULTS | (_OF_DOWNLOADS if is_download else {})).items():
         response.headers.setdefault(name, value)
 
 

@@ -458,6 +458,17 @@ def test_every_answer_keeps_the_address_to_itself_and_only_the_page_runs_scripts
     at(visit)
 
 
+def test_what_is_downloaded_may_lie_in_a_frame_of_the_page_and_of_no_other(at: Callable[..., None]) -> None:
+    async def visit(place: Place) -> None:
+        async with a_browser() as browser:
+            await place.status(browser)
+            async with browser.get(place.url("download/session")) as response:
+                assert response.headers["X-Frame-Options"] == "SAMEORIGIN"
+                assert "frame-ancestors 'self'" in response.headers["Content-Security-Policy"]
+
+    at(visit)
+
+
 def test_scripts_in_the_page_are_allowed_by_their_hash_alone(at: Callable[..., None]) -> None:
     async def visit(place: Place) -> None:
         async with a_browser() as browser, browser.get(place.url()) as response:
