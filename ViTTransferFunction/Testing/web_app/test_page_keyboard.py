@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
+from PIL import Image
 
 from ViTTransferFunction.Testing.support.web_app import AppPage
 
@@ -110,6 +113,24 @@ def test_on_an_upright_narrow_screen_the_views_lie_above_the_panel(page: AppPage
         assert page.page.evaluate(BEYOND) == []
     finally:
         page.page.set_viewport_size({"width": 1280, "height": 800})
+
+
+def test_where_the_system_sets_the_colours_sliders_eyes_and_what_is_chosen_are_seen(page: AppPage) -> None:
+    page["class-0"].click(position={"x": 5, "y": 5})
+    page["tool-brushOn"].click()
+    page.wait_for_state("state.get('tool') === 'brushOn' && state.get('selected') === classes[0].id")
+    page.page.emulate_media(forced_colors="active")
+    try:
+        page.keep_picture("colours of the system")
+        for name in ("proximity", "overlayOpacity", "slice-Red", "class-visible-0"):
+            page[name].scroll_into_view_if_needed()
+            picture = Image.open(io.BytesIO(page[name].screenshot(animations="disabled"))).convert("L")
+            assert np.ptp(np.asarray(picture, int)) > 100, name
+        for name in ("class-0", "tool-brushOn"):
+            assert page[name].evaluate("one => getComputedStyle(one).outlineStyle") == "solid", name
+        assert page["class-1"].evaluate("one => getComputedStyle(one).outlineStyle") == "none"
+    finally:
+        page.page.emulate_media(forced_colors="none")
 
 
 def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage) -> None:
