@@ -55,11 +55,10 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # While it is being written, only its owner may read it.
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        rights = _make(temporary)
         yield temporary
         _flush(temporary)
-        temporary.chmod(0o666 & ~_umask())
+        temporary.chmod(rights)
         _put_in_place(temporary, path)
         _tidy(path.parent)
     except OSError as error:
@@ -170,6 +169,18 @@ def _ending(path: Path) -> str:
     return "".join(path.suffixes[-2:]).lower()[-_LONGEST_ENDING:]
 
 
+def _make(temporary: Path) -> int:
+    """Make a file that only its owner may read while it is being written; returns the rights that new files have here."""
+    descriptor = os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+    try:
+        # The file tells them. Python can look at the umask only by changing it, which other threads' files would have.
+        rights = stat.S_IMODE(os.fstat(descriptor).st_mode)
+        temporary.chmod(0o600)
+    finally:
+        os.close(descriptor)
+    return rights
+
+
 def _flush(path: Path) -> None:
     """Have the disk take the file. Some file systems notice only now that there is no room."""
     with path.open("rb+") as file:
@@ -179,9 +190,3 @@ def _flush(path: Path) -> None:
             # Some network shares cannot be asked.
             if error.errno not in _NOT_OFFERED:
                 raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

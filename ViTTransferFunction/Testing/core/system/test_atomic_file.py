@@ -39,6 +39,23 @@ def test_an_interruption_as_the_file_is_made_leaves_nothing(tmp_path: Path, monk
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has other permissions")
+def test_a_file_has_the_rights_of_any_new_one_and_other_threads_files_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = os.umask(0o027)
+    try:
+        # While it is another one, so are the rights of what any other thread makes.
+        monkeypatch.setattr(os, "umask", lambda _: pytest.fail("it is the whole process's"))
+        with replacing(tmp_path / "result.txt") as temporary:
+            assert temporary.stat().st_mode & 0o777 == 0o600
+            temporary.write_text("new")
+    finally:
+        monkeypatch.undo()
+        os.umask(before)
+    assert (tmp_path / "result.txt").stat().st_mode & 0o777 == 0o640
+
+
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "x"), RuntimeError("x"), KeyboardInterrupt()])
 def test_whatever_ends_the_writing_leaves_the_old_file_and_nothing_else(tmp_path: Path, error: BaseException) -> None:
     path = tmp_path / "result.txt"
@@ -90,7 +107,8 @@ def test_windows_refuses_to_rename_what_a_scanner_has_open_for_a_moment(
         return replace(temporary, target)
 
     monkeypatch.setattr(sys, "platform", "win32")
-    monkeypatch.setattr(atomic_file, "_SCANNERS_TAKE_S", 0.4)
+    # A busy computer may stand still for longer than a scanner takes.
+    monkeypatch.setattr(atomic_file, "_SCANNERS_TAKE_S", 60.0 if written else 0.1)
     monkeypatch.setattr(Path, "replace", refused_at_first)
     path = tmp_path / "result.txt"
     path.write_text("old")
