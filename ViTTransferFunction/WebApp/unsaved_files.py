@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
+import sys
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -32,6 +34,9 @@ MOST_BYTES = 64 << 20
 """Of all files together: about a million points."""
 PLACE_DIGITS = 3
 """Of a scan's place, in millimetres: other formats of the same scan may have fewer digits."""
+
+_OTHERS_LOOK_S = 1.0
+"""Much longer than others have a lock that they look at."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,7 @@ class UnsavedFile:
         try:
             make_private(path.parent)
             if self._lock is None:
-                self._lock = os.open(_lock_of(path), os.O_RDWR | os.O_CREAT, 0o600)
-                take_lock(self._lock)
+                self._lock = _locked(_lock_of(path))
             write_annotations(classes, path, {"scan": scan_path, "model": model})
             path.chmod(0o600)
         except OSError as error:
@@ -154,6 +158,21 @@ def _lock_of(path: Path) -> Path:
     return path.with_name(f"{path.name.removesuffix(ANNOTATIONS_ENDING)}.lock")
 
 
+def _locked(lock: Path) -> int:
+    """Make and lock a file; returns its descriptor.
+
+    Other apps have it for a moment when they look whether it is locked, and remove it if nobody else had it: then it is made
+    again.
+    """
+    give_up = time.monotonic() + _OTHERS_LOOK_S
+    while True:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
+        # Taken first, since who removes it has it as well.
+        if (take_lock(descriptor) is not False and lock.exists()) or time.monotonic() > give_up:
+            return descriptor
+        os.close(descriptor)
+
+
 def _read(path: Path, geometry: Geometry) -> LeftPoints:
     classes, model = read_annotations(path, geometry), read_json(path).get("model")
     return LeftPoints(path, _changed_s(path), classes, model if isinstance(model, str) else "")
@@ -189,9 +208,27 @@ def _remove_oldest(written: Path) -> None:
     for number, path in enumerate(_latest_first(written.parent, f"*{ANNOTATIONS_ENDING}")):
         with suppress(OSError):
             total += path.stat().st_size
-        if (number >= MOST_FILES or total > MOST_BYTES) and path != written and not _is_written_to(path):
-            remove_left(path)
+        if (number >= MOST_FILES or total > MOST_BYTES) and path != written:
+            _remove_unless_written_to(path)
     for lock in written.parent.glob("*.lock"):
         path = lock.with_name(f"{lock.stem}{ANNOTATIONS_ENDING}")
-        if not path.exists() and not _is_written_to(path):
+        if not path.exists():
+            _remove_unless_written_to(path)
+
+
+def _remove_unless_written_to(path: Path) -> None:
+    """Remove a file and its lock unless the scan is still open that it is of."""
+    try:
+        descriptor = os.open(_lock_of(path), os.O_RDWR)
+    except OSError:
+        remove_left(path)
+        return
+    try:
+        is_left = take_lock(descriptor) is not False
+        if is_left:
+            # Before the lock is closed, so that nobody has taken it by then; but Windows removes no open file.
             remove_left(path)
+    finally:
+        os.close(descriptor)
+    if is_left and sys.platform == "win32":
+        remove_left(path)

@@ -97,6 +97,7 @@ def test_points_are_kept_for_their_user_alone_with_the_scans_path_and_offered_wh
         click(app)
         click(app, "spleen", 1)
         await is_kept(app, folder, 1, 1)
+        await app.unsaved_points._done(lambda: None)
         (path,) = kept_in(folder)
         content = json.loads(path.read_text(encoding="utf-8"))
         assert (content["scan"], content["model"]) == (str(file), app.session.parameters.get("usedModel"))
@@ -279,6 +280,60 @@ def test_what_another_app_is_still_working_on_is_not_offered(
         assert offered(app)["points"] == 1
 
     opened(journey)
+
+
+@pytest.fixture
+def an_unsaved_file() -> unsaved_files.UnsavedFile:
+    return unsaved_files.UnsavedFile(np.arange(8).reshape(2, 2, 2), Geometry((2, 2, 2), np.eye(4)))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows removes no open file")
+@pytest.mark.parametrize("removes", [False, True])
+def test_what_is_written_to_is_known_as_that_though_another_app_looks_as_it_begins(
+    an_unsaved_file: unsaved_files.UnsavedFile, folder: Path, monkeypatch: pytest.MonkeyPatch, removes: bool
+) -> None:
+    take, looks = unsaved_files.take_lock, [True]
+
+    def take_after_another(descriptor: int) -> bool | None:
+        if not looks:
+            return take(descriptor)
+        looks.clear()
+        (lock,) = folder.glob("*.lock")
+        with lock.open() as others:
+            take(others.fileno())
+            if removes:
+                lock.unlink()
+            else:
+                return take(descriptor)
+        return take(descriptor)
+
+    monkeypatch.setattr(unsaved_files, "take_lock", take_after_another)
+    an_unsaved_file.write([], "", "")
+    (path,) = kept_in(folder)
+    assert unsaved_files._is_written_to(path)
+    an_unsaved_file.close()
+    assert not unsaved_files._is_written_to(path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows removes no open file")
+def test_nobody_takes_a_lock_while_it_is_removed(
+    an_unsaved_file: unsaved_files.UnsavedFile, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder.mkdir()
+    lock = folder / "left.lock"
+    lock.touch()
+    unlink, taken = Path.unlink, []
+
+    def unlink_while_another_tries(path: Path, missing_ok: bool = False) -> None:
+        if path == lock:
+            with path.open() as others:
+                taken.append(unsaved_files.take_lock(others.fileno()))
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", unlink_while_another_tries)
+    an_unsaved_file.write([], "", "")
+    assert (taken, lock.exists()) == ([False], False)
+    an_unsaved_file.close()
 
 
 def test_beyond_some_files_and_bytes_the_oldest_go(
