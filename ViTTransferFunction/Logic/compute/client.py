@@ -104,7 +104,8 @@ class ComputeClient:
         """Whether the process runs and can be talked to, or there is still something that it said."""
         if self._unreadable:
             return False
-        return not self._incoming.empty() or (self._reader.is_alive() and self._writer.is_alive())
+        # The threads first: what the last one says before it ends is there afterwards.
+        return (self._reader.is_alive() and self._writer.is_alive()) or not self._incoming.empty()
 
     def last_words(self) -> str:
         """Why the process died, if it did, in one line; "" where nobody knows."""
