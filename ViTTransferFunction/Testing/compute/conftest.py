@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -35,7 +36,10 @@ def client() -> StubClient:
 
 @pytest.fixture
 def proxy(client: StubClient, monkeypatch: pytest.MonkeyPatch) -> SegmentationProxy:
-    """With a volume whose features are not cached; nothing waits for the user to pause."""
+    """With a volume whose features are not cached; nothing waits for the user to pause, and nothing takes any time."""
+    # A busy computer may stand still for longer than an answer is waited for.
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
     monkeypatch.setattr(due_requests, "RENDER_AFTER_S", 0.0)
     monkeypatch.setattr(due_requests, "REFINE_AFTER_S", 0.0)
     proxy = SegmentationProxy(lambda: client)  # type: ignore[arg-type, return-value]

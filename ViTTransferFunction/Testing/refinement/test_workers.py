@@ -30,7 +30,7 @@ def done_by(voxels: int, torch_threads: set[int]) -> tuple[list[int], set[int]]:
 
     def work(some: Sequence[int]) -> None:
         if threading.get_ident() not in threads:
-            all_begin.wait(timeout=30)
+            all_begin.wait(timeout=180)
         threads.add(threading.get_ident())
         torch_threads.add(torch.get_num_threads())
         items.extend(some)

@@ -279,7 +279,7 @@ def test_whatever_is_done_in_whatever_order_the_session_comes_to_rest_and_leaves
         assert raised == [], action
         assert user.session.observer_count < OBSERVERS + OBSERVERS_OF_A_CLASS * len(user.session.classes)
     session = user.session
-    session.wait(60.0)
+    session.wait()
     assert session.up_to_date or session.phase != "ready"
     assert [everything_about(theirs, name) for name in THEIRS] == before
     session.close()

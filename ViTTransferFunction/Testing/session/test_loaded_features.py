@@ -13,7 +13,7 @@ def test_threads_that_need_the_rule_at_a_time_get_the_same_one() -> None:
     waited_for, made = threading.Event(), []
 
     def make_rule() -> Any:
-        waited_for.wait(10.0)
+        waited_for.wait(180.0)
         made.append(object())
         return made[-1]
 

@@ -12,7 +12,7 @@ import vtk
 from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
+def wait_until(condition: Callable[[], bool], timeout_s: float = 180.0) -> None:
     """Let the application run until `condition` holds; Python's threads get as little of it as in Slicer."""
     until = time.monotonic() + timeout_s
     while not condition():

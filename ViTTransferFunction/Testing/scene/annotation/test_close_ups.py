@@ -213,7 +213,7 @@ def cancel_looking(session: SceneSession) -> None:
 
 def wait_until_under_way(session: SceneSession) -> None:
     """Wait until a closer look is."""
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + 180.0
     while not session.looks_closer and time.monotonic() < until:
         session.poll()
     assert session.progress is not None
@@ -255,7 +255,7 @@ def unasked(session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
     id_ = session.annotations.add_class("half a sphere").id
     session.regions.add_outline(id_, outline_in_sphere(spheres, 0.5))
-    until = time.monotonic() + 30.0
+    until = time.monotonic() + 180.0
     while session.classes[0].close_up is None and time.monotonic() < until:
         session.poll()
     return session

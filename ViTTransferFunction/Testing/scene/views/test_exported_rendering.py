@@ -126,7 +126,7 @@ def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_
     rendering.remove()
     assert views.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
     arguments = [str(tmp_path / "saved.mrb"), str(tmp_path / "shown.npy"), *map(str, (*MIDDLE, DISTANCE_MM))]
-    subprocess.run([sys.executable, "-P", "-c", OPEN_ELSEWHERE, *arguments], check=True, cwd=tmp_path, timeout=120)
+    subprocess.run([sys.executable, "-P", "-c", OPEN_ELSEWHERE, *arguments], check=True, cwd=tmp_path, timeout=600)
     elsewhere = np.load(tmp_path / "shown.npy")
     assert structural_similarity(live, elsewhere, channel_axis=2) >= 0.95
 
