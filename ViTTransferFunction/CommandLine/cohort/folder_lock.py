@@ -23,13 +23,10 @@ def only_cohort_in(folder: Path) -> Iterator[None]:
     Raises:
         InputError: another cohort is at work there, on this computer or on another that shares the disk and its locks.
     """
-    descriptor = _opened(folder)
+    descriptor = _locked(folder)
     if descriptor is None:
         yield
         return
-    if take_lock(descriptor) is False:
-        os.close(descriptor)
-        raise InputError(f"Another cohort is writing to {folder}. Wait until it has ended, or name another folder by --output.")
     try:
         yield
     finally:
@@ -38,6 +35,30 @@ def only_cohort_in(folder: Path) -> Iterator[None]:
         os.close(descriptor)
         if sys.platform == "win32":
             _remove(folder / LOCK)
+
+
+def _locked(folder: Path) -> int | None:
+    """The lock's file, locked; None where it cannot be had. Raises InputError where another cohort has it."""
+    while (descriptor := _opened(folder)) is not None:
+        taken = take_lock(descriptor)
+        if taken is False:
+            os.close(descriptor)
+            raise InputError(
+                f"Another cohort is writing to {folder}. Wait until it has ended, or name another folder by --output."
+            )
+        if taken is None or _is_at(folder / LOCK, descriptor):
+            return descriptor
+        # A cohort that has just ended removed it after it was opened here: the next one would make and lock another file.
+        os.close(descriptor)
+    return None
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    """Whether an open file still lies at a path; Windows removes none."""
+    try:
+        return sys.platform == "win32" or os.path.samestat(path.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
 
 
 def _opened(folder: Path) -> int | None:

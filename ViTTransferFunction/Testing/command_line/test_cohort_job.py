@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import csv
 import json
+import os
 import random
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 import SimpleITK as sitk  # noqa: N813
 import torch
 
+from ViTTransferFunction.CommandLine.cohort import folder_lock
 from ViTTransferFunction.CommandLine.cohort.case_work import segment_case
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.cluster_size import ClusterSize, fitted_size, largest_first
@@ -27,6 +29,7 @@ from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.CommandLine.cohort_command import run
 from ViTTransferFunction.CommandLine.vittf import build_parser, main
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.file_lock import take_lock
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.weights.download import sha256_of
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
@@ -310,6 +313,22 @@ def test_one_cohort_at_a_time_writes_to_a_folder(tmp_path: Path) -> None:
     with only_cohort_in(tmp_path / "out"):
         pass
     assert not list((tmp_path / "out").iterdir())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows removes no open file")
+def test_a_cohort_that_begins_as_another_one_ends_keeps_others_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ended: list[bool] = []
+
+    def take_after_the_end_of_another(descriptor: int) -> bool | None:
+        if not ended:
+            (tmp_path / folder_lock.LOCK).unlink()
+            ended.append(True)
+        return take_lock(descriptor)
+
+    monkeypatch.setattr(folder_lock, "take_lock", take_after_the_end_of_another)
+    with only_cohort_in(tmp_path), pytest.raises(InputError, match="Another cohort is writing"), only_cohort_in(tmp_path):
+        pytest.fail("it was let in")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_cohort_that_was_killed_keeps_nobody_out(tmp_path: Path) -> None:
