@@ -73,6 +73,8 @@ def test_a_large_reply_comes_at_once_where_the_event_loop_holds_python_s_lock(
     executable: Callable[[str], Path], start: Callable[..., ComputeClient]
 ) -> None:
     client = start(executable(one_reply_of_labels(LABELS_SHAPE)))
+    # On a busy computer, a Python takes longer to start than a reply to come.
+    polls_until(lambda: bool(client.replies() or client._process.own_pid))
     client.request(Prepare(SessionSettings()))
     replies: list[tuple[int, Labels]] = []
 

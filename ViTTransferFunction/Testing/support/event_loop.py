@@ -24,7 +24,7 @@ def idle_with_the_lock(seconds: float) -> None:
         _system.usleep(int(1e6 * seconds))
 
 
-def polls_until(finished: Callable[[], bool], most: int = 3000) -> int:
+def polls_until(finished: Callable[[], bool], most: int = 18_000) -> int:
     """Run the loop until `finished`, which is asked at every tick of its timer; how often it was."""
     for polls in range(1, most + 1):
         if finished():

@@ -41,19 +41,20 @@ def _windows_executable(folder: Path, program: str) -> Path:
 
 
 def one_reply_of_labels(shape: tuple[int, int, int]) -> str:
-    """A program that answers its first request by labels (K, J, I) uint8: 7 in the last slice, 0 elsewhere."""
+    """A program that says its number, and answers its first request by labels (K, J, I) uint8: 7 in the last slice, else 0."""
     return f"""
-import sys
+import os, sys
 sys.path.insert(0, {str(ROOT)!r})
 from pathlib import Path
 import numpy as np
 from ViTTransferFunction.Logic.compute.array_files import ArrayFiles
 from ViTTransferFunction.Logic.compute.codec import to_message
 from ViTTransferFunction.Logic.compute.messages import read_message, write_message
-from ViTTransferFunction.Logic.compute.requests import Labels
+from ViTTransferFunction.Logic.compute.requests import Labels, Started
 labels = np.zeros({shape}, np.uint8)
 labels[-1] = 7
 files = ArrayFiles(Path(sys.argv[-1]))
+write_message(sys.stdout.buffer, to_message(0, Started(os.getpid())), files)
 read_message(sys.stdin.buffer, files)
 write_message(sys.stdout.buffer, to_message(1, Labels(labels, (0, 0, 0))), files)
 sys.stdin.read()
