@@ -48,6 +48,8 @@ class Opening:
         A file of points is no scan: its structures are added to the one that is open.
         Of several DICOM series the user is asked for one, unless `series` says which; the files are needed until then.
         """
+        if self._app.stopping:
+            return  # They were still being sent when the app was asked to end, and nobody would end what they begin.
         self._app.try_again(OPENING)
         if are_points(paths):
             self._add_points(paths[0])

@@ -422,6 +422,19 @@ def test_of_two_volumes_that_are_being_opened_the_one_that_was_asked_for_last_st
     in_app(journey)
 
 
+def test_what_arrives_while_the_app_ends_is_not_opened(
+    opened: Callable[[Journey], None], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        session = app.session
+        with monkeypatch.context() as patched:
+            patched.setattr(WebApp, "stopping", True)
+            await app.opening.open([file])
+        assert app.session is session
+
+    opened(journey)
+
+
 ON_ANY_PORT = Namespace(sample=False, volume=None, series=None, host="127.0.0.1", port=0, no_browser=True)
 
 
