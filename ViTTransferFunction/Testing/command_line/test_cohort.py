@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -70,7 +71,8 @@ def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[st
     monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
     weights = tmp_path / "tiny.pth"
     torch.save(random_state_dict(TINY_MODEL), weights)
-    with dask.config.set({"distributed.worker.preload": [cohort_worker.__name__]}):
+    # Dask sets variables of the environment for its workers, which the tests that follow would have.
+    with dask.config.set({"distributed.worker.preload": [cohort_worker.__name__]}), patch.dict(os.environ):
         yield ["--model", "tiny", "--weights", str(weights), "--grid", "8", "--workers", "2", "--device", "cpu"]
 
 
