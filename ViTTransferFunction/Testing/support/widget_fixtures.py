@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 import slicer
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
 
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.scenes import add_volume
@@ -20,7 +23,11 @@ def host(slicer_app: Any) -> Iterator[Host]:
     """Slicer with our module, not opened yet."""
     host = Host(slicer_app)
     yield host
+    # Qt goes on holding the last key's Ctrl or Shift, and a button that was not let go of, for all tests that follow.
+    QTest.keyRelease(host.window, Qt.Key.Key_Shift)
+    held = QApplication.mouseButtons()
     host.close()
+    assert held == Qt.MouseButton.NoButton, "let go of the mouse button"
 
 
 @pytest.fixture

@@ -559,8 +559,8 @@ def test_an_app_that_nobody_uses_leaves_the_processor_alone(at_app: AppPage, ser
     add_structure(page, 0)
     end = time.monotonic() + LONGEST_WAIT_S
     used_s = 1.0
-    # The last pictures may still be drawn.
-    while used_s > 0.03 * REST_S:
+    # The last pictures may still be drawn. Half a per cent is usual; on a slow computer it is more.
+    while used_s > 0.1 * REST_S:
         assert time.monotonic() < end, f"{used_s} s of the processor's time in {REST_S} s"
         before_s = server.processor_s()
         page.page.wait_for_timeout(1000 * REST_S)
