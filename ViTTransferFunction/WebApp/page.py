@@ -49,7 +49,8 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "windows": [],
         "views": list(VIEWS),
         "enlarged": "",
-        # What is being typed in a field: each change of the state fills all fields anew.
+        # What is being typed in a field: each change of the state fills all fields anew. An end of a window is among these as
+        # soon as it has the keyboard: the answer to the other end may write it with other digits, which typing would append to.
         "typing": {},
         # What is being sent, or was dropped, ends with the page, which may be loaded again in the midst of it.
         "sent": None,

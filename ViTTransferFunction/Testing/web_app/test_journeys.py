@@ -507,6 +507,17 @@ def test_what_is_typed_stays_while_the_page_changes(at_app: AppPage, volume: Pat
         assert page[field].input_value() == text
 
 
+def test_what_is_typed_takes_the_place_of_a_number_that_is_written_otherwise_meanwhile(at_app: AppPage, volume: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    page["window-low"].press("ControlOrMeta+a")
+    # As the answer to the other end does, late.
+    page.page.evaluate("trame.state.set('window', { ...trame.state.get('window'), low: -20.5 })")
+    page.wait_for_drawing()
+    page["window-low"].press_sequentially("-12")
+    assert page["window-low"].input_value() == "-12"
+
+
 def test_what_follows_the_mouse_in_a_slice_goes_when_it_leaves(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)
