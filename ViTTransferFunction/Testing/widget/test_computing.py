@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections import Counter
 from pathlib import Path
@@ -33,8 +34,7 @@ POLL_MS = 10
 SLOW_BEATS = 100
 OF_A_FREE_LOOP = 4.0
 """How often the quick one of two timers fires for each time that the slow one does, at least, where the loop is free."""
-PATIENCE_S = 60.0
-BUSY = "other programs use the processors so much that any loop stands still"
+PATIENCE_S = 300.0
 
 
 @pytest.mark.slow
@@ -274,22 +274,30 @@ def test_the_window_never_stands_still_while_features_are_computed(
 ) -> None:
     array = np.tile(spheres[0].array, (3, 3, 3))
     volume = add_volume(slicer_app.scene, Volume(array, Geometry(array.shape, spheres[0].geometry.ijk_to_ras), "large"))
-    session = widget.panel.session
-    session.parameters.set("grid", 48)
-    session.parameters.set("weightsPath", str(real_weights))
+    widget.panel.session.parameters.set("weightsPath", str(real_weights))
+    widget.ui.volumeSelector.setCurrentNode(volume)
     beats = Beats()
     until = time.monotonic() + PATIENCE_S
-    while (of_a_free_loop := beats.quick_for_each_slow()) < OF_A_FREE_LOOP:
-        if time.monotonic() > until:
-            pytest.skip(BUSY)
-    widget.ui.volumeSelector.setCurrentNode(volume)
+    # Cells of another number each time, whose features are not cached.
+    for cells in itertools.count(48):
+        of_a_free_loop = beats.quick_for_each_slow()
+        if of_a_free_loop >= OF_A_FREE_LOOP:
+            measured = beats_while_extracting(widget, beats, cells)
+            if max(measured) > 0.5 * of_a_free_loop:
+                return
+            assert beats.quick_for_each_slow() < OF_A_FREE_LOOP, f"{measured} instead of {of_a_free_loop}"
+        assert time.monotonic() < until, "other programs use the processors so much that any loop stands still"
+
+
+def beats_while_extracting(widget: Any, beats: Beats, cells: int) -> list[float]:
+    """How often the quick timer fired for each time that the slow one did, again and again until there are features."""
+    session = widget.panel.session
+    session.parameters.set("grid", cells)
+    wait_until(lambda: session.phase == "no features" and widget.ui.extractButton.isEnabled())
     widget.ui.extractButton.click()
     wait_until(lambda: session.progress is not None and session.progress.done > 0)
-    measured = []
+    measured = [beats.quick_for_each_slow()]
+    assert session.phase == "extracting"
     while session.phase == "extracting":
         measured.append(beats.quick_for_each_slow())
-        if session.phase == "extracting" and measured[-1] > 0.5 * of_a_free_loop:
-            return
-    if beats.quick_for_each_slow() < OF_A_FREE_LOOP:
-        pytest.skip(BUSY)
-    pytest.fail(f"the quick timer fired {measured} times for each time that the slow one did, and {of_a_free_loop} before")
+    return measured
