@@ -113,6 +113,14 @@ def taken_text(names: Sequence[str]) -> str:
     ).format(names=_listing(names))
 
 
+def segmentation_removed_text(name: str) -> str:
+    """That segments were not written, since the segmentation that was to get them is gone."""
+    return _(
+        "The segmentation '{name}' was removed meanwhile, so no segments were written. Create them again, in a new one or in "
+        "another that you choose."
+    ).format(name=name)
+
+
 def outdated_text() -> str:
     """Of segments that are not those of the structures as they are now."""
     return _("Not in the segments yet: the latest changes.")

@@ -12,8 +12,8 @@ from ...core.system.errors import InputError
 from ...core.system.progress import WorkProgress
 from ...core.volumes.stepped_work import SteppedWork, Steps
 from ..classes.class_state import ClassState
-from ..interface.parameters import SceneParameters
-from ..interface.wording import empty_text, taken_text
+from ..interface.parameters import REFERENCES, SceneParameters
+from ..interface.wording import empty_text, segmentation_removed_text, taken_text
 from ..mrml.nodes import name_for_scene
 from ..volumes.volume_content import frame_of
 from .corrections import Corrections, corrected_segments
@@ -30,7 +30,7 @@ WRITING = "Writing segments"
 class SegmentOutput:
     """Finds out which segments were corrected by hand, and writes segments, each a little at a time.
 
-    It ends quietly where a node that it is about leaves the scene.
+    It ends where a node that it is about leaves the scene; quietly where that is the volume, with which all goes that is shown.
 
     Args:
         scene: the scene.
@@ -115,9 +115,10 @@ class SegmentOutput:
         present = tuple(id_ if id_ in there else None for id_ in class_ids)
         volume = self._parameters.volume
         gone = (written_classes(node, volume) if node else set()) - self._annotated() - set(present)
-        is_there = node is None or self._scene.IsNodePresent(node)
-        if volume is None or not is_there or not (any(present) or gone):
+        if volume is None or not (any(present) or gone):
             return
+        if node is not None and not self._scene.IsNodePresent(node):
+            raise InputError(segmentation_removed_text(node.GetName()))
         wanted = ClassLabels(labels.array, labels.first, present)
         continued = {state.id: state.continues for state in self._classes() if state.continues}
         respect_others = self._parameters.get("respectOtherSegments")
@@ -145,8 +146,11 @@ class SegmentOutput:
         work = self._work
         if work is None:
             return
-        if not all(self._scene.IsNodePresent(node) for node in work.nodes):
+        removed = [node for node in work.nodes if not self._scene.IsNodePresent(node)]
+        if removed:
             self._work = None
+            if self._parameters.volume is not None and removed[0].IsA(REFERENCES["segmentation"]):
+                raise InputError(segmentation_removed_text(removed[0].GetName()))
             return
         unknown = next((state.name for state in self._classes() if not self._codes.looked_for(state.name)), None)
         if unknown is not None:

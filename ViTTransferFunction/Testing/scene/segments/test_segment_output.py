@@ -132,12 +132,33 @@ def test_a_new_segmentation_is_made_with_its_segments(desk: Desk) -> None:
     assert desk.voxels() == {"bone": BONE}
 
 
-@pytest.mark.parametrize("removed", ["volume", "segmentation"])
-def test_a_node_that_is_deleted_meanwhile_ends_it_quietly(desk: Desk, removed: str) -> None:
+def test_a_volume_that_is_deleted_meanwhile_ends_it_quietly(desk: Desk) -> None:
     desk.begin()
-    desk.scene.RemoveNode(getattr(desk, removed))
+    desk.scene.RemoveNode(desk.volume)
     assert desk.finish() == 1
     assert desk.voxels() == {"bone": BONE}
+
+
+@pytest.mark.parametrize("work", ["writing", "looking for corrections"])
+def test_that_the_segmentation_is_deleted_meanwhile_is_said_and_nothing_written(desk: Desk, work: str) -> None:
+    if work == "writing":
+        desk.begin()
+    else:
+        desk.output.find_corrections(lambda: None)
+    desk.scene.RemoveNode(desk.segmentation)
+    nodes = desk.scene.GetNumberOfNodes()
+    with pytest.raises(InputError, match="'of a colleague' was removed"):
+        desk.output.advance()
+    assert not desk.output.busy
+    assert desk.scene.GetNumberOfNodes() == nodes
+    assert desk.voxels() == {"bone": BONE}
+
+
+def test_so_is_that_it_was_deleted_while_segments_were_computed(desk: Desk) -> None:
+    desk.scene.RemoveNode(desk.segmentation)
+    with pytest.raises(InputError, match="'of a colleague' was removed"):
+        desk.output.write(desk.segmentation, Labels(LABELS, (0, 0, 0)), ["a", "b"], "keep", "")
+    assert not desk.output.busy
 
 
 def test_a_scene_that_is_closed_meanwhile_ends_it_quietly(desk: Desk) -> None:
