@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..mrml.nodes import displays_of, nodes_of_class
-from .rendering import DISPLAY_CLASS
+from .rendering import DISPLAY_CLASS, can_be_cut_by_planes
+from .rendering_cut import CUTS_EXPORTED
 
 
 def exported_renderings(scene: Any) -> list[Any]:
@@ -16,11 +17,18 @@ def exported_renderings(scene: Any) -> list[Any]:
 
 def remove_exported(scene: Any, volume: Any) -> None:
     """Take one of them out of the scene, and what displays it."""
-    casting = _ray_casting(volume)
-    materials = [node for display in casting for node in (display.GetVolumePropertyNode(), display.GetShaderPropertyNode())]
-    for node in (*displays_of(volume), volume, *materials):
+    used = [node for display in _ray_casting(volume) for node in _used_by(display)]
+    for node in (*displays_of(volume), volume, *used):
         if node is not None and scene.IsNodePresent(node):
             scene.RemoveNode(node)
+
+
+def _used_by(display: Any) -> list[Any]:
+    """What nothing else uses."""
+    clip = display.GetClipNode() if can_be_cut_by_planes(display) else None
+    cuts = (display.GetROINode(), clip.GetClippingNode() if clip is not None else None)
+    own = [cut for cut in cuts if cut is not None and cut.GetAttribute(CUTS_EXPORTED)]
+    return [display.GetVolumePropertyNode(), display.GetShaderPropertyNode(), clip, *own]
 
 
 def _ray_casting(volume: Any) -> list[Any]:

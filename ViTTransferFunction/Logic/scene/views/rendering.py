@@ -16,6 +16,7 @@ from ..mrml.nodes import displays_of
 from ..mrml.observers import SceneObservers
 from ..volumes.volume_nodes import own_copy, take_image
 from .quick_pictures import QuickPictures
+from .rendering_cut import cut_for_export
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
 from .view_sight import keep_whole, look_at, sees
@@ -161,7 +162,7 @@ class ClassRendering:
         if (display.GetROINode(), bool(display.GetCroppingEnabled())) != (box, box is not None):
             display.SetAndObserveROINodeID(box.GetID() if box is not None else None)
             display.SetCroppingEnabled(box is not None)
-        if _can_be_cut_by_planes(display):
+        if can_be_cut_by_planes(display):
             self._cut_behind(display, plane)
         elif plane is not None:
             raise InputError("This Slicer cuts 3D renderings by boxes only. Choose the box, or update Slicer.")
@@ -180,7 +181,7 @@ class ClassRendering:
             display.SetClipping(plane is not None)
 
     def export(self, name: str) -> Any:
-        """Leave what is shown to the scene: it is saved, and shown alike by a Slicer without this extension.
+        """Leave what is shown to the scene, as it is cut now: it is saved, and shown alike by a Slicer without this extension.
 
         Args:
             name: of the volume node that users see.
@@ -192,6 +193,9 @@ class ClassRendering:
         if volume is None or display is None or not display.GetVisibility():
             return None
         self._quick.end()
+        if self._scene.IsNodePresent(self._cut_by):
+            self.cut(cut_for_export(self._scene, self._cut_by, f"{name} {self._cut_by.GetName()}"))
+            self._cut_by = None
         # From now on others may change it, show it in slices, and still have it when Python ends.
         volume.SetAndObserveImageData(own_copy(volume.GetImageData()))
         if (in_slices := volume.GetVolumeDisplayNode()) is not None:
@@ -244,6 +248,6 @@ def _renderings_of(volume: Any) -> list[Any]:
     return [display for display in displays_of(volume) if display.IsA("vtkMRMLVolumeRenderingDisplayNode")]
 
 
-def _can_be_cut_by_planes(display: Any) -> bool:
+def can_be_cut_by_planes(display: Any) -> bool:
     """Older versions of Slicer cut models by planes, but no volume renderings."""
     return hasattr(display, "SetClipping")

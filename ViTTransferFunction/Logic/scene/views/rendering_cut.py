@@ -14,6 +14,8 @@ BOX_NAME, PLANE_NAME = "Rendering box", "Rendering plane"
 
 IN_USE = "ViTTransferFunction.cutsRendering"
 """Attribute of the one that was put into the views, and stays there or not as the user likes."""
+CUTS_EXPORTED = "ViTTransferFunction.cutsExported"
+"""Attribute of one that an exported rendering has for itself."""
 CUT_VOLUME = "ViTTransferFunction.cutVolume"
 """Attribute with the id of the volume whose renderings were cut last; a reference would go with it."""
 
@@ -41,6 +43,16 @@ def shown_cut(scene: slicer.vtkMRMLScene, parameters: SceneParameters, volume: s
     if cut in nodes:
         _bring_to(volume, nodes[cut], _place_box if cut == "box" else _place_plane)
     return nodes.get(cut)
+
+
+def cut_for_export(scene: slicer.vtkMRMLScene, cut: Any, name: str) -> Any:
+    """One of this name that stays where a box or plane is now, out of sight: what was exported is to stay as it was seen."""
+    own = _added(scene, cut.GetClassName(), name)
+    own.GetDisplayNode().SetVisibility(False)
+    own.CopyContent(cut)
+    own.SetAndObserveTransformNodeID(cut.GetTransformNodeID())
+    own.SetAttribute(CUTS_EXPORTED, "1")
+    return own
 
 
 def _show(node: slicer.vtkMRMLMarkupsNode, visible: bool) -> None:

@@ -91,6 +91,16 @@ def _box(views: Views) -> Any:
     return box
 
 
+def _plane(views: Views) -> Any:
+    """Between the structures, without handles in the views."""
+    plane = views.scene.AddNewNodeByClass("vtkMRMLMarkupsPlaneNode")
+    plane.CreateDefaultDisplayNodes()
+    plane.GetDisplayNode().SetVisibility(False)
+    plane.SetOriginWorld(MIDDLE)
+    plane.SetNormalWorld([1.0, 0.0, 0.0])
+    return plane
+
+
 def _geometry() -> Any:
     from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 
@@ -110,20 +120,25 @@ def test_an_exported_rendering_looks_as_the_live_one_and_stays_when_that_goes(vi
     assert structural_similarity(live, stayed, channel_axis=2) >= 0.95
 
 
-@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize("cut", ["off", "box", "plane"])
 def test_an_exported_rendering_is_saved_and_looks_alike_where_this_extension_is_not(
-    views: Views, rendering: ClassRendering, tmp_path: Path, cut: bool
+    views: Views, rendering: ClassRendering, tmp_path: Path, cut: str
 ) -> None:
+    """Cut as it was, wherever the box or plane goes afterwards."""
     view = views.view_3d()
     look_from(view, np.array(MIDDLE), DISTANCE_MM)
     live = pixels(view)
-    if cut:
+    if cut != "off":
         whole = live
-        rendering.cut(_box(views))
+        cut_by = {"box": _box, "plane": _plane}[cut](views)
+        rendering.cut(cut_by)
         live = pixels(view)
         assert structural_similarity(live, whole, channel_axis=2) < 0.9
     rendering.export("CT structures")
     rendering.remove()
+    if cut != "off":
+        cut_by.SetCenterWorld(-300.0, 0.0, 0.0)
+        views.scene.RemoveNode(cut_by)
     assert views.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
     arguments = [str(tmp_path / "saved.mrb"), str(tmp_path / "shown.npy"), *map(str, (*MIDDLE, DISTANCE_MM))]
     subprocess.run([sys.executable, "-P", "-c", OPEN_ELSEWHERE, *arguments], check=True, cwd=tmp_path, timeout=600)
@@ -172,9 +187,15 @@ def test_what_is_not_shown_is_not_exported(views: Views, rendering: ClassRenderi
     assert views.scene.GetNumberOfNodes() == before
 
 
-def test_an_exported_rendering_is_listed_and_removed_with_all_that_displays_it(views: Views, rendering: ClassRendering) -> None:
+@pytest.mark.parametrize("cut", ["off", "box", "plane"])
+def test_an_exported_rendering_is_listed_and_removed_with_all_that_displays_it(
+    views: Views, rendering: ClassRendering, cut: str
+) -> None:
     scene = views.scene
     assert exported_renderings(scene) == []
+    cut_by = {"box": _box, "plane": _plane}[cut](views) if cut != "off" else None
+    rendering.cut(cut_by)
+    before = scene.GetNumberOfNodes()
     exported = rendering.export("CT structures")
     assert exported_renderings(scene) == [exported]
     own = [node.GetID() for node in nodes_of_class(scene, "vtkMRMLNode") if node.GetName().startswith("CT structures")]
@@ -182,3 +203,5 @@ def test_an_exported_rendering_is_listed_and_removed_with_all_that_displays_it(v
     remove_exported(scene, exported)
     assert exported_renderings(scene) == []
     assert [id_ for id_ in own if scene.GetNodeByID(id_) is not None] == []
+    assert scene.GetNumberOfNodes() < before
+    assert cut_by is None or scene.IsNodePresent(cut_by)
