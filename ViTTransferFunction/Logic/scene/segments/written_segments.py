@@ -158,14 +158,14 @@ def segmentation_for(volume_node: Any, chosen: Any) -> Any:
     """The segmentation that gets segments of a volume, or frame of it, which is chosen now in place of another one, or of none.
 
     The results of one scan are not to be overwritten by those of the next: where the chosen segmentation has some, it is the
-    one that has those of this volume, or None, a new one. Somebody else's, which has none, stays.
+    one that has those of this volume, of several the latest, or None, a new one. Somebody else's, which has none, stays.
 
     Frames of a sequence are as several scans, unless the segmentation is a sequence, too, which changes with them.
     """
     if chosen is not None and (not _was_written(chosen) or _is_of(chosen, volume_node)):
         return chosen
     known = nodes_of_class(volume_node.GetScene(), REFERENCES["segmentation"])
-    return next((node for node in known if _was_written(node) and _is_of(node, volume_node)), None)
+    return next((node for node in reversed(known) if _was_written(node) and _is_of(node, volume_node)), None)
 
 
 def _was_written(segmentation_node: Any) -> bool:

@@ -68,6 +68,20 @@ def test_segments_are_seen_with_their_scan_unless_the_user_hid_or_showed_them(
     assert display.GetVisibility()
 
 
+def test_of_several_segmentations_of_a_scan_the_latest_is_chosen_with_it_again(
+    session: SceneSession, follow_up: FollowUp
+) -> None:
+    """Who began a new one keeps the first as it is."""
+    baseline, first = session.parameters.volume, session.parameters.segmentation
+    session.set_segmentation(None)
+    write_all(session)
+    second = session.parameters.segmentation
+    assert second is not first
+    session.set_volume(follow_up.volume)
+    session.set_volume(baseline)
+    assert session.parameters.segmentation is second
+
+
 def test_changes_that_are_not_in_the_segments_are_still_not_when_their_scan_is_chosen_again(
     session: SceneSession, follow_up: FollowUp
 ) -> None:
