@@ -129,17 +129,21 @@ def identify_model(path: str | Path | None = None) -> str | None:
     """Name of the model whose weights the user's file holds, by its hash, else by the file's name.
 
     Args:
-        path: the user's file; None for the one that `VITTF_WEIGHTS` names.
+        path: the user's file, or a folder that has the file of one model alone, by its name; None for the file that
+            `VITTF_WEIGHTS` names, whose folder is only a place to look in.
 
     Returns:
-        None where there is no such file but perhaps a folder, or neither hash nor name is known.
+        None where there is no such file, or neither hash nor name is known.
 
     Raises:
         InputError: a file is named that is not there.
     """
     source, _ = _given_source(path)
-    if source is None or source.is_dir():
+    if source is None:
         return None
+    if source.is_dir():
+        there = _models_in(source) if path is not None else []
+        return there[0] if len(there) == 1 else None
     by_name = (model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model))
     return _model_of_hash(sha256_of(source)) or next(by_name, None)
 
@@ -200,10 +204,17 @@ def _given_file(model: PretrainedModel, path: str | Path | None) -> WeightsFile 
 
 def _other_models(folder: Path) -> str:
     """A sentence that says whose weights a folder holds instead, to follow others; "" where it holds none."""
-    there = [f"'{model.name}'" for model in PRETRAINED_MODELS.values() if file_in(folder, model) is not None]
+    there = [f"'{name}'" for name in _models_in(folder)]
     if not there:
         return ""
-    return f" There are those of {', '.join(there)} in {folder}: to use them, choose that model, under Advanced or by --model."
+    return (
+        f" There are those of {', '.join(there)} in {folder}: to use them, name that file itself, or choose that model, under "
+        "Advanced or by --model."
+    )
+
+
+def _models_in(folder: Path) -> list[str]:
+    return [model.name for model in PRETRAINED_MODELS.values() if file_in(folder, model) is not None]
 
 
 def _given_source(path: str | Path | None) -> tuple[Path | None, str]:

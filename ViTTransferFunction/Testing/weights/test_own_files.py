@@ -112,7 +112,7 @@ def test_the_variables_folder_without_the_model_leaves_it_to_the_cache(
 
 def test_a_folder_that_has_another_model_is_said_to(own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(own, tmp_path / "dinov2_vits14_focus.pt")
-    there = f"those of 'dinov2_vits14_focus' in {tmp_path}: to use them, choose that model"
+    there = f"those of 'dinov2_vits14_focus' in {tmp_path}: to use them, name that file itself"
     with pytest.raises(InputError, match=re.escape(there)):
         find_weights(NAME, tmp_path)
     monkeypatch.setenv("VITTF_WEIGHTS", str(tmp_path))
@@ -143,6 +143,21 @@ def test_its_model_is_known_by_its_name(own: Path, file_name: str, model: str) -
     own = own.rename(own.with_name(file_name))
 
     assert identify_model(own) == model
+
+
+def test_a_folder_with_the_file_of_one_model_alone_is_taken_for_that_model(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The panel need not offer it: of such as nobody publishes, it lists those that were there when it was opened."""
+    folder = tmp_path / "share"
+    folder.mkdir()
+    shutil.copy(own, folder / "dinov2_vits14_focus.pt")
+    assert identify_model(folder) == "dinov2_vits14_focus"
+    shutil.copy(own, folder / "dinov2_vits14.pt")
+    assert identify_model(folder) is None
+    (folder / "dinov2_vits14.pt").unlink()
+    monkeypatch.setenv("VITTF_WEIGHTS", str(folder))
+    assert identify_model() is None
 
 
 def test_its_model_is_unknown_where_neither_hash_nor_name_is_known(own: Path) -> None:
