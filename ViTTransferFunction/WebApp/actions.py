@@ -76,7 +76,7 @@ class Actions:
             "removeExported": self._remove_exported,
             "continueSegment": self._continue_segment,
             "clearFeatures": lambda: CacheContents(app.session.parameters).clear_features(),
-            "removeModel": lambda: CacheContents(app.session.parameters).remove_model(),
+            "removeModel": lambda: app.session.remove_model(),
             "window": self._set_window,
             "restorePoints": app.unsaved_points.restore,
             "discardPoints": app.unsaved_points.discard,

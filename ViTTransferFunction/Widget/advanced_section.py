@@ -119,9 +119,9 @@ class AdvancedSection(Section):
             self.attempt(cache.clear_features)
 
     def _on_remove_model(self) -> None:
-        cache = self._cache
-        if slicer.util.confirmOkCancelDisplay(cache.model_question):
-            self.attempt(cache.remove_model)
+        session = self.session
+        if slicer.util.confirmOkCancelDisplay(self._cache.model_question) and session is not None and session is self.session:
+            self.attempt(session.remove_model)
 
 
 def ask_folder(title: str, path: str, parent: Any) -> str:

@@ -33,6 +33,7 @@ from .annotation.shown_structures import ShownStructures
 from .classes.class_state import ClassState, Polarity
 from .classes.of_volume import bring_back
 from .classes.point_tour import PointTour
+from .interface.cache_contents import CacheContents
 from .interface.notices import Notices
 from .interface.parameters import SceneParameters
 from .interface.problems import Problems
@@ -300,6 +301,17 @@ class SceneSession:
     def estimate_again(self) -> None:
         """Take the volume up anew, where something that it needs was refused or lost: it may be there by now."""
         self._on_opened(self._volume.open_again())
+
+    def remove_model(self) -> None:
+        """Delete the weights of the model that the settings name from the cache.
+
+        Raises:
+            InputError: they cannot be, or there are none.
+        """
+        CacheContents(self.parameters).remove_model()
+        if self.phase == "no features":
+            # They would have to be downloaded, which users are asked about; or it was they that were damaged.
+            self.estimate_again()
 
     def start_extraction(self) -> None:
         """Begin to compute the volume's features."""

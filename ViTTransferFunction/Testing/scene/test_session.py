@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -343,6 +344,23 @@ def test_other_voxels_need_other_features(session: SceneSession, spheres: tuple[
     assert session.estimate is not None
     assert not session.estimate.cached
     assert session.chosen_iso(session.classes[0].id) is None
+
+
+@pytest.mark.slow
+def test_where_the_model_is_removed_that_it_was_damaged_is_over_and_its_download_is_asked_about(
+    session: SceneSession, a_cache_of_its_own: Path
+) -> None:
+    weights = a_cache_of_its_own / "weights" / "dinov2_vits14_pretrain.pth"
+    weights.parent.mkdir()
+    weights.write_bytes(b"cut off")
+    session.parameters.set("grid", 12)
+    session.wait()
+    assert "damaged" in (session.take_error() or "")
+    session.remove_model()
+    session.wait()
+    assert session.errors == ()
+    assert session.estimate is not None
+    assert session.estimate.download is not None
 
 
 @pytest.mark.slow
