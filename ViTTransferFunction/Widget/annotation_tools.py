@@ -12,6 +12,7 @@ from ViTTransferFunction.Logic.scene.interface.wording import not_in_slices_text
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import is_in_slices
 from ViTTransferFunction.Widget.section import Report, Section
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
+from ViTTransferFunction.Widget.views import tell_of_resting_mouse
 
 IN_HAND = "QToolButton:checked { border: 2px solid palette(highlight); border-radius: 3px; }"
 """Style of the buttons: in Slicer's dark colours, a button that is down looks all but like the others."""
@@ -37,7 +38,7 @@ class AnnotationTools(Section):
         }
         size_mm = ui.brushSizeSlider
         app_logic = slicer.app.applicationLogic()
-        self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._check_buttons)
+        self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._on_tool)
         self._told_of_other_scans = False
         self._watches_colours = False
         for tool, button in self._buttons.items():
@@ -121,6 +122,12 @@ class AnnotationTools(Section):
 
     def _connect(self, tool: Tool, button: Any) -> None:
         button.clicked.connect(lambda: self.toggle(tool))
+
+    def _on_tool(self) -> None:
+        self._check_buttons()
+        if self.tool in ("pointOn", "pointOff"):
+            # Not in the midst of what is being changed.
+            qt.QTimer.singleShot(0, tell_of_resting_mouse)
 
     def _check_buttons(self) -> None:
         for tool, button in self._buttons.items():

@@ -6,6 +6,7 @@ from typing import Any
 
 import qt
 import slicer
+import vtk
 
 from ViTTransferFunction.Logic.scene.mrml.software_drawing import draws_in_software
 from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
@@ -28,6 +29,17 @@ def points_of_3d_views() -> list[Any]:
     """What shows and moves points in the 3D views, of each that does, shown or not."""
     managers = (widget.threeDView().displayableManagerByClassName(MARKUPS_MANAGER) for widget in _widgets_3d())
     return [manager for manager in managers if manager is not None]
+
+
+def tell_of_resting_mouse() -> None:
+    """Have the view that the mouse is in hear of it, as if it had just come there.
+
+    Slicer places a point where the mouse has been moved since it began to place points. Who takes a tool by its key, with the
+    mouse on the structure already, may click without another move.
+    """
+    for view in (*_slice_views(), *_views_3d()):
+        if view.underMouse():
+            view.interactor().InvokeEvent(vtk.vtkCommand.MouseMoveEvent)
 
 
 class DrawingOrder:

@@ -12,6 +12,7 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
+from PySide6.QtTest import QTest
 
 from ViTTransferFunction.Logic.scene.views.rendering_cut import shown_cut
 from ViTTransferFunction.Testing.support.standin.host import Host
@@ -54,6 +55,22 @@ def test_a_new_class_has_the_tool_in_hand_and_it_follows_the_selection(widget: A
     assert not widget.ui.pointOnButton.isChecked()
     widget.ui.pointOffButton.click()
     assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
+
+
+def test_a_view_hears_of_the_mouse_that_rests_in_it_when_a_tool_for_points_is_taken(
+    widget: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Slicer places no point, by however many clicks, before the mouse has been moved in place mode."""
+    add_class(widget)
+    QTest.qWait(1)
+    red = slicer.app.layoutManager().sliceWidget("Red").sliceView()
+    monkeypatch.setattr(red, "underMouse", lambda: True)
+    moves: list[str] = []
+    red.interactor().AddObserver("MouseMoveEvent", lambda caller, event: moves.append(widget.panel.tools.tool))
+    for button in (widget.ui.pointOffButton, widget.ui.brushOnButton, widget.ui.pointOnButton, widget.ui.pointOnButton):
+        button.click()
+        QTest.qWait(1)
+    assert moves == ["pointOff", "pointOn"]
 
 
 def end_in_a_view(widget: Any, host: Host) -> None:
