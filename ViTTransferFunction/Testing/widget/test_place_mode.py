@@ -57,16 +57,18 @@ def test_a_new_class_has_the_tool_in_hand_and_it_follows_the_selection(widget: A
     assert interaction.GetCurrentInteractionMode() == interaction.ViewTransform
 
 
+@pytest.mark.parametrize("name", ["Red", "3D"])
 def test_a_view_hears_of_the_mouse_that_rests_in_it_when_a_tool_for_points_is_taken(
-    widget: Any, monkeypatch: pytest.MonkeyPatch
+    widget: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Slicer places no point, by however many clicks, before the mouse has been moved in place mode."""
     add_class(widget)
     QTest.qWait(1)
-    red = slicer.app.layoutManager().sliceWidget("Red").sliceView()
-    monkeypatch.setattr(red, "underMouse", lambda: True)
+    manager = slicer.app.layoutManager()
+    view = manager.threeDWidget(0).threeDView() if name == "3D" else manager.sliceWidget(name).sliceView()
+    monkeypatch.setattr(view, "underMouse", lambda: True)
     moves: list[str] = []
-    red.interactor().AddObserver("MouseMoveEvent", lambda caller, event: moves.append(widget.panel.tools.tool))
+    view.interactor().AddObserver("MouseMoveEvent", lambda caller, event: moves.append(widget.panel.tools.tool))
     for button in (widget.ui.pointOffButton, widget.ui.brushOnButton, widget.ui.pointOnButton, widget.ui.pointOnButton):
         button.click()
         QTest.qWait(1)

@@ -100,8 +100,9 @@ class LayoutManager(QObject):
 
     def close(self) -> None:
         """Let go of what views are drawn with: PySide keeps the widgets of a window that is no more."""
-        for widget in self._widgets.values():
-            widget.interactor().SetRenderWindow(None)
+        interactors = [self._three_d.interactor(), *(widget.interactor() for widget in self._widgets.values())]
+        for interactor in interactors:
+            interactor.SetRenderWindow(None)
 
     def add_detached_view(self, name: str, main_window: QMainWindow) -> QWidget:
         """Change to a layout with another view, in a window of its own as on a second monitor; returns that window."""
@@ -160,11 +161,18 @@ class ThreeDWidget(DrawnView):
         self._window.SetOffScreenRendering(True)
         self._window.SetSize(SIZE_PIXELS, SIZE_PIXELS)
         self._window.AddRenderer(vtk.vtkRenderer())
+        self._interactor = vtkGenericRenderWindowInteractor()
+        self._interactor.SetRenderWindow(self._window)
+        self._interactor.SetInteractorStyle(vtk.vtkInteractorStyleUser())
         self.managers: dict[str, Any] = {}
 
     def threeDView(self) -> ThreeDWidget:  # noqa: N802
         """The view."""
         return self
+
+    def interactor(self) -> Any:
+        """Sends what the mouse does."""
+        return self._interactor
 
     def renderWindow(self) -> Any:  # noqa: N802
         """What it is drawn in."""
