@@ -26,7 +26,14 @@ from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.masks import dice
-from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_volume, annotate, put_under, segment_masks
+from ViTTransferFunction.Testing.support.scenes import (
+    add_parameter_node,
+    add_volume,
+    annotate,
+    bend,
+    put_under,
+    segment_masks,
+)
 from ViTTransferFunction.Testing.support.segments import LABELMAP
 from ViTTransferFunction.Testing.support.spheres import centre_ras
 
@@ -318,10 +325,8 @@ def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
 
 
 @pytest.mark.slow
-def test_a_bent_volume_is_refused_with_advice(slicer_app: Any, session: SceneSession) -> None:
-    bent = slicer_app.scene.AddNewNodeByClass("vtkMRMLBSplineTransformNode")
-    bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
-    session.parameters.volume.SetAndObserveTransformNodeID(bent.GetID())
+def test_a_bent_volume_is_refused_with_advice(session: SceneSession) -> None:
+    bend(session.parameters.volume)
     assert session.phase == "no volume"
     (error,) = session.errors
     assert "Harden" in error

@@ -99,6 +99,13 @@ def put_under(node: Any, matrix: np.ndarray) -> Any:
     return transform
 
 
+def bend(node: Any) -> None:
+    """Put a node under a transform that is not linear."""
+    bent = node.GetScene().AddNewNodeByClass("vtkMRMLBSplineTransformNode")
+    bent.SetAndObserveTransformToParent(vtk.vtkThinPlateSplineTransform())
+    node.SetAndObserveTransformNodeID(bent.GetID())
+
+
 def add_hanging_point(scene: Any, node: Any) -> int:
     """A point that hangs on the mouse, which Slicer's views add without a word; returns its index."""
     scene.StartState(scene.BatchProcessState)

@@ -87,6 +87,24 @@ def names(session: SceneSession) -> list[str]:
     return [state.name for state in session.classes]
 
 
+def test_where_the_selected_class_goes_it_is_the_one_that_was_selected_before(session: SceneSession) -> None:
+    ids = {name: session.annotations.add_class(name).id for name in ("liver", "spleen", "aorta", "lung")}
+    for name in ("aorta", "spleen", "lung"):
+        session.select_class(ids[name])
+
+    def selected() -> str | None:
+        return session.selected_class.name if session.selected_class else None
+
+    after = []
+    for name in ("lung", "spleen", "aorta", "liver"):
+        session.annotations.remove_class(ids[name])
+        after.append(selected())
+    assert after == ["spleen", "aorta", "liver", None]
+    for name in ("liver", "aorta", "spleen", "lung"):
+        session.annotations.undo()
+        assert selected() == name
+
+
 def test_a_duplicate_stands_below_its_original_with_its_settings_and_points(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.annotations.set_class(id_, iso=0.25, refine=False, style="glass")

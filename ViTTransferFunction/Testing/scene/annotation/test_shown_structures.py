@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
 from ViTTransferFunction.Logic.scene.annotation.shown_structures import REACH_OF_STRUCTURE_MM, ShownStructures
 from ViTTransferFunction.Logic.scene.classes.class_state import new_class_state
 from ViTTransferFunction.Testing.support.corrected import CELLS, MIDDLE, RADIUS_MM, sphere
+from ViTTransferFunction.Testing.support.scenes import MOVED, put_under
 
 INSIDE = MIDDLE + np.array([0.0, RADIUS_MM - REACH_OF_STRUCTURE_MM, 0.0])
 BESIDE = MIDDLE + np.array([0.0, RADIUS_MM + 0.5 * REACH_OF_STRUCTURE_MM, 0.0])
@@ -38,8 +40,11 @@ def parts(a_volume: Any) -> Parts:
     return Parts(a_volume)
 
 
-def test_one_points_at_a_structure_inside_it_and_right_beside_it(parts: Parts) -> None:
-    assert [parts.is_on_selected(point) for point in (MIDDLE, INSIDE, BESIDE, BEYOND)] == [True, True, True, False]
+@pytest.mark.parametrize("to_scene", [np.eye(4), MOVED], ids=["in place", "moved"])
+def test_one_points_at_a_structure_inside_it_and_right_beside_it(parts: Parts, to_scene: np.ndarray) -> None:
+    put_under(parts.parameters.volume, to_scene)
+    points = transform_points(to_scene, np.array([MIDDLE, INSIDE, BESIDE, BEYOND]))
+    assert [parts.is_on_selected(point) for point in points] == [True, True, True, False]
 
 
 @pytest.mark.parametrize("missing", ["class", "map", "volume", "hidden", "stale"])

@@ -9,9 +9,14 @@ import pytest
 
 from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
-from ViTTransferFunction.Logic.scene.annotation.surface_points import REACH_MM, REACH_VOXELS, moved_inside
+from ViTTransferFunction.Logic.scene.annotation.surface_points import (
+    REACH_MM,
+    REACH_VOXELS,
+    moved_inside,
+    placed_in_3d_view,
+)
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import annotate, put_under
+from ViTTransferFunction.Testing.support.scenes import annotate, bend, put_under
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixel_3d, pixels
 
@@ -107,6 +112,20 @@ def test_a_click_on_a_sphere_in_3d_is_a_point_inside_it_also_where_the_volume_wa
     assert 16.0 - 2.5 * REACH_MM < np.linalg.norm(np.array(point) - centre) < 16.0 - 0.5 * REACH_MM
     session.annotations.undo()
     assert session.classes[0].negative == ()
+
+
+@pytest.mark.parametrize("nothing", ["no volume", "a bent volume"])
+def test_where_a_3d_view_shows_no_structures_a_point_stays_where_it_was_placed(
+    slicer_app: Any, session: SceneSession, nothing: str
+) -> None:
+    start_placing(slicer_app, session, session.annotations.add_class().id, positive=True)
+    slicer_app.scene.GetSingletonNode("default", "vtkMRMLCrosshairNode").SetCursorPositionRAS(MIDDLE_RAS)
+    assert placed_in_3d_view(slicer_app.scene, slicer_app.app_logic)
+    if nothing == "no volume":
+        session.parameters.set_reference("volume", None)
+    else:
+        bend(session.parameters.volume)
+    assert session.shown.settled(MIDDLE_RAS) is MIDDLE_RAS
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,7 +13,10 @@ from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClas
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.scene.interface.choices import choices, make_possible
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.interface.problems import Problems
 from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.volumes.former_model import FormerModel
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.scenes import add_parameter_node, annotate, open_spheres
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
@@ -82,6 +86,36 @@ def test_structures_that_are_restored_go_on_with_their_model_and_leave_features_
     told = session.take_error()
     assert told is not None
     assert f"made with the model {OTHER}" in told
+
+
+@pytest.fixture
+def extracting() -> Any:
+    """The proxy while features of `MODEL` are extracted."""
+    return SimpleNamespace(estimate=SimpleNamespace(model=MODEL), phase="extracting")
+
+
+def test_features_are_got_with_another_model_only_where_restored_structures_are_known_to_be_of_one(
+    slicer_app: Any, extracting: Any
+) -> None:
+    former = FormerModel(SceneParameters(add_parameter_node(slicer_app.scene)), extracting, Problems())
+    for of_these, model in (("", None), (MODEL, None), (OTHER, OTHER)):
+        former.remember(of_these)
+        assert former.applied_to(SessionSettings()).former_model == model
+
+
+def test_the_user_is_told_of_another_model_until_it_is_the_former_one_and_the_scene_notes_which_had_features(
+    slicer_app: Any, extracting: Any
+) -> None:
+    parameters, problems = SceneParameters(add_parameter_node(slicer_app.scene)), Problems()
+    former = FormerModel(parameters, extracting, problems)
+    former.remember(OTHER)
+    told = []
+    # At first, it is not known yet which one it will be.
+    for model, phase in (("", "opening"), (MODEL, "extracting"), (MODEL, "ready"), (OTHER, "ready")):
+        extracting.estimate, extracting.phase = SimpleNamespace(model=model) if model else None, phase
+        former.look(has_structures=True)
+        told.append((len(problems.standing), parameters.get("usedModel")))
+    assert told == [(0, ""), (1, ""), (1, MODEL), (0, OTHER)]
 
 
 def test_a_model_that_is_not_offered_here_is_told_of_once_by_whoever_can_say_what_to_do(
