@@ -325,8 +325,12 @@ def test_moving_the_volume_keeps_its_features_and_moves_the_segments(
 
 
 @pytest.mark.slow
-def test_a_bent_volume_is_refused_with_advice(session: SceneSession) -> None:
+def test_a_bent_volume_is_refused_with_advice(session: SceneSession, spheres: tuple[Volume, np.ndarray]) -> None:
+    id_, *_ = annotate(session, spheres)
+    session.annotations.set_close_up(id_, (*centre_ras(spheres, 1)[0].tolist(), 50.0, 50.0, 50.0))
     bend(session.parameters.volume)
+    bend(session.annotations.points_node(id_, positive=True))
+    session.poll()
     assert session.phase == "no volume"
     (error,) = session.errors
     assert "Harden" in error

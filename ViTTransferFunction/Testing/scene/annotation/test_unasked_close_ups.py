@@ -61,6 +61,12 @@ def test_an_outline_is_judged_once_and_not_again_by_what_corrections_make_of_it(
     assert corrected.unasked() == []
 
 
+def test_an_outline_of_which_a_point_was_removed_is_none_any_more(corrected: Corrected) -> None:
+    id_ = corrected.begin(SMALL_RADIUS_MM)
+    corrected.annotations.remove_last_point(id_)
+    assert corrected.unasked() == []
+
+
 def test_who_went_back_to_the_whole_stays_there(corrected: Corrected) -> None:
     id_ = corrected.begin(SMALL_RADIUS_MM)
     corrected.unasked()

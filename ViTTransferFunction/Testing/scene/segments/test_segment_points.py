@@ -14,7 +14,7 @@ from ViTTransferFunction.Logic.scene.segments.outside_points import outside_poin
 from ViTTransferFunction.Logic.scene.segments.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segments.segment_tags import CORRECTED_TAG, set_tag
 from ViTTransferFunction.Logic.scene.session import SceneSession
-from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, bend, put_under
 from ViTTransferFunction.Testing.support.segments import LABELMAP, SHAPE, block, output, positions_of, rounded, write_segments
 
 
@@ -245,6 +245,13 @@ def test_outside_points_are_asked_for_but_not_kept(
     put_under(a_segmentation, shift)
     session.wait()
     np.testing.assert_allclose(asked[-1][0].negative, before + shift[:3, 3])
+    transform = a_segmentation.GetParentTransformNode()
+    bend(a_segmentation)
+    session.wait()
+    assert len(asked[-1][0].negative) == 0
+    a_segmentation.SetAndObserveTransformNodeID(transform.GetID())
+    session.wait()
+    assert len(asked[-1][0].negative) == 6
     a_segmentation.GetDisplayNode().SetVisibility(False)
     session.wait()
     assert len(asked[-1][0].negative) == 0

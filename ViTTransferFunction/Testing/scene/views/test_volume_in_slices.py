@@ -117,8 +117,9 @@ def test_without_slice_views_there_is_nothing_to_do(views: Views) -> None:
     assert is_in_slices(views.scene, views.app_logic, scan)
 
 
-def test_a_scan_that_is_small_in_views_is_shown_as_large_as_can_be_on_the_slices_that_they_are_on(
-    views: Views, in_layout: list[Any]
+@pytest.mark.parametrize(("beside_mm", "is_there"), [(1.0, True), (500.0, False)])
+def test_a_scan_that_is_small_in_views_is_shown_as_large_as_can_be_on_the_slices_that_they_are_on_if_it_is_there(
+    views: Views, in_layout: list[Any], beside_mm: float, is_there: bool
 ) -> None:
     for view in in_layout:
         views.app_logic.GetSliceLogicByLayoutName(view.get_view_node().GetLayoutName()).FitSliceToBackground()
@@ -126,8 +127,9 @@ def test_a_scan_that_is_small_in_views_is_shown_as_large_as_can_be_on_the_slices
     offsets = []
     for view in in_layout:
         node = view.get_view_node()
-        offsets.append(node.GetSliceOffset() + 1.0)
-        node.SetSliceOffset(offsets[-1])
+        offset = node.GetSliceOffset()
+        node.SetSliceOffset(offset + beside_mm)
+        offsets.append(offset + beside_mm if is_there else offset)
         node.SetFieldOfView(*(3.0 * size for size in node.GetFieldOfView()[:2]), node.GetFieldOfView()[2])
     fit_in_slices(views.scene, views.app_logic, views.volume)
     assert [view.get_view_node().GetFieldOfView()[0] for view in in_layout] == pytest.approx(fitted)

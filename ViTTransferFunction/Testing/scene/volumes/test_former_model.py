@@ -98,7 +98,7 @@ def test_features_are_got_with_another_model_only_where_restored_structures_are_
     slicer_app: Any, extracting: Any
 ) -> None:
     former = FormerModel(SceneParameters(add_parameter_node(slicer_app.scene)), extracting, Problems())
-    for of_these, model in (("", None), (MODEL, None), (OTHER, OTHER)):
+    for of_these, model in ((MODEL, None), (OTHER, OTHER), ("", OTHER)):
         former.remember(of_these)
         assert former.applied_to(SessionSettings()).former_model == model
 
