@@ -46,13 +46,12 @@ class WindowDrag:
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""
-        if not self._mouse.listens:
-            self._mouse.listen({
-                **dict.fromkeys(PRESSES, self._press),
-                vtkCommand.MouseMoveEvent: self._move,
-                vtkCommand.LeftButtonReleaseEvent: self._release,
-                vtkCommand.LeaveEvent: self._leave,
-            })  # fmt: skip
+        self._mouse.listen({
+            **dict.fromkeys(PRESSES, self._press),
+            vtkCommand.MouseMoveEvent: self._move,
+            vtkCommand.LeftButtonReleaseEvent: self._release,
+            vtkCommand.LeaveEvent: self._leave,
+        })  # fmt: skip
 
     def deactivate(self) -> None:
         """Leave the mouse to the view."""

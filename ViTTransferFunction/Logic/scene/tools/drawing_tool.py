@@ -56,13 +56,12 @@ class DrawingTool:
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""
-        if not self._mouse.listens:
-            self._mouse.listen({
-                **dict.fromkeys(PRESSES, self._press),
-                vtk.vtkCommand.MouseMoveEvent: self._move,
-                vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
-                **dict.fromkeys(_WHEEL, self._wheel),
-            })  # fmt: skip
+        self._mouse.listen({
+            **dict.fromkeys(PRESSES, self._press),
+            vtk.vtkCommand.MouseMoveEvent: self._move,
+            vtk.vtkCommand.LeftButtonReleaseEvent: self._release,
+            **dict.fromkeys(_WHEEL, self._wheel),
+        })  # fmt: skip
 
     def deactivate(self) -> None:
         """Leave the mouse to the view; what is being drawn is given up."""

@@ -44,11 +44,10 @@ class SizeWheel:
 
     def activate(self) -> None:
         """Begin to listen to the wheel."""
-        if not self._mouse.listens:
-            self._mouse.listen({
-                vtk.vtkCommand.MouseWheelForwardEvent: lambda: self._turn(1),
-                vtk.vtkCommand.MouseWheelBackwardEvent: lambda: self._turn(-1),
-            })  # fmt: skip
+        self._mouse.listen({
+            vtk.vtkCommand.MouseWheelForwardEvent: lambda: self._turn(1),
+            vtk.vtkCommand.MouseWheelBackwardEvent: lambda: self._turn(-1),
+        })  # fmt: skip
 
     def deactivate(self) -> None:
         """Leave the wheel to the view."""

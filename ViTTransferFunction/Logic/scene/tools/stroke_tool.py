@@ -45,8 +45,6 @@ class StrokeTool:
 
     def activate(self) -> None:
         """Begin to listen to the mouse."""
-        if self._mouse.listens:
-            return
         self._mouse.listen({
             **dict.fromkeys(PRESSES, self._press),
             vtk.vtkCommand.MouseMoveEvent: self._move,

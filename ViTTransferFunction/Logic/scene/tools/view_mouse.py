@@ -28,11 +28,6 @@ class ViewMouse:
         self._interactor = interactor
         self._tags: list[int] = []
 
-    @property
-    def listens(self) -> bool:
-        """Whether it does."""
-        return bool(self._tags)
-
     def listen(self, reactions: Mapping[int, Reaction]) -> None:
         """Have each of VTK's events reacted to, until `stop`."""
         self._tags = [

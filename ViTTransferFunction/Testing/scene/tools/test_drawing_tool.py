@@ -132,7 +132,7 @@ def test_a_lasso_is_the_way_of_the_mouse_in_the_plane_of_the_slice(stage: Stage)
 
 def test_a_box_has_its_corners_where_the_button_was_pressed_and_released(stage: Stage) -> None:
     stage.tool("box")
-    stage.drag((90, 40), (20, 20), (30, 100))
+    stage.drag((90, 40), (20, 20), (31, 99), (30, 100))
     (outline,) = stage.outlines
     corners = stage.on_screen(outline)
     np.testing.assert_allclose(corners.min(axis=0), [30, 40], atol=1e-6)
@@ -142,7 +142,7 @@ def test_a_box_has_its_corners_where_the_button_was_pressed_and_released(stage: 
 
 def test_a_line_has_its_ends_where_the_button_was_pressed_and_released(stage: Stage) -> None:
     stage.tool("line")
-    stage.drag((90, 40), (20, 20), (30, 100))
+    stage.drag((90, 40), (20, 20), (31, 99), (30, 100))
     (ends,) = stage.outlines
     np.testing.assert_allclose(stage.on_screen(ends), [(90, 40), (30, 100)], atol=1e-6)
     np.testing.assert_allclose(ends[:, 2], 20.0)
