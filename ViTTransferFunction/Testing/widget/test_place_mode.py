@@ -244,3 +244,18 @@ def test_a_scene_that_was_saved_while_placing_does_not_go_on_placing(
     widget.ui.pointOnButton.click()
     points = widget.panel.session.annotations.points_node(widget.panel.session.classes[0].id, positive=True)
     assert selection.GetActivePlaceNodeID() == points.GetID()
+
+
+def test_a_scene_that_was_saved_while_the_user_placed_elsewhere_goes_on_placing_there(
+    widget: Any, interaction: Any, selection: Any, list_of_the_user: Any, tmp_path: Path
+) -> None:
+    begin_a_curve(selection, list_of_the_user)
+    interaction.SetPlaceModePersistence(1)
+    interaction.SetCurrentInteractionMode(interaction.Place)
+    assert slicer.mrmlScene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    interaction.SwitchToViewTransformMode()
+    assert slicer.mrmlScene.ReadFromMRB(str(tmp_path / "saved.mrb"), True)
+    assert widget.panel.session is not None
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    assert interaction.GetPlaceModePersistence()
+    assert slicer.mrmlScene.GetNodeByID(selection.GetActivePlaceNodeID()).GetName() == "aorta"
