@@ -116,9 +116,10 @@ def drag(view: Any, point_ras: Any, button: str = "Left") -> None:
     getattr(interactor, f"{button}ButtonReleaseEvent")()
 
 
-def click(view: Any, point_ras: Any, shaking: bool = False) -> None:
+def click(view: Any, point_ras: Any, shaking: bool = False, ctrl: bool = False, shift: bool = False) -> None:
     """Move the mouse to where a view shows a point, and click; `shaking`: it moves by a pixel while the button is held."""
     interactor, (row, column) = view.interactor(), _point_at(view, point_ras)
+    interactor.SetEventInformation(column, row, int(ctrl), int(shift))
     interactor.LeftButtonPressEvent()
     if shaking:
         interactor.SetEventInformation(column + 1, row)

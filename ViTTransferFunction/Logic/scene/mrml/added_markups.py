@@ -10,8 +10,6 @@ import slicer
 def add_markups(scene: slicer.vtkMRMLScene, class_name: str, name: str = "") -> Any:
     """Add a node of a class of markups, and leave what the user is placing, and where to, as it is."""
     selection = scene.GetSingletonNode("Singleton", "vtkMRMLSelectionNode")
-    if selection is None:  # A scene without an application, in which nobody places anything.
-        return scene.AddNewNodeByClass(class_name, name)
     placed_class, placed_id = selection.GetActivePlaceNodeClassName(), selection.GetActivePlaceNodeID()
     was_modifying = selection.StartModify()
     node = scene.AddNewNodeByClass(class_name, name)

@@ -146,6 +146,14 @@ def test_a_click_on_nothing_in_a_3d_view_places_no_point_and_is_told_each_time(p
     assert placing.errors == ()
 
 
+@pytest.mark.parametrize("key", ["ctrl", "shift"])
+def test_a_click_with_a_key_held_places_no_point_in_a_3d_view(placing: SceneSession, view_3d: Any, key: str) -> None:
+    before = points(placing)
+    for place_ras in (MIDDLE_RAS + np.array([0.0, 0.0, 2.0]), NOTHING_RAS):
+        click(view_3d, place_ras, ctrl=key == "ctrl", shift=key == "shift")
+        assert (points(placing), placing.take_error()) == (before, None)
+
+
 def test_points_of_somebody_else_are_placed_as_ever(session: SceneSession, view_3d: Any, views: Views) -> None:
     node = views.scene.AddNewNodeByClass("vtkMRMLMarkupsFiducialNode")
     node.CreateDefaultDisplayNodes()
