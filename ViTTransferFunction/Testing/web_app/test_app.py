@@ -45,6 +45,7 @@ from ViTTransferFunction.WebApp import opening, packing, scene_files, serving
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.data_probe import probe_text
 from ViTTransferFunction.WebApp.panel_state import color_of_hex
+from ViTTransferFunction.WebApp.view_steps import MOST_NOTCHES
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 
@@ -735,6 +736,11 @@ def test_turns_of_the_wheel_that_come_together_count_each(opened: Callable[[Jour
         assert view.get_slice_value() == pytest.approx(before)
         app.views.use("Red", [["wheel", [0.5, 0.5], [False, False, False], 0]])
         assert view.get_slice_value() == pytest.approx(before)
+        # As many as come while the app is busy, but not what no hand does.
+        turned: list[str] = []
+        view.interactor().AddObserver("MouseWheelForwardEvent", lambda caller, event: turned.append(event), 1000.0)
+        app.views.use("Red", [["wheel", [0.5, 0.5], [False, False, False], 3 * MOST_NOTCHES]])
+        assert len(turned) == MOST_NOTCHES
 
     opened(journey)
 

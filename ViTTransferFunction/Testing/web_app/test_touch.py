@@ -13,6 +13,7 @@ pytest.importorskip("psutil")
 
 from ViTTransferFunction.Testing.support.web_app import AppPage
 from ViTTransferFunction.WebApp.app import WebApp
+from ViTTransferFunction.WebApp.view_steps import LARGEST_FACTOR
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
 Finger = tuple[float, float]
@@ -67,12 +68,16 @@ def test_what_lies_between_two_fingers_stays_there_while_they_spread(in_views: C
     in_views(journey)
 
 
-def test_two_fingers_bring_the_3d_view_nearer(in_views: Callable[[Journey], None]) -> None:
+@pytest.mark.parametrize(("spread", "times"), [(2.0, 2.0), (0.5, 0.5), (1e9, LARGEST_FACTOR), (0.0, 1.0 / LARGEST_FACTOR)])
+def test_two_fingers_bring_views_nearer_and_farther_at_each_step_by_no_more_than_hands_do(
+    in_views: Callable[[Journey], None], spread: float, times: float
+) -> None:
     async def journey(app: WebApp) -> None:
-        camera = app.views.view_3d.get_camera_node().GetCamera()
-        before = camera.GetDistance()
-        app.views.use("ThreeD", [["spread", [0.5, 0.5], NO_KEYS, [0.5, 0.5], 2.0]])
-        assert camera.GetDistance() == pytest.approx(before / 2)
+        camera, node = app.views.view_3d.get_camera_node().GetCamera(), app.views.slices[0].get_view_node()
+        before = camera.GetDistance(), node.GetFieldOfView()[0]
+        for view in ("ThreeD", "Red"):
+            app.views.use(view, [["spread", [0.5, 0.5], NO_KEYS, [0.5, 0.5], spread]])
+        assert (camera.GetDistance() * times, node.GetFieldOfView()[0] * times) == pytest.approx(before)
 
     in_views(journey)
 
