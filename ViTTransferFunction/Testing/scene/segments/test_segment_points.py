@@ -10,6 +10,7 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.scene.segments.outside_points import outside_points
 from ViTTransferFunction.Logic.scene.segments.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segments.segment_tags import CORRECTED_TAG, set_tag
@@ -176,6 +177,15 @@ def test_a_segment_that_is_deleted_meanwhile_is_not_continued(session: SceneSess
     assert (session.classes, session.take_error()) == ((), None)
 
 
+def test_a_segment_is_not_continued_in_another_scan_that_is_chosen_meanwhile(
+    session: SceneSession, a_segmentation: Any, a_volume: Any
+) -> None:
+    session.continue_segment(add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE))
+    session.set_volume(a_volume)
+    session.wait()
+    assert (session.classes, session.take_error()) == ((), None)
+
+
 def class_at(session: SceneSession, mask: np.ndarray, volume: Any) -> Any:
     """A class with a point in the middle of a mask."""
     state = session.annotations.add_class()
@@ -204,9 +214,11 @@ def test_a_segment_in_which_a_class_was_clicked_is_not_outside_of_it(
     add_segment(a_segmentation, "body", np.ones(SHAPE, dtype=bool), OBLIQUE)
     add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
     lesion, bone = class_at(session, block(2, 3), a_volume), class_at(session, block(5, 6), a_volume)
+    right_beside = session.annotations.add_class()
+    grid = Geometry(SHAPE, OBLIQUE)
+    session.annotations.add_points(right_beside.id, grid.ijk_to_ras_points(np.array([SHAPE[::-1]])), positive=True)
     outside = outside_points(a_segmentation, session.classes, known(a_segmentation, "body", "liver"))
-    assert len(outside[lesion.id]) == 0
-    assert len(outside[bone.id]) == 3
+    assert [len(outside[state.id]) for state in (lesion, bone, right_beside)] == [0, 3, 6]
 
 
 def test_segments_of_the_classes_themselves_are_not_outside(session: SceneSession, a_segmentation: Any, a_volume: Any) -> None:

@@ -190,6 +190,11 @@ def test_the_segments_of_a_frame_are_not_overwritten_by_those_of_another(
         assert chosen.GetDisplayNode().GetVisibility()
         assert not other.GetDisplayNode().GetVisibility()
         assert session.parameters.segmentation is chosen
+    # That of the class which was removed for the other frame, too.
+    sequence.show(1)
+    session.wait()
+    write_all(session)
+    assert segment_masks(of_first, sequence.volume).keys() == before.keys()
 
 
 def test_segments_that_the_user_hid_stay_hidden_when_their_frame_is_shown_again(
