@@ -10,7 +10,8 @@ import pytest
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
-from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.scene.mrml.transforms import matrix_to_world
 from ViTTransferFunction.Logic.scene.segments.outside_points import outside_points
 from ViTTransferFunction.Logic.scene.segments.segment_points import SegmentPoints
 from ViTTransferFunction.Logic.scene.segments.segment_tags import CORRECTED_TAG, set_tag
@@ -207,16 +208,20 @@ def test_visible_segments_of_others_are_outside_of_all_classes(
         assert set(rounded(outside[state.id])) <= set(positions_of(block(4, 6), a_volume))
 
 
+@pytest.mark.parametrize("moved", [False, True], ids=["in place", "moved"])
 def test_a_segment_in_which_a_class_was_clicked_is_not_outside_of_it(
-    session: SceneSession, a_segmentation: Any, a_volume: Any
+    session: SceneSession, a_segmentation: Any, a_volume: Any, moved: bool
 ) -> None:
     """A body that holds everything says nothing about what is not an organ."""
     add_segment(a_segmentation, "body", np.ones(SHAPE, dtype=bool), OBLIQUE)
     add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    if moved:
+        put_under(a_segmentation, MOVED)
+        put_under(a_volume, MOVED)
     lesion, bone = class_at(session, block(2, 3), a_volume), class_at(session, block(5, 6), a_volume)
     right_beside = session.annotations.add_class()
-    grid = Geometry(SHAPE, OBLIQUE)
-    session.annotations.add_points(right_beside.id, grid.ijk_to_ras_points(np.array([SHAPE[::-1]])), positive=True)
+    beyond = Geometry(SHAPE, OBLIQUE).ijk_to_ras_points(np.array([SHAPE[::-1]]))
+    session.annotations.add_points(right_beside.id, transform_points(matrix_to_world(a_volume), beyond), positive=True)
     outside = outside_points(a_segmentation, session.classes, known(a_segmentation, "body", "liver"))
     assert [len(outside[state.id]) for state in (lesion, bone, right_beside)] == [0, 3, 6]
 

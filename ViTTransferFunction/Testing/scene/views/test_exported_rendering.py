@@ -21,7 +21,7 @@ from ViTTransferFunction.Logic.rendering.surroundings import Surroundings
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.views.exported_renderings import exported_renderings, remove_exported
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
-from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of
+from ViTTransferFunction.Logic.scene.volumes.volume_nodes import image_of, set_image
 from ViTTransferFunction.Testing.support.standin.subject_hierarchy import keep_subject_hierarchy
 from ViTTransferFunction.Testing.support.views import Views, ball, look_from, pixels
 
@@ -192,6 +192,9 @@ def test_an_exported_rendering_is_listed_and_removed_with_all_that_displays_it(
     views: Views, rendering: ClassRendering, cut: str
 ) -> None:
     scene = views.scene
+    photo = scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", "in colours, and somebody else's")
+    set_image(photo, np.zeros((*SHAPE, 3), dtype=np.uint8), IJK_TO_RAS)
+    views.app_logic.GetModuleLogic("VolumeRendering").CreateDefaultVolumeRenderingNodes(photo)
     assert exported_renderings(scene) == []
     cut_by = {"box": _box, "plane": _plane}[cut](views) if cut != "off" else None
     rendering.cut(cut_by)
