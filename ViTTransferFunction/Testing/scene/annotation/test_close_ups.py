@@ -193,6 +193,19 @@ def test_where_another_closer_look_is_cancelled_the_one_before_stays(session: Sc
     assert session.take_error() is None
 
 
+def test_where_the_volume_is_moved_before_another_closer_look_is_cancelled_the_one_before_is_where_it_is_now(
+    session: SceneSession, under_transform: tuple[tuple[float, ...], Any]
+) -> None:
+    box, transform = under_transform
+    x, y, z, *_ = box
+    session.annotations.set_close_up(session.classes[0].id, (x, y, z, 50.0, 50.0, 50.0))
+    wait_until_under_way(session)
+    transform.SetMatrixTransformToParent(vtk_matrix(TURN))
+    session.poll()
+    cancel_looking(session)
+    assert session.classes[0].close_up == pytest.approx((*transform_points(TURN, np.array(box[:3]))[0], *box[3:]))
+
+
 def test_where_a_point_enlarged_the_box_cancelling_leads_back_to_the_whole(session: SceneSession, spheres: Spheres) -> None:
     (id_, *_) = annotate(session, spheres)
     session.close_ups.look_closer(id_)
