@@ -73,6 +73,15 @@ def test_of_two_surfaces_the_nearer_one_has_the_point() -> None:
         assert from_middle_mm(moved_inside(placed, maps, np.eye(4))) < from_middle_mm(placed) - 4.0
 
 
+def test_a_point_goes_straight_into_a_thin_structure_at_the_edge_of_the_scan_whatever_is_elsewhere() -> None:
+    array = np.zeros(GRID.shape, dtype=np.float32)
+    array[:, 14:17] = 1.0
+    thin, elsewhere = ClassMap(array, GRID, 0.5), ClassMap(ball(GRID.shape, (15.0, 15.0, 34.0), 4.0), GRID, 0.5)
+    placed = GRID.ijk_to_ras_points(np.array([[2.0, 13.4, 15.0]]))[0]
+    moved = moved_inside(placed, [elsewhere, thin], np.eye(4))
+    np.testing.assert_allclose(GRID.ras_to_ijk(moved[None]), [[2.0, 15.0, 15.0]])
+
+
 def start_placing(slicer_app: Any, session: SceneSession, id_: str, positive: bool) -> None:
     """Take the tool into the hand, as the panel does."""
     selection, interaction = slicer_app.app_logic.GetSelectionNode(), slicer_app.app_logic.GetInteractionNode()
