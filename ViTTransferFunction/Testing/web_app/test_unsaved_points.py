@@ -366,6 +366,22 @@ def test_beyond_some_files_and_bytes_the_oldest_go(
     opened(journey)
 
 
+def test_structures_of_one_name_cannot_be_kept_and_what_was_kept_before_stays(
+    opened: Callable[[Journey], None], folder: Path
+) -> None:
+    async def journey(app: WebApp) -> None:
+        click(app)
+        click(app, "spleen", 1)
+        await is_kept(app, folder, 1, 1)
+        # As in a session that was edited in Slicer.
+        app.session.annotations.points_node(app.session.classes[1].id, positive=True).SetName("liver")
+        await until(lambda: "are not kept on this computer" in message(app))
+        await app.unsaved_points._done(lambda: None)
+        await is_kept(app, folder, 1, 1)
+
+    opened(journey)
+
+
 def test_where_they_cannot_be_kept_the_user_is_told_once_until_they_can(
     opened: Callable[[Journey], None], folder: Path
 ) -> None:

@@ -1,10 +1,10 @@
-"""Numbers in words."""
+"""Numbers and names in words."""
 
 from __future__ import annotations
 
 import pytest
 
-from ViTTransferFunction.Logic.scene.interface.wording import volume_text
+from ViTTransferFunction.Logic.scene.interface.wording import duration, empty_text, size, size_in_steps, volume_text
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,48 @@ from ViTTransferFunction.Logic.scene.interface.wording import volume_text
 )
 def test_small_structures_have_a_volume_too(volume_ml: float | None, text: str) -> None:
     assert volume_text(volume_ml) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.2, "1 s"),
+        (7.4, "7 s"),
+        (19.0, "19 s"),
+        (42.0, "40 s"),
+        (43.0, "45 s"),
+        (60.0, "1 min"),
+        (100.0, "2 min"),
+        (3500.0, "58 min"),
+        (3600.0, "1 h 0 min"),
+        (9000.0, "2 h 30 min"),
+    ],
+)
+def test_the_longer_something_takes_the_less_exactly_it_is_said(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(("n_bytes", "text"), [(88.4e6, "88 MB"), (999e6, "999 MB"), (1e9, "1.0 GB"), (20.26e9, "20.3 GB")])
+def test_files_and_memory_are_told_in_mb_or_gb(n_bytes: float, text: str) -> None:
+    assert size(n_bytes) == text
+
+
+@pytest.mark.parametrize(
+    ("steps", "text"),
+    [
+        (0.0, "as chosen"),
+        (1.0, "one step larger"),
+        (-1.0, "one step smaller"),
+        (1.25, "larger (+1.25)"),
+        (-0.5, "smaller (−0.5)"),
+    ],
+)
+def test_the_size_of_a_structure_is_told_in_steps_unless_it_was_set_by_hand(steps: float, text: str) -> None:
+    assert size_in_steps(steps, fixed=False) == text
+    assert size_in_steps(steps, fixed=True) == "set by hand"
+
+
+def test_of_many_structures_a_message_names_as_many_as_one_reads() -> None:
+    names = ["a", "b", "c", "d", "e", "f"]
+    assert "of 'a', 'b', 'c', 'd', 'e' is empty" in empty_text(names[:5])
+    assert "of 'a', 'b', 'c', 'd', 'e' … is empty" in empty_text(names)
