@@ -26,6 +26,7 @@ from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support import cohort_worker
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
 dask = pytest.importorskip("dask")
@@ -200,12 +201,12 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
         assert half_written.exists(), "another cohort removed what this one writes"
 
         os.killpg(started.pid, signal.SIGINT)  # As a terminal does: all processes get it.
-        said, _ = started.communicate(timeout=180.0)
+        said, _ = started.communicate(timeout=LONGEST_WAIT_S)
     finally:
         started.kill()
     assert started.returncode == 130, said
     assert "Traceback" not in said
-    assert not psutil.wait_procs(workers, timeout=180.0)[1], "workers are left"
+    assert not psutil.wait_procs(workers, timeout=LONGEST_WAIT_S)[1], "workers are left"
     assert [path.name for path in out.iterdir()] == ["cohort.csv"]
     assert not list(tmp_path.glob("vittf-*"))
     assert rows_of(out / "cohort.csv")[cohort_worker.NEVER_ENDS]["status"] == "waiting"
@@ -216,7 +217,10 @@ def asks_for_a_key(port: int) -> bool:
     context = ssl.create_default_context()
     context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
     try:
-        with socket.create_connection(("127.0.0.1", port), timeout=180.0) as plain, context.wrap_socket(plain) as encrypted:
+        with (
+            socket.create_connection(("127.0.0.1", port), timeout=LONGEST_WAIT_S) as plain,
+            context.wrap_socket(plain) as encrypted,
+        ):
             encrypted.recv(1)
     except ssl.SSLError as error:
         return "CERTIFICATE_REQUIRED" in str(error)

@@ -47,11 +47,10 @@ from ViTTransferFunction.Logic.session.feature_estimate import FeatureEstimate
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
 SETTINGS = SessionSettings(grid=GRID, device="cpu")
-LONGEST_WAIT_S = 180.0
-"""For any reply. None takes as long, except where other programs have the processors."""
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import torch
 
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.refinement.workers import SHARED_VOXELS, Workers
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 CPU = torch.device("cpu")
 
@@ -30,7 +31,7 @@ def done_by(voxels: int, torch_threads: set[int]) -> tuple[list[int], set[int]]:
 
     def work(some: Sequence[int]) -> None:
         if threading.get_ident() not in threads:
-            all_begin.wait(timeout=180)
+            all_begin.wait(LONGEST_WAIT_S)
         threads.add(threading.get_ident())
         torch_threads.add(torch.get_num_threads())
         items.extend(some)

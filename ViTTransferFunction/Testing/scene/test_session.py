@@ -26,6 +26,7 @@ from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.scenes import (
     add_parameter_node,
     add_volume,
@@ -413,7 +414,7 @@ def test_after_the_process_died_features_are_loaded_again(session: SceneSession,
     ids = annotate(session, spheres)
     assert session.compute_pid is not None
     os.kill(session.compute_pid, signal.SIGTERM)
-    until = time.monotonic() + 180.0
+    until = time.monotonic() + LONGEST_WAIT_S
     while session.phase == "ready" and time.monotonic() < until:
         session.poll()
     assert session.phase == "no features"

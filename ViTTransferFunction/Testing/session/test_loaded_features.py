@@ -6,6 +6,7 @@ import threading
 from typing import Any
 
 from ViTTransferFunction.Logic.session.loaded_features import LoadedFeatures, SharedIntensities
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.spheres import Spheres
 
 
@@ -13,7 +14,7 @@ def test_threads_that_need_the_rule_at_a_time_get_the_same_one() -> None:
     waited_for, made = threading.Event(), []
 
     def make_rule() -> Any:
-        waited_for.wait(180.0)
+        waited_for.wait(LONGEST_WAIT_S)
         made.append(object())
         return made[-1]
 

@@ -19,9 +19,9 @@ import numpy as np
 import psutil
 from PIL import Image
 
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
+
 ROOT = Path(__file__).parents[3]
-LONGEST_WAIT_S = 180.0
-"""For anything that happens by itself. Nothing takes as long, except where other programs have the processors."""
 
 STATE = (
     "phase",

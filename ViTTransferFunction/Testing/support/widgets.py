@@ -10,9 +10,10 @@ import slicer
 import vtk
 
 from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float = 180.0) -> None:
+def wait_until(condition: Callable[[], bool], timeout_s: float = LONGEST_WAIT_S) -> None:
     """Let the application run until `condition` holds; Python's threads get as little of it as in Slicer."""
     until = time.monotonic() + timeout_s
     while not condition():

@@ -15,6 +15,7 @@ pytest.importorskip("aiohttp")
 import aiohttp
 from aiohttp import web
 
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.WebApp import browser_session
 from ViTTransferFunction.WebApp.access import Access
 
@@ -271,7 +272,7 @@ def test_of_two_tabs_the_one_opened_last_has_the_session(at: Callable[..., None]
             await place.status(browser)
             async with browser.ws_connect(place.url("ws"), headers=place.origin) as first:
                 async with browser.ws_connect(place.url("ws"), headers=place.origin) as second:
-                    message = await asyncio.wait_for(first.receive(), 180)
+                    message = await asyncio.wait_for(first.receive(), LONGEST_WAIT_S)
                     assert message.type in (aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.ERROR)
                     await second.send_str("here")
                     assert await second.receive_str() == "here"

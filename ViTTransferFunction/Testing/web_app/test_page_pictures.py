@@ -20,7 +20,8 @@ from PIL import Image
 
 from ViTTransferFunction.Logic.scene.views.filming import Filming
 from ViTTransferFunction.Testing.files.test_film import frames_of
-from ViTTransferFunction.Testing.web_app.test_saving import LONGEST_WAIT_S, browser_of, status_and_body, until
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
+from ViTTransferFunction.Testing.web_app.test_saving import browser_of, status_and_body, until
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]

@@ -14,6 +14,7 @@ pytest.importorskip("trame_slicer")
 
 from trame_slicer.rca_view import RemoteThreeDViewFactory
 
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.WebApp import rendering_pace
 from ViTTransferFunction.WebApp.rendering_pace import (
     PICTURES_PER_S,
@@ -22,8 +23,6 @@ from ViTTransferFunction.WebApp.rendering_pace import (
     EnteredFirst,
     PatientThreeDViewFactory,
 )
-
-LONGEST_WAIT_S = 60.0
 
 
 class Pictures:

@@ -30,11 +30,11 @@ from ViTTransferFunction.Logic.scene.segments.scene_segments import SceneSegment
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.attack.scans import make_scan, write_dicom
 from ViTTransferFunction.Testing.files.test_several_series import write_two
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.WebApp import routes
 from ViTTransferFunction.WebApp.app import WebApp
 
 Journey = Callable[[WebApp], Coroutine[Any, Any, None]]
-LONGEST_WAIT_S = 120.0
 
 
 @asynccontextmanager

@@ -9,6 +9,7 @@ import weakref
 import pytest
 
 from ViTTransferFunction.Logic.core.system.side_thread import side_thread
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 
 def test_work_is_done_in_another_thread_in_order() -> None:
@@ -33,14 +34,14 @@ def test_a_caller_that_gives_up_has_what_was_begun_finished_and_all_else_dropped
 
     def first() -> None:
         begun.set()
-        may_end.wait(180.0)
+        may_end.wait(LONGEST_WAIT_S)
         done.append("first")
 
     def give_up() -> None:
         with side_thread() as begin:
             begin(first)
             begin(lambda: done.append("second"))
-            begun.wait(180.0)
+            begun.wait(LONGEST_WAIT_S)
             threading.Timer(0.01, may_end.set).start()
             raise KeyError
 

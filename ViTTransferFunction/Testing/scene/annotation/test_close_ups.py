@@ -14,6 +14,7 @@ from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up
 from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.scenes import annotate, put_under, segment_masks
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 
@@ -226,7 +227,7 @@ def cancel_looking(session: SceneSession) -> None:
 
 def wait_until_under_way(session: SceneSession) -> None:
     """Wait until a closer look is."""
-    until = time.monotonic() + 180.0
+    until = time.monotonic() + LONGEST_WAIT_S
     while not session.looks_closer and time.monotonic() < until:
         session.poll()
     assert session.progress is not None
@@ -268,7 +269,7 @@ def unasked(session: SceneSession, spheres: Spheres, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("ViTTransferFunction.Logic.core.classes.close_up_choice.LARGEST_SHARE", 1.0)
     id_ = session.annotations.add_class("half a sphere").id
     session.regions.add_outline(id_, outline_in_sphere(spheres, 0.5))
-    until = time.monotonic() + 180.0
+    until = time.monotonic() + LONGEST_WAIT_S
     while session.classes[0].close_up is None and time.monotonic() < until:
         session.poll()
     return session
