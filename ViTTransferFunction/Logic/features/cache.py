@@ -101,7 +101,9 @@ class FeatureCache:
     def check_room(self, needed_bytes: int) -> None:
         """Raise InputError if features of this size will not fit on the disk: before minutes are spent on them."""
         try:
-            existing = next(parent for parent in (self.folder, *self.folder.absolute().parents) if parent.exists())
+            existing = next((parent for parent in (self.folder, *self.folder.absolute().parents) if parent.exists()), None)
+            if existing is None:
+                return  # On Windows, a disk that is not there.
             total, _, free = shutil.disk_usage(existing)
         except OSError:
             return  # Nothing will be kept there, which `put` tells.

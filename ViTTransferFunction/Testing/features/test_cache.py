@@ -234,6 +234,12 @@ def test_a_folder_on_no_disk_is_not_taken_for_a_full_one(cache: FeatureCache, mo
     cache.check_room(10**6)
 
 
+def test_a_disk_that_is_not_there_is_not_taken_for_a_full_one(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On Windows, not even the root of one is there that was unplugged."""
+    monkeypatch.setattr(Path, "exists", lambda _: False)
+    cache.check_room(10**6)
+
+
 def test_a_disk_that_fills_meanwhile_loses_no_work(
     cache: FeatureCache, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

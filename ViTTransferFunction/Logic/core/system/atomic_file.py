@@ -72,7 +72,11 @@ def replacing(path: Path) -> Iterator[Path]:
 def check_writable(path: Path) -> None:
     """Raise InputError now if `path` could not be written later, before work is spent on its content. Leaves no trace."""
     _check_replaceable(path)
-    folder = next(parent for parent in path.absolute().parents if mode_of(parent) is not None)
+    folder = next((parent for parent in path.absolute().parents if mode_of(parent) is not None), None)
+    if folder is None:
+        # On Windows, each disk and each network share has a root of its own.
+        disk = path.absolute().anchor
+        raise InputError(f"Cannot write {path}: there is no disk {disk}, or it is out of reach. Connect it, or choose another.")
     try:
         _make_and_remove_file(folder)
     except OSError as error:

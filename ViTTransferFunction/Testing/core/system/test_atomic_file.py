@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -129,6 +130,13 @@ def test_on_windows_a_name_that_would_be_that_of_a_part_of_a_file_is_refused(
     for attempt in (lambda: check_writable(path), lambda: replacing(path).__enter__()):
         with pytest.raises(InputError, match=r"a colon \(:\)"):
             attempt()
+
+
+def test_a_disk_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On Windows, not even the root of one is there, nor that of a share out of reach."""
+    monkeypatch.setattr(atomic_file, "mode_of", lambda _: None)
+    with pytest.raises(InputError, match=f"there is no disk {re.escape(tmp_path.anchor)}, or it is out of reach"):
+        check_writable(tmp_path / "result.txt")
 
 
 def test_on_windows_a_folder_that_may_not_be_written_to_is_told_at_once(
