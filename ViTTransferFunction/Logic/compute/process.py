@@ -151,13 +151,15 @@ class ComputeProcess:
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def _kill(self) -> None:
-        # It may end by itself in the meantime.
-        with suppress(OSError):
-            if sys.platform == "win32":
-                if self.own_pid is not None:
+        # Each may end by itself in the meantime.
+        if sys.platform == "win32":
+            if self.own_pid is not None:
+                with suppress(OSError):
                     os.kill(self.own_pid, signal.SIGTERM)
+            with suppress(OSError):
                 self._process.kill()
-            else:
+        else:
+            with suppress(OSError):
                 os.killpg(self._process.pid, signal.SIGKILL)
 
 

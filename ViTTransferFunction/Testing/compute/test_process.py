@@ -295,6 +295,26 @@ def test_a_process_is_ended_also_where_its_input_cannot_be_closed_while_somebody
     process.clean_up()
 
 
+def test_on_windows_a_launcher_is_ended_also_where_what_it_started_is_gone(
+    executable: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process = ComputeProcess(executable(NEVER_READS))
+    process.own_pid, kill = 1, os.kill
+
+    def refused_for_what_is_gone(number: int, sent: int) -> None:
+        if number == process.own_pid:
+            raise PermissionError(13, "Access is denied")
+        kill(number, sent)
+
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "kill", refused_for_what_is_gone)
+    ending = threading.Thread(target=process.end, daemon=True)
+    ending.start()
+    ending.join(60.0)
+    assert not ending.is_alive()
+    process.clean_up()
+
+
 def test_files_that_windows_still_holds_for_a_killed_process_are_removed_a_moment_later(
     executable: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
