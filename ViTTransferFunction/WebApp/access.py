@@ -103,6 +103,13 @@ class Access:
             if connection.transport is not None:
                 connection.transport.abort()
 
+    async def listen_again(self, port: int) -> None:
+        """Listen anew at the same port, for new connections; those that there are go on."""
+        runner = self._web_server.runner
+        for site in runner.sites:
+            await site.stop()
+        await web.TCPSite(runner, self.host, port).start()
+
     def guard(self, app: web.Application, page: Path) -> None:
         """Let requests to `app` through only as this file's first lines say; `page` is what the address shows."""
         html_of_page = _with_arrival(page.read_text(encoding="utf-8"))

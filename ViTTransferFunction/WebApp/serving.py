@@ -18,6 +18,10 @@ no time from the processors is not gone."""
 SECONDS_TO_END = 2.0
 """For files that are still being sent or fetched when the app ends. Then they are cut off: a browser that takes nothing any
 more, since its computer sleeps say, does not hold up the end, and what is tidied up with it."""
+_NETNAME_DELETED = 64
+"""Windows' number for a connection that its other side broke off."""
+_NOT_ACCEPTED = "Accept failed on a socket"
+"""What asyncio's loop says before it closes the socket that it listens at (`BaseProactorEventLoop._start_serving`)."""
 
 
 class Serving:
@@ -47,7 +51,7 @@ class Serving:
             disable_logging=True,
             exec_mode="coroutine",
         )
-        asyncio.get_running_loop().set_exception_handler(_without_lost_connections)
+        asyncio.get_running_loop().set_exception_handler(self._handle)
         logging.getLogger("wslink.protocol").addFilter(_tells_no_lost_connection)
         self._task = asyncio.create_task(serving)
 
@@ -77,6 +81,18 @@ class Serving:
         cut_off.cancel()
         self._task.cancel()
 
+    def _handle(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """Handle what a task ended with: that the browser was gone when pictures were sent to it is nothing to report."""
+        if not _is_lost_connection(context.get("exception")):
+            loop.default_exception_handler(context)
+        elif context.get("message") == _NOT_ACCEPTED:
+            # Windows' loop listens no more once a browser broke off while it was let in (python/cpython#93821): nobody could
+            # come back. It closes the socket when this returns.
+            loop.call_soon(self._listen_again)
+
+    def _listen_again(self) -> None:
+        self._listening = asyncio.ensure_future(self._access.listen_again(self._server.port))
+
 
 def _reason(error: OSError) -> str:
     """Why a port cannot be had, in the system's words."""
@@ -92,10 +108,8 @@ def _reason(error: OSError) -> str:
 
 def _tells_no_lost_connection(record: logging.LogRecord) -> bool:
     """Whether a line of the log is of something else; for a filter. It is written where the error is handled."""
-    return not isinstance(sys.exc_info()[1], ConnectionError)
+    return not _is_lost_connection(sys.exc_info()[1])
 
 
-def _without_lost_connections(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Handle what a task ended with: that the browser was gone when pictures were sent to it is nothing to report."""
-    if not isinstance(context.get("exception"), ConnectionError):
-        loop.default_exception_handler(context)
+def _is_lost_connection(error: object) -> bool:
+    return isinstance(error, ConnectionError) or getattr(error, "winerror", None) == _NETNAME_DELETED
