@@ -62,7 +62,11 @@ def read_series(
     try:
         image = reader.Execute()
     except RuntimeError as error:
-        raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
+        reason = last_line(error)
+        if "Determinant is 0" in reason:
+            # ITK takes what is no number for 0 on Windows, and for 1 elsewhere.
+            reason = "the pixel spacing (0028,0030) of its slices is no number. Export them again."
+        raise InputError(f"The DICOM series in {folder} cannot be read: {reason}") from error
     if len(slices) == 1:
         image = with_frame_scales(slices[0].path, image)
         return image, frame_positions(slices[0].path, image, on_warning)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import shutil
 import struct
 import zlib
@@ -251,10 +252,19 @@ def write_slices(folder: Path, *, without: tuple[int, int] | None = None, pixel_
     return folder
 
 
-@pytest.mark.parametrize("given", [{"without": PIXEL_SIZE}, {"pixel_size": "1.5\\0"}, {"pixel_size": "none"}])
+NO_NUMBER = pytest.param({"pixel_size": "none"}, marks=pytest.mark.skipif(os.name == "nt", reason="refused on Windows"))
+
+
+@pytest.mark.parametrize("given", [{"without": PIXEL_SIZE}, {"pixel_size": "1.5\\0"}, NO_NUMBER])
 def test_of_slices_that_do_not_say_how_large_their_pixels_are_there_is_a_warning(tmp_path: Path, given: dict[str, Any]) -> None:
     (warning,) = warnings_of(write_slices(tmp_path / "scan", **given))
     assert "do not say how far apart their pixels are: 1 mm is taken" in warning
+
+
+@pytest.mark.skipif(os.name != "nt", reason="only Windows takes it for 0")
+def test_on_windows_pixel_sizes_that_are_no_numbers_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"pixel spacing \(0028,0030\) of its slices is no number"):
+        warnings_of(write_slices(tmp_path / "scan", pixel_size="none"))
 
 
 def test_of_slices_that_do_not_say_how_they_are_turned_there_is_a_warning(tmp_path: Path) -> None:

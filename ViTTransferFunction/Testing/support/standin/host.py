@@ -59,6 +59,8 @@ class Host:
 
     def __init__(self, app: Any) -> None:
         qt_application = QApplication.instance() or QApplication([])
+        # On every system, as Slicer's own style is one of this kind.
+        qt_application.setStyle("Fusion")
         self._replaced = {name: sys.modules.get(name) for name in (*_MODULES, NAME)}
         sys.modules.update(_MODULES)
         self._attributes = {
