@@ -139,7 +139,7 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
 
         assert cache() is None
         app.actions("advanced", True)
-        assert str(a_cache_of_its_own) in cache()["text"]
+        assert a_cache_of_its_own.as_posix() in cache()["text"]
         assert "Features: 3 MB" in cache()["text"]
         assert "of all volumes from the cache (3 MB)" in cache()["features_question"]
         assert not cache()["has_model"]
