@@ -28,7 +28,8 @@ from .service import SegmentationService
 
 LOCK_TURN_S = 0.0005
 """After how long a thread that wants Python's lock gets it from one that computes: the answer to a click asks for it a hundred
-times, and Python's own 5 ms would be most of what it takes."""
+times, and Python's own 5 ms would be most of what it takes. On Windows, Python counts whole milliseconds: such a thread asks at
+once, and again and again until it has the lock."""
 LOWER_PRIORITY = 10
 """What takes long leaves the processor to the answers to clicks, and to the window."""
 
