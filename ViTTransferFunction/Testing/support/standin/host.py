@@ -46,6 +46,13 @@ _MODULES: dict[str, ModuleType] = {
 }
 
 
+def _qt_application() -> QApplication:
+    application = QApplication([])
+    # On every system, as Slicer's own style is one of this kind.
+    application.setStyle("Fusion")
+    return application
+
+
 class Host:
     """A Slicer with one module, ViTTransferFunction.
 
@@ -58,9 +65,7 @@ class Host:
     """
 
     def __init__(self, app: Any) -> None:
-        qt_application = QApplication.instance() or QApplication([])
-        # On every system, as Slicer's own style is one of this kind.
-        qt_application.setStyle("Fusion")
+        qt_application = QApplication.instance() or _qt_application()
         self._replaced = {name: sys.modules.get(name) for name in (*_MODULES, NAME)}
         sys.modules.update(_MODULES)
         self._attributes = {
