@@ -175,7 +175,7 @@ def test_the_cache_is_shown_and_emptied_on_confirmation(
     widget: Any, volume: Any, a_cache_of_its_own: Path, questions: list[str]
 ) -> None:
     widget.ui.advancedCollapsibleButton.click()
-    assert str(a_cache_of_its_own) in widget.ui.cacheFolderLabel.text()
+    assert a_cache_of_its_own.as_posix() in widget.ui.cacheFolderLabel.text()
     assert widget.ui.clearFeaturesButton.isEnabled()
     assert not widget.ui.removeModelButton.isEnabled()
     widget.ui.clearFeaturesButton.click()
