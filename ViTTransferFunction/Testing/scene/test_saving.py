@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,7 @@ def test_what_is_shown_is_neither_listed_nor_unsaved(
     del shown_in
 
 
-@pytest.mark.parametrize("name", ["liver & spleen", "< 2 cm > \"a\" 'b' %20 #1", "肝臓", "&amp;"])
+@pytest.mark.parametrize("name", ["liver & spleen", "< 2 cm > \"a\" 'b' %20 #1", "4D\\5:6|7?*", "肝臓", "&amp;"])
 def test_a_scene_with_structures_of_any_name_is_opened_again(
     slicer_app: Any, spheres: tuple[Volume, np.ndarray], tmp_path: Path, name: str
 ) -> None:
@@ -114,6 +115,8 @@ def test_a_scene_with_structures_of_any_name_is_opened_again(
     assert names[0] == name
     assert session.file_classes.annotated()[0].request.name == name
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
+    with zipfile.ZipFile(tmp_path / "saved.mrb") as archive:
+        assert not set("".join(archive.namelist())) & set('<>:"|?*\\'), "Windows takes no such names"
     slicer_app.scene.Clear(False)
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
     session.wait()

@@ -10,18 +10,24 @@ if TYPE_CHECKING:
     import slicer
 
 
-_AMPERSAND = "＆"
-"""The wide one, which looks like it."""
+_IN_NO_NAME = {"&": "＆", "<": "＜", ">": "＞", "\\": "＼"}
+"""Characters that names of nodes may not have, and the wide ones that look like them."""
+_FOR_SCENE = str.maketrans(_IN_NO_NAME)
+_FOR_USERS = str.maketrans({wide: character for character, wide in _IN_NO_NAME.items()})
 
 
 def name_for_scene(name: str) -> str:
-    """As a node may be called. Slicer writes an & in the name of a node's file as it is, and cannot read that scene again."""
-    return name.replace("&", _AMPERSAND)
+    """As a node may be called, whose file Slicer names after it.
+
+    It writes an & in that name as it is, and cannot read the scene again; the others it leaves to Windows, which takes no such
+    file, so that the scene is not saved (`vtkMRMLScene::PercentEncode`).
+    """
+    return name.translate(_FOR_SCENE)
 
 
 def name_of(node: Any) -> str:
     """What was given a node by `name_for_scene`."""
-    return (node.GetName() or "").replace(_AMPERSAND, "&")
+    return (node.GetName() or "").translate(_FOR_USERS)
 
 
 def node_of_class(node: Any, class_name: str) -> Any:
