@@ -36,6 +36,13 @@ class DataProbe:
         self._mouse.listen({vtkCommand.MouseMoveEvent: self._move, vtkCommand.LeaveEvent: self._leave})
         slice_node.AddObserver(vtkCommand.ModifiedEvent, self._on_slice)
 
+    def tell_anew(self) -> None:
+        """Another volume is shown, under a mouse that may rest."""
+        if self._is_inside:
+            self._tell()
+        else:
+            self._show("")
+
     def _move(self) -> bool:
         self._is_inside = True
         self._tell()

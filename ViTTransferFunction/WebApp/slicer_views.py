@@ -60,6 +60,8 @@ class SlicerViews:
         self._app.display_manager.show_volume_in_slice_foreground(None)
         for view in self.slices:
             view.reset_view()
+        for probe in self._probes:
+            probe.tell_anew()
         self._fit_3d()
         # Whatever is under way: the structures of another patient go at once.
         for strategy in self._factory_3d.strategies:

@@ -709,6 +709,25 @@ def test_a_slice_view_tells_the_position_and_the_intensity_under_the_mouse(opene
     opened(journey)
 
 
+def test_under_a_resting_mouse_what_is_told_is_of_the_scan_that_was_opened_last(
+    opened: Callable[[Journey], None], file: Path
+) -> None:
+    brighter = file.with_name("brighter.nrrd")
+    sitk.WriteImage(sitk.ReadImage(str(file)) + 1000.0, str(brighter))
+
+    async def journey(app: WebApp) -> None:
+        app.views.use("Red", [["hover", [0.5, 0.5], [False] * 3]])
+        position, _, intensity = app.server.state.probe_Red.partition(": ")
+        await app.opening.open([brighter])
+        there, _, now = app.server.state.probe_Red.partition(": ")
+        assert (there, float(now)) == (position, pytest.approx(float(intensity) + 1000.0, abs=1.0))
+        app.views.leave()
+        await app.opening.open([file])
+        assert app.server.state.probe_Red == ""
+
+    opened(journey)
+
+
 def test_of_fine_voxels_positions_are_told_in_tenths_of_a_millimetre(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         volume = app.session.parameters.volume
