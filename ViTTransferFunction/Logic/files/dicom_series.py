@@ -62,11 +62,7 @@ def read_series(
     try:
         image = reader.Execute()
     except RuntimeError as error:
-        reason = last_line(error)
-        if "Determinant is 0" in reason:
-            # ITK takes what is no number for 0 on Windows, and for 1 elsewhere.
-            reason = "the pixel spacing (0028,0030) of its slices is no number. Export them again."
-        raise InputError(f"The DICOM series in {folder} cannot be read: {reason}") from error
+        raise InputError(f"The DICOM series in {folder} cannot be read: {last_line(error)}") from error
     if len(slices) == 1:
         image = with_frame_scales(slices[0].path, image)
         return image, frame_positions(slices[0].path, image, on_warning)
@@ -116,6 +112,12 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
             "slices of one size."
         )
     pixels_mm = np.array([each.pixel_mm for each in slices])
+    if not pixels_mm.all():
+        # ITK takes what is no number for 0 on Windows, and for 1 elsewhere.
+        raise InputError(
+            f"The DICOM series in {folder} cannot be read: the pixel spacing (0028,0030) of its slices is no number. Export "
+            "them again."
+        )
     # ITK takes the first one's for all: the last pixels of another would lie elsewhere.
     off_mm = (np.abs(pixels_mm - pixels_mm[0]) * sizes[0, :2]).max(axis=1)
     if off_mm.max() > LARGEST_DEVIATION * pixels_mm.min():

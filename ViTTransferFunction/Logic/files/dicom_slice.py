@@ -18,6 +18,9 @@ from .image_headers import DICOM_READER
 POSITION, ORIENTATION, PIXEL_SIZE = "0020|0032", "0020|0037", "0028|0030"
 """Tags of where the first pixel of a slice lies, of how its rows and columns run, and of how far apart its pixels are."""
 
+ROUNDED_DIRECTION = 0.05
+"""By so much may numbers of a direction differ from those of length 1 that were taken for it."""
+
 
 @dataclass(frozen=True, eq=False)
 class DicomSlice:
@@ -30,7 +33,7 @@ class DicomSlice:
         size: (I, J, K); K is 1 but where a file has several frames.
         pixel_mm: between the middles of pixels along I and J, (2,), millimetres.
         unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, at least not where those of slices
-            do. ITK takes 0, axial, and 1 mm.
+            do, or not as they can be. ITK takes 0, axial, and 1 mm.
         kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
         components: of each pixel; more than one in pictures in colour.
         is_inverted: whether the lowest number is white (MONOCHROME1). ITK, and so Slicer, then exchanges high and low ones.
@@ -79,7 +82,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
     return DicomSlice(
         path,
         np.array(reader.GetOrigin()[:3]),
-        np.array(reader.GetDirection()).reshape(reader.GetDimension(), -1)[:3, :3],
+        _directions(reader),
         (width, height, frames),
         np.array(reader.GetSpacing()[:2]),
         frozenset(_unsaid(reader)),
@@ -136,11 +139,29 @@ def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
 
 
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
-    yield from (tag for tag in (POSITION, ORIENTATION) if not _text(reader, tag))
+    if not _text(reader, POSITION):
+        yield POSITION
+    if not _says_orientation(reader):
+        yield ORIENTATION
     sizes = _text(reader, PIXEL_SIZE).split("\\")
     # Some kinds of image say it elsewhere, where ITK finds it.
     if not all(map(_is_length, sizes)) and 1.0 in reader.GetSpacing()[:2]:
         yield PIXEL_SIZE
+
+
+def _says_orientation(reader: sitk.ImageFileReader) -> bool:
+    """Whether a header's directions are those that were taken: ITK passes over what are none, or not at right angles."""
+    try:
+        said = [float(number) for number in _text(reader, ORIENTATION).split("\\")]
+    except ValueError:
+        return False
+    return len(said) == 6 and np.allclose(np.reshape(said, (2, 3)), _directions(reader).T[:2], atol=ROUNDED_DIRECTION)
+
+
+def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
+    """Of the axes, in columns (3, 3)."""
+    directions: np.ndarray = np.array(reader.GetDirection()).reshape(reader.GetDimension(), -1)[:3, :3]
+    return directions
 
 
 def _is_length(text: str) -> bool:

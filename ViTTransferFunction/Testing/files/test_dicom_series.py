@@ -241,10 +241,12 @@ def write_elements(path: Path, kind: str, name: str, *elements: bytes) -> Path:
 POSITION, ORIENTATION, PIXEL_SIZE = (0x20, 0x32), (0x20, 0x37), (0x28, 0x30)
 
 
-def write_slices(folder: Path, *, without: tuple[int, int] | None = None, pixel_size: str = "1.5\\1.25") -> Path:
+def write_slices(
+    folder: Path, *, without: tuple[int, int] | None = None, pixel_size: str = "1.5\\1.25", orientation: str = AXIAL
+) -> Path:
     """Write five slices that lack an element of those that say where their pixels lie."""
     for k in range(5):
-        place = {POSITION: f"10\\20\\{2 * k}", ORIENTATION: AXIAL, PIXEL_SIZE: pixel_size}
+        place = {POSITION: f"10\\20\\{2 * k}", ORIENTATION: orientation, PIXEL_SIZE: pixel_size}
         said = {tag: element(*tag, "DS", value) for tag, value in place.items() if tag != without}
         pixels = pixel_format(1) + said.pop(PIXEL_SIZE, b"") + element(0x28, 0x103, "US", 1)
         voxels = element(0x7FE0, 0x10, "OW", np.arange(k, k + 42, dtype="<i2").tobytes())
@@ -267,9 +269,27 @@ def test_on_windows_pixel_sizes_that_are_no_numbers_are_refused(tmp_path: Path) 
         warnings_of(write_slices(tmp_path / "scan", pixel_size="none"))
 
 
-def test_of_slices_that_do_not_say_how_they_are_turned_there_is_a_warning(tmp_path: Path) -> None:
-    (warning,) = warnings_of(write_slices(tmp_path / "scan", without=ORIENTATION))
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"without": ORIENTATION},
+        {"orientation": "none"},
+        {"orientation": "1\\0\\0"},
+        {"orientation": "0\\0\\0\\0\\0\\0"},
+        {"orientation": "0\\1\\0\\0\\1\\0"},
+        {"orientation": "0\\1\\0\\nan\\0\\-1"},
+    ],
+)
+def test_of_slices_that_do_not_say_how_they_are_turned_or_cannot_be_so_there_is_a_warning(
+    tmp_path: Path, given: dict[str, Any]
+) -> None:
+    (warning,) = warnings_of(write_slices(tmp_path / "scan", **given))
     assert "taken for axial ones, as 3D Slicer does, and left and right may be exchanged" in warning
+
+
+@pytest.mark.parametrize("orientation", ["0.71\\0.71\\0\\-0.71\\0.71\\0", "0.9998\\0.017\\0\\-0.017\\0.9998\\0"])
+def test_of_slices_that_say_so_in_rounded_numbers_there_is_none(tmp_path: Path, orientation: str) -> None:
+    assert warnings_of(write_slices(tmp_path / "scan", orientation=orientation)) == []
 
 
 def test_slices_that_do_not_say_where_they_lie_are_no_copies_of_each_other(tmp_path: Path) -> None:

@@ -433,7 +433,7 @@ def test_a_view_that_projects_intensities_of_other_volumes_shows_structures_as_a
 
 
 def test_a_slicer_that_cuts_by_no_planes_says_so_and_still_cuts_to_a_box(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rendering_module, "_can_be_cut_by_planes", lambda display: False)
+    monkeypatch.setattr(rendering_module, "can_be_cut_by_planes", lambda display: False)
     stage.show([one_ball(8.0)], [RED])
     plane, box = (stage.scene.AddNewNodeByClass(f"vtkMRMLMarkups{kind}Node") for kind in ("Plane", "ROI"))
     with pytest.raises(InputError, match="boxes only"):
