@@ -113,7 +113,6 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
         )
     pixels_mm = np.array([each.pixel_mm for each in slices])
     if not pixels_mm.all():
-        # ITK takes what is no number for 0 on Windows, and for 1 elsewhere.
         raise InputError(
             f"The DICOM series in {folder} cannot be read: the pixel spacing (0028,0030) of its slices is no number. Export "
             "them again."

@@ -31,7 +31,8 @@ class DicomSlice:
         position: of the first pixel, (3,), LPS millimetres.
         directions: of its axes, in columns (3, 3), its normal as the last.
         size: (I, J, K); K is 1 but where a file has several frames.
-        pixel_mm: between the middles of pixels along I and J, (2,), millimetres.
+        pixel_mm: between the middles of pixels along I and J, (2,), millimetres; 0 where its header has something else than
+            numbers there, of which ITK makes anything.
         unsaid: which of `POSITION`, `ORIENTATION` and `PIXEL_SIZE` its header does not say, at least not where those of slices
             do, or not as they can be. ITK takes 0, axial, and 1 mm.
         kind: of number that ITK makes of its pixels. Each slice may be scaled in a way of its own, as in PET.
@@ -84,7 +85,7 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
         np.array(reader.GetOrigin()[:3]),
         _directions(reader),
         (width, height, frames),
-        np.array(reader.GetSpacing()[:2]),
+        _pixel_mm(reader),
         frozenset(_unsaid(reader)),
         reader.GetPixelID(),
         reader.GetNumberOfComponents(),
@@ -151,11 +152,10 @@ def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
 
 def _says_orientation(reader: sitk.ImageFileReader) -> bool:
     """Whether a header's directions are those that were taken: ITK passes over what are none, or not at right angles."""
-    try:
-        said = [float(number) for number in _text(reader, ORIENTATION).split("\\")]
-    except ValueError:
+    said = [_number(part) for part in _text(reader, ORIENTATION).split("\\")]
+    if len(said) != 6 or None in said:
         return False
-    return len(said) == 6 and np.allclose(np.reshape(said, (2, 3)), _directions(reader).T[:2], atol=ROUNDED_DIRECTION)
+    return np.allclose(np.reshape(np.array(said, float), (2, 3)), _directions(reader).T[:2], atol=ROUNDED_DIRECTION)
 
 
 def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
@@ -164,11 +164,22 @@ def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
     return directions
 
 
+def _pixel_mm(reader: sitk.ImageFileReader) -> np.ndarray:
+    said = _text(reader, PIXEL_SIZE)
+    are_numbers = not said or all(_number(part) is not None for part in said.split("\\"))
+    return np.array(reader.GetSpacing()[:2]) if are_numbers else np.zeros(2)
+
+
 def _is_length(text: str) -> bool:
+    number = _number(text)
+    return number is not None and 0.0 < number < math.inf
+
+
+def _number(text: str) -> float | None:
     try:
-        return 0.0 < float(text) < math.inf
+        return float(text)
     except ValueError:
-        return False
+        return None
 
 
 def _text(reader: sitk.ImageFileReader, tag: str) -> str:
