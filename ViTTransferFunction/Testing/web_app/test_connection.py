@@ -236,6 +236,8 @@ def test_a_browser_that_is_too_old_says_so_and_waits_for_nothing(new_page: Calla
     page.page.add_init_script("delete AbortSignal.timeout")
     page.page.goto(address)
     page.page.get_by_text("This browser is too old").wait_for()
+    # This one is not, so that the page comes up below; closed before, it would miss what it had not loaded yet.
+    page.page.wait_for_function("window.requests && document.querySelector('.connection')")
     page.keep_picture("too old")
 
 
