@@ -22,7 +22,7 @@ import numpy as np
 from ..Logic.core.classes.annotated_class import AnnotatedClass
 from ..Logic.core.system.cache_folder import CACHE_VARIABLE, cache_folder, make_private
 from ..Logic.core.system.errors import InputError
-from ..Logic.core.system.file_lock import take_lock
+from ..Logic.core.system.file_lock import is_at, take_lock
 from ..Logic.core.volumes.geometry import Geometry
 from ..Logic.core.volumes.volume import Volume
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING, read_annotations, write_annotations
@@ -168,7 +168,7 @@ def _locked(lock: Path) -> int:
     while True:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
         # Taken first, since who removes it has it as well.
-        if (take_lock(descriptor) is not False and lock.exists()) or time.monotonic() > give_up:
+        if (take_lock(descriptor) is not False and is_at(lock, descriptor)) or time.monotonic() > give_up:
             return descriptor
         os.close(descriptor)
 

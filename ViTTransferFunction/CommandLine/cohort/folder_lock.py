@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.core.system.file_lock import take_lock
+from ViTTransferFunction.Logic.core.system.file_lock import is_at, take_lock
 
 LOCK = ".cohort.lock"
 
@@ -46,19 +46,11 @@ def _locked(folder: Path) -> int | None:
             raise InputError(
                 f"Another cohort is writing to {folder}. Wait until it has ended, or name another folder by --output."
             )
-        if taken is None or _is_at(folder / LOCK, descriptor):
+        if taken is None or is_at(folder / LOCK, descriptor):
             return descriptor
         # A cohort that has just ended removed it after it was opened here: the next one would make and lock another file.
         os.close(descriptor)
     return None
-
-
-def _is_at(path: Path, descriptor: int) -> bool:
-    """Whether an open file still lies at a path; Windows removes none."""
-    try:
-        return sys.platform == "win32" or os.path.samestat(path.stat(), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
 
 
 def _opened(folder: Path) -> int | None:

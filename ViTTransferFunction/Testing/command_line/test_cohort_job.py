@@ -59,6 +59,19 @@ def changed(job: CaseJob, **session: Any) -> CaseJob:
     return replace(job, settings=replace(job.settings, session=replace(job.settings.session, **session)))
 
 
+@pytest.fixture
+def tiny(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CohortSettings:
+    """Of a cohort with a model that takes no time."""
+    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
+    weights = tmp_path / "tiny.pth"
+    torch.save(random_state_dict(TINY_MODEL), weights)
+    return CohortSettings(SessionSettings(model="tiny", weights_path=str(weights), grid=8, device="cpu"), sha256_of(weights))
+
+
+def write_noise(path: Path) -> None:
+    sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(0).integers(0, 100, (6, 7, 8)).astype(np.int16)), str(path))
+
+
 def test_a_case_is_done_whose_files_and_settings_are_the_same(job: CaseJob) -> None:
     assert job.finished() == CaseOutcome("a", "unchanged", 3.5, {"liver": 12.5})
 
@@ -69,35 +82,25 @@ def test_what_was_warned_of_is_said_again_of_a_case_that_is_not_computed_again(j
 
 
 def test_a_series_with_a_slice_missing_is_segmented_and_its_line_in_the_table_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, tiny: CohortSettings
 ) -> None:
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
     scan = make_scan(random.Random(0), ("int16",))
     write_dicom(tmp_path / "scan", scan)[len(scan.array) // 2].unlink()
     points = tmp_path / "scan" / "annotations.json"
     points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[1, 1, 1]]}]}')
-    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
-    cohort = CohortSettings(settings, sha256_of(tmp_path / "tiny.pth"))
-    outcome = segment_case(CaseJob(Case("scan", tmp_path / "scan", points), cohort, tmp_path))
+    outcome = segment_case(CaseJob(Case("scan", tmp_path / "scan", points), tiny, tmp_path))
     assert outcome.status == "done"
     assert "slices seem to be missing" in outcome.message
 
 
 def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, tiny: CohortSettings
 ) -> None:
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
-    voxels = np.random.default_rng(0).integers(0, 100, (6, 7, 8)).astype(np.int16)
-    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(tmp_path / "scan.nrrd"))
+    write_noise(tmp_path / "scan.nrrd")
     points = tmp_path / "scan.annotations.json"
     classes = [{"name": name, "positive": [[4, 3, 3]]} for name in ("liver", "spleen")]
     points.write_text(json.dumps({"coordinate_system": "IJK", "classes": classes}))
-    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
-    job = CaseJob(
-        Case("scan", tmp_path / "scan.nrrd", points), CohortSettings(settings, sha256_of(tmp_path / "tiny.pth")), tmp_path
-    )
+    job = CaseJob(Case("scan", tmp_path / "scan.nrrd", points), tiny, tmp_path)
     outcome, again = segment_case(job), job.finished()
     assert outcome.status == "done"
     assert outcome.message.startswith("Class 'spleen' has no voxel")
@@ -106,17 +109,13 @@ def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_s
 
 
 def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once_that_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, tiny: CohortSettings
 ) -> None:
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
     write_two(tmp_path / "disk")
     points = tmp_path / "points.json"
     points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[1, 1, 4]]}]}')
-    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
-    cohort = CohortSettings(settings, sha256_of(tmp_path / "tiny.pth"))
     cases = [Case("a", tmp_path / "disk", points, series) for series in ("12", "2", None)]
-    job, other, unnamed = (CaseJob(case, cohort, tmp_path) for case in cases)
+    job, other, unnamed = (CaseJob(case, tiny, tmp_path) for case in cases)
 
     assert segment_case(job).status == "done"
 
@@ -129,19 +128,13 @@ def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once
 
 
 def test_a_worker_with_other_weights_writes_nothing_and_what_somebody_corrected_is_moved_and_said_to_be(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, tiny: CohortSettings
 ) -> None:
-    monkeypatch.setitem(PRETRAINED_MODELS, "tiny", TINY_MODEL)
-    torch.save(random_state_dict(TINY_MODEL), tmp_path / "tiny.pth")
-    voxels = np.random.default_rng(0).integers(0, 100, (6, 7, 8)).astype(np.int16)
-    sitk.WriteImage(sitk.GetImageFromArray(voxels), str(tmp_path / "scan.nrrd"))
+    write_noise(tmp_path / "scan.nrrd")
     points = tmp_path / "points.json"
     points.write_text('{"coordinate_system": "IJK", "classes": [{"name": "first", "positive": [[4, 3, 3]]}]}')
-    settings = SessionSettings(model="tiny", weights_path=str(tmp_path / "tiny.pth"), grid=8, device="cpu")
-    right, other = (
-        CaseJob(Case("scan", tmp_path / "scan.nrrd", points), CohortSettings(settings, sha256), tmp_path)
-        for sha256 in (sha256_of(tmp_path / "tiny.pth"), "f00d")
-    )
+    case = Case("scan", tmp_path / "scan.nrrd", points)
+    right, other = (CaseJob(case, CohortSettings(tiny.session, sha256), tmp_path) for sha256 in (tiny.weights_sha256, "f00d"))
     right.output.write_text("corrected")
 
     refused = segment_case(other)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from pathlib import Path
 
 
 def take_lock(descriptor: int) -> bool | None:
@@ -25,3 +27,11 @@ def take_lock(descriptor: int) -> bool | None:
     except OSError:
         return None
     return True
+
+
+def is_at(path: Path, descriptor: int) -> bool:
+    """Whether an open file still lies at its path: who had its lock before may have removed it, but not on Windows."""
+    try:
+        return sys.platform == "win32" or os.path.samestat(path.stat(), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
