@@ -17,14 +17,14 @@ ROOT = Path(__file__).parents[3]
 CPU = torch.device("cpu")
 
 
-def capability(monkeypatch: pytest.MonkeyPatch, name: str, **instructions: bool) -> None:
+def capability(monkeypatch: pytest.MonkeyPatch, name: str, **instructions: bool | str) -> None:
     """Let the processor be one of this capability, as far as PyTorch can say."""
     monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: name)
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: instructions, raising=False)
 
 
 @pytest.mark.parametrize("instruction", ["avx512_bf16", "amx_bf16"])
-def test_a_processor_with_bfloat16_instructions_uses_them(monkeypatch: pytest.MonkeyPatch, instruction: str) -> None:
+def test_a_processor_with_fast_bfloat16_instructions_uses_them(monkeypatch: pytest.MonkeyPatch, instruction: str) -> None:
     capability(monkeypatch, "AVX512", **{instruction: True})
     assert device_precision(CPU) == torch.bfloat16
 
@@ -35,6 +35,18 @@ def test_a_processor_without_them_or_not_to_use_them_computes_in_float32(
 ) -> None:
     capability(monkeypatch, name, avx512_bf16=bf16)
     assert device_precision(CPU) == torch.float32
+
+
+@pytest.mark.parametrize(
+    ("cpu_name", "amx", "precision"),
+    [("Intel Xeon", False, torch.float32), ("Intel Xeon", True, torch.bfloat16), ("AMD EPYC", False, torch.bfloat16)],
+    ids=["Xeon whose AMX is hidden", "Xeon", "EPYC"],
+)
+def test_a_processor_whose_bfloat16_is_slow_without_amx_computes_in_float32_where_amx_is_hidden(
+    monkeypatch: pytest.MonkeyPatch, cpu_name: str, amx: bool, precision: torch.dtype
+) -> None:
+    capability(monkeypatch, "AVX512", avx512_bf16=True, avx512_fp16=True, amx_bf16=amx, cpu_name=cpu_name)
+    assert device_precision(CPU) == precision
 
 
 def test_an_older_pytorch_that_does_not_tell_computes_in_float32(monkeypatch: pytest.MonkeyPatch) -> None:
