@@ -8,8 +8,10 @@ the speed at which this machine copies memory.
 
 from __future__ import annotations
 
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -18,6 +20,7 @@ import numpy as np
 from Benchmarks.shared.labelled_cases import classes_of
 from Benchmarks.shared.sessions import session_on
 from Benchmarks.shared.simulated_clicker import Click, Clicks
+from ViTTransferFunction.Logic.compute.server import LOCK_TURN_S
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
@@ -35,8 +38,20 @@ def measure_updates(cells: int = CELLS) -> dict[str, Any]:
     """Milliseconds of an update by how many points there were, and of the floor."""
     session = made_up_session(cells)
     floor_ms = 1e3 * floor_seconds(session.features.array, len(CLASSES))
-    rows = [{"points": points, **update_ms(session, points)} for points in POINTS_BEFORE]
+    with lock_turns_of_the_compute_process():
+        rows = [{"points": points, **update_ms(session, points)} for points in POINTS_BEFORE]
     return {"cells": cells, "classes": len(CLASSES), "floor_ms": floor_ms, "rows": rows}
+
+
+@contextmanager
+def lock_turns_of_the_compute_process() -> Iterator[None]:
+    """Python's lock changes hands as often as it does there."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(LOCK_TURN_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def made_up_session(cells: int) -> SegmentationSession:
