@@ -21,7 +21,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     from ViTTransferFunction.Logic.core.system.errors import InputError
-    from ViTTransferFunction.Logic.features.cache import FeatureCache
+    from ViTTransferFunction.Logic.features.cache import LIMIT_BYTES, FeatureCache
 
     cache = FeatureCache()
     if args.action == "clear":
@@ -36,5 +36,5 @@ def run(args: argparse.Namespace) -> int:
         return 0
     count = len(cache.entries())
     kept = f"{count} volume{'' if count == 1 else 's'}, {cache.size_bytes() / 1e6:.0f} MB"
-    print(f"{cache.folder}: {kept} of at most {cache.limit_bytes / 1e9:.0f} GB")
+    print(f"{cache.folder}: {kept} of at most {LIMIT_BYTES / 1e9:.0f} GB")
     return 0

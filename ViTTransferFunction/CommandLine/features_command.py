@@ -22,7 +22,7 @@ def add_arguments(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command. Returns the exit code."""
     from ViTTransferFunction.CommandLine.progress_bar import ProgressBar
-    from ViTTransferFunction.Logic.features.cache import FeatureCache
+    from ViTTransferFunction.Logic.features.cache import LIMIT_BYTES, FeatureCache
 
     with ProgressBar() as progress:
         session = opened_session(args)
@@ -30,5 +30,5 @@ def run(args: argparse.Namespace) -> int:
     cache = FeatureCache()
     if not session.estimate().cached:
         raise InputError(f"The features were computed, but are not in the cache: {cache.folder} cannot keep them.")
-    print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {cache.limit_bytes / 1e9:.0f} GB")
+    print(f"Cache: {cache.folder}, {cache.size_bytes() / 1e6:.0f} MB of at most {LIMIT_BYTES / 1e9:.0f} GB")
     return 0

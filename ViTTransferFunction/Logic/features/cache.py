@@ -19,7 +19,8 @@ from .feature_volume import FeatureVolume
 
 logger = logging.getLogger(__name__)
 
-DEFAULT_LIMIT_BYTES = 20 * 10**9
+LIMIT_BYTES = 20 * 10**9
+"""Beyond it, the features used longest ago are removed."""
 SPARE_BYTES = 64 * 1024**2
 """Room that is left on the disk beyond the features themselves."""
 _KEY = re.compile(r"[0-9a-f]{64}")
@@ -40,12 +41,10 @@ class FeatureCache:
 
     Args:
         folder: where; the user's cache folder unless given.
-        limit_bytes: size beyond which the features used longest ago are removed.
     """
 
-    def __init__(self, folder: Path | None = None, limit_bytes: int = DEFAULT_LIMIT_BYTES) -> None:
+    def __init__(self, folder: Path | None = None) -> None:
         self.folder = folder or _default_folder()
-        self.limit_bytes = limit_bytes
 
     def get(self, key: str) -> FeatureVolume | None:
         """The features named `key`, or None. A damaged file is removed and counts as absent."""
@@ -162,7 +161,7 @@ class FeatureCache:
     def _evict(self, keep: str) -> None:
         remaining = self.size_bytes()
         for entry in reversed(self.entries()):
-            if remaining <= self.limit_bytes:
+            if remaining <= LIMIT_BYTES:
                 return
             if entry.key != keep:
                 remaining -= self._remove(entry)

@@ -57,7 +57,6 @@ def find_weights(
     allow_download: bool = True,
     trust: Trust | None = None,
     progress: Progress = no_progress,
-    cache_dir: Path | None = None,
 ) -> WeightsFile:
     """The weights of a model, from the first source that has them.
 
@@ -71,7 +70,6 @@ def find_weights(
         trust: asked about a downloaded file whose hash is neither published nor known from before; without it, such weights
             are not downloaded.
         progress: called with bytes while downloading; may raise to cancel, which leaves nothing behind.
-        cache_dir: root of the cache; None for the user's.
 
     Raises:
         WeightsUnavailable: no source has them. The message says how to get them and where to put them.
@@ -82,7 +80,7 @@ def find_weights(
     if given is not None:
         return given
     try:
-        return fetch_weights(model_name, allow_download=allow_download, trust=trust, progress=progress, cache_dir=cache_dir)
+        return fetch_weights(model_name, allow_download=allow_download, trust=trust, progress=progress)
     except WeightsUnavailable as error:
         source, _ = _given_source(path)
         if source is None or not (others := _other_models(source)):
@@ -96,14 +94,13 @@ def fetch_weights(
     allow_download: bool = True,
     trust: Trust | None = None,
     progress: Progress = no_progress,
-    cache_dir: Path | None = None,
 ) -> WeightsFile:
     """The weights of a model out of the cache, which is filled from the network if need be.
 
     Arguments and errors are those of `find_weights`.
     """
     model = pretrained_model(model_name)
-    folder = weights_folder(cache_dir)
+    folder = weights_folder()
     cached = file_in(folder, model)
     if cached is not None:
         return WeightsFile(cached, check_cached(model, cached), model, "cache")

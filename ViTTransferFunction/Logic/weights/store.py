@@ -37,18 +37,18 @@ class CachedWeights:
     intact: bool
 
 
-def weights_folder(cache_dir: Path | None = None) -> Path:
-    """The folder of the cache (None: the user's) that holds weights. It need not exist."""
-    return (cache_dir or cache_folder()) / "weights"
+def weights_folder() -> Path:
+    """The folder of the cache that holds weights. It need not exist."""
+    return cache_folder() / "weights"
 
 
-def list_weights(cache_dir: Path | None = None) -> list[CachedWeights]:
+def list_weights() -> list[CachedWeights]:
     """What the cache holds of every model. Reads every file in full."""
-    folder = weights_folder(cache_dir)
+    folder = weights_folder()
     return [_cached_weights(model, file_in(folder, model)) for model in PRETRAINED_MODELS.values()]
 
 
-def remove_weights(model_name: str, cache_dir: Path | None = None) -> list[Path]:
+def remove_weights(model_name: str) -> list[Path]:
     """Delete a model's weights from the cache, together with their remembered hash.
 
     The user's own files, elsewhere, are never touched.
@@ -60,7 +60,7 @@ def remove_weights(model_name: str, cache_dir: Path | None = None) -> list[Path]
         InputError: unknown model; the cache does not hold it; a file cannot be deleted.
     """
     model = pretrained_model(model_name)
-    folder = weights_folder(cache_dir)
+    folder = weights_folder()
     candidates = [path for name in file_names(model) for path in (folder / name, _sidecar(folder / name))]
     paths = [path for path in candidates if path.is_file()]
     if not paths:

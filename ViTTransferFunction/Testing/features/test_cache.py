@@ -345,12 +345,12 @@ def test_what_a_killed_process_left_half_written_goes_with_the_next_features_a_d
     assert {path.name for path in cache.folder.iterdir()} == {".writing-00000002.npz", f"{key('a')}.npz"}
 
 
-def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureCache) -> None:
+def test_beyond_the_limit_the_features_used_longest_ago_go_first(cache: FeatureCache, monkeypatch: pytest.MonkeyPatch) -> None:
     for age, name in enumerate(("newest", "middle", "oldest")):
         cache.put(features_named(name))
         os.utime(cache.folder / f"{key(name)}.npz", (1e9 - age, 1e9 - age))
     cache.get(key("oldest"))  # Use makes it the most recent.
-    cache.limit_bytes = int(3.5 * cache.size_bytes() / 3)
+    monkeypatch.setattr(cache_module, "LIMIT_BYTES", int(3.5 * cache.size_bytes() / 3))
     cache.put(features_named("another"))
     assert {entry.key for entry in cache.entries()} == {key("another"), key("oldest"), key("newest")}
 

@@ -163,7 +163,7 @@ def test_an_older_slicer_is_told_which_one_is_needed_and_nothing_else_happens(tm
 
 
 def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: Host) -> None:
-    from ViTTransferFunction.Logic.features.cache import DEFAULT_LIMIT_BYTES
+    from ViTTransferFunction.Logic.features.cache import LIMIT_BYTES
     from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
     from ViTTransferFunction.Logic.weights.models import pretrained_model
 
@@ -172,7 +172,7 @@ def test_the_help_says_what_the_module_needs_and_that_it_is_for_research(host: H
         "research use only",
         "Slicer 5.10 or later",
         f"download of {pretrained_model(PRESETS[DEFAULT_PRESET].model).size_mb} MB",
-        f"up to {DEFAULT_LIMIT_BYTES // 10**9} GB",
+        f"up to {LIMIT_BYTES // 10**9} GB",
     ):
         assert fact in told
 
