@@ -67,7 +67,7 @@ def run() -> None:
         with session.watch.step("save"):
             write_segmentation(SEGMENTATION, segmentation.labels, volume.geometry, segments)
         with session.watch.step("pictures"):
-            pictures = draw_pictures(PICTURE, volume, segmentation.labels, segments, classes=classes, progress=progress)
+            pictures = draw_pictures(PICTURE, volume, segmentation.labels, segments, classes, progress)
 
     print("\nSegments")
     for result in segmentation.classes:

@@ -13,7 +13,7 @@ from ViTTransferFunction.CommandLine.rendering_path import rendering_path
 from ViTTransferFunction.CommandLine.rendering_picture import BONE_HU, Rendering, render_3d
 from ViTTransferFunction.CommandLine.slice_picture import PicturePoint, draw_slices
 from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
-from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
+from ViTTransferFunction.Logic.core.system.progress import Progress
 from ViTTransferFunction.Logic.core.volumes.intensity_window import display_window, looks_like_hounsfield_units
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment
@@ -28,9 +28,8 @@ def draw_pictures(
     volume: Volume,
     labels: np.ndarray,
     segments: Sequence[Segment],
-    opacities: Sequence[float] | None = None,
-    classes: Sequence[AnnotatedClass] = (),
-    progress: Progress = no_progress,
+    classes: Sequence[AnnotatedClass],
+    progress: Progress,
 ) -> tuple[Path, Path]:
     """Draw the slices to `path` and the 3D rendering beside it, as `<name>_3d.png`.
 
@@ -39,7 +38,6 @@ def draw_pictures(
         volume: the intensities.
         labels: (K, J, I), 1 + index for each segment.
         segments: names and colours.
-        opacities: of the rendered segments, in [0, 1]; opaque where None.
         classes: annotations to mark in the slices; in the order of the segments.
         progress: called with pictures drawn.
 
@@ -49,7 +47,7 @@ def draw_pictures(
     Raises:
         InputError: a picture cannot be drawn or written.
     """
-    shown = shown_segments(labels, segments, opacities)
+    shown = shown_segments(labels, segments)
     progress(0, 2, "Drawing pictures")
     draw_slice_picture(path, volume, shown, classes)
     progress(1, 2, "Drawing pictures")
@@ -61,7 +59,7 @@ def draw_pictures(
 def shown_segments(
     labels: np.ndarray, segments: Sequence[Segment], opacities: Sequence[float] | None = None
 ) -> list[PictureSegment]:
-    """The segments of labels (K, J, I), as `draw_pictures` has them, under names that can be drawn."""
+    """The segments of labels (K, J, I), 1 + index for each, under names that can be drawn; opaque without `opacities`."""
     names = legible_names([segment.name for segment in segments])
     each = zip(names, segments, opacities or [1.0] * len(segments), strict=True)
     return [
@@ -70,9 +68,7 @@ def shown_segments(
     ]
 
 
-def draw_slice_picture(
-    path: Path, volume: Volume, shown: Sequence[PictureSegment], classes: Sequence[AnnotatedClass] = ()
-) -> None:
+def draw_slice_picture(path: Path, volume: Volume, shown: Sequence[PictureSegment], classes: Sequence[AnnotatedClass]) -> None:
     """Draw the slices with overlay, and mark the points of the annotations, which are in the order of what is shown.
 
     Raises:
@@ -89,7 +85,7 @@ def draw_slice_picture(
 
 
 def open_rendering(
-    volume: Volume, shown: Sequence[PictureSegment], context: str | None = None, style: str = DEFAULT_STYLE
+    volume: Volume, shown: Sequence[PictureSegment], context: str | None, style: str = DEFAULT_STYLE
 ) -> Rendering:
     """The segments in 3D, one of which at least has voxels.
 
