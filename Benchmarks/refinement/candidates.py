@@ -17,7 +17,7 @@ from ViTTransferFunction.Logic.core.classes.class_map import NEAR_SHARE_OF_ISO
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.refinement import intensity_likelihood
-from ViTTransferFunction.Logic.refinement.intensity_likelihood import with_intensity_likelihood
+from ViTTransferFunction.Logic.refinement.intensity_likelihood import weigh_by_intensity
 from ViTTransferFunction.Logic.refinement.refinement import SIGMA_SHARE_OF_CELL, active_box, class_window
 
 Iso = Literal["coarse", "refined"] | float
@@ -122,14 +122,15 @@ class Candidate:
 
         volume, similarity = coarse.volume, coarse.similarity
         refined = upsampled(torch.from_numpy(np.ascontiguousarray(similarity)), volume.shape).numpy()
-        box = active_box(similarity > NEAR_SHARE_OF_ISO * coarse.iso, volume.shape)
+        near = NEAR_SHARE_OF_ISO * coarse.iso
+        box = active_box(similarity > near, volume.shape)
         if self.in_crop is None or box is None:
             return refined
         window = class_window(volume, coarse.display, coarse.positive_ras)
-        intensities, target = np.ascontiguousarray(volume.array[box]), np.ascontiguousarray(refined[box])
+        intensities, target = np.ascontiguousarray(volume.array[box]), refined[box].copy()
         if self.temper is not None:
             with patch.object(intensity_likelihood, "TEMPER", self.temper):
-                target = with_intensity_likelihood(target, intensities, window, coarse.iso)
+                weigh_by_intensity(target, intensities, window, coarse.iso, near)
         spacing_mm = volume.geometry.spacing_mm[::-1]
         cell_edge_mm = float((spacing_mm * volume.shape / similarity.shape).min())
         refined[box] = self.in_crop(Crop(target, intensities, window, tuple(spacing_mm.tolist()), cell_edge_mm, coarse))

@@ -28,39 +28,27 @@ _SMALLEST_SHARE = 0.08
 """Share of voxels spread over all bins, so that intensities hardly seen do not decide."""
 
 
-def with_intensity_likelihood(
-    similarity: np.ndarray, intensities: np.ndarray, window: IntensityWindow, iso: float, near: float | None = None
-) -> np.ndarray:
-    """A class's map with each voxel's odds changed by its intensity.
-
-    Args:
-        similarity: (K, J, I) float32 in [0, 1], at the volume's resolution.
-        intensities: (K, J, I), any real dtype; voxels that are not finite keep their map.
-        window: in which the structure's edges show.
-        iso: the map's threshold: even odds.
-        near: where the map is below it, it stays as it is; half of `iso` unless given.
-
-    Returns:
-        (K, J, I) float32 in [0, 1].
-    """
-    result: np.ndarray = similarity.copy()
-    weigh_by_intensity(result, intensities, window, iso, near)
-    return result
-
-
 def weigh_by_intensity(
     similarity: np.ndarray,
     intensities: np.ndarray,
     window: IntensityWindow,
     iso: float,
-    near: float | None = None,
+    near: float,
     between: Between = nothing_between,
 ) -> None:
-    """As `with_intensity_likelihood`, in place; `between` is called for each slice, and may raise `Cancelled`."""
+    """Change each voxel's odds in a class's map by its intensity.
+
+    Args:
+        similarity: (K, J, I) float32 in [0, 1], at the volume's resolution; changed in place.
+        intensities: (K, J, I), any real dtype; voxels that are not finite keep their map.
+        window: in which the structure's edges show.
+        iso: the map's threshold: even odds.
+        near: where the map is below it, it stays as it is.
+        between: called for each slice; may raise `Cancelled`.
+    """
     inside, outside = np.zeros(BINS), np.zeros(BINS)
     # What is learned does not depend on how far it is applied: a larger size must not alter the map of a smaller one.
     learned_from = NEAR_SHARE_OF_ISO * iso
-    applied_to = learned_from if near is None else near
     # Slice by slice, so that nothing has the volume's size.
     for similarities, plane in zip(similarity, intensities, strict=True):
         between()
@@ -71,7 +59,7 @@ def weigh_by_intensity(
     factors = np.exp(TEMPER * _log_ratio(inside, outside)).astype(np.float32)
     for similarities, plane in zip(similarity, intensities, strict=True):
         between()
-        voxels, bins = _near_voxels(similarities, plane, window, applied_to)
+        voxels, bins = _near_voxels(similarities, plane, window, near)
         similarities[voxels] = np.minimum(similarities[voxels] * factors[bins], 1.0)
 
 

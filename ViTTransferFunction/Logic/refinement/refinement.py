@@ -60,6 +60,10 @@ def refine(
 
     Returns:
         S_H, of which only what was refined is held in memory if the volume is large.
+
+    Raises:
+        InputError: there is no such method.
+        Cancelled: by `between`.
     """
     from .upsampling import Upsampling
 
@@ -105,7 +109,7 @@ def _interpolated_part(upsampling: Upsampling, box: Box, between: Between) -> np
 
 
 def held_voxels(
-    similarity: np.ndarray, shape: tuple[int, int, int], iso: float, method: RefinementMethod, lowest_iso: float | None = None
+    similarity: np.ndarray, shape: tuple[int, int, int], iso: float, method: RefinementMethod, lowest_iso: float | None
 ) -> int:
     """How many voxels `refine` will hold of a class's map; see there."""
     box = None if method == "none" else active_box(similarity > _near(iso, lowest_iso), shape)

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from ViTTransferFunction.Logic.core.classes.class_map import NEAR_SHARE_OF_ISO
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
 from ViTTransferFunction.Logic.refinement import bilateral_grid
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
-from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, with_intensity_likelihood
+from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, weigh_by_intensity
 from ViTTransferFunction.Logic.refinement.refinement import (
     REFINEMENT_METHODS,
     SIGMA_SHARE_OF_CELL,
@@ -46,9 +47,17 @@ def refined(array: np.ndarray, similarity: np.ndarray, method: RefinementMethod,
     return refine(coarse(similarity), volume_of(array), WINDOW, centre, iso, method).array
 
 
+def weighed_by_intensity(
+    similarity: np.ndarray, intensities: np.ndarray, iso: float = 0.35, near: float | None = None
+) -> np.ndarray:
+    result = similarity.copy()
+    weigh_by_intensity(result, intensities, WINDOW, iso, NEAR_SHARE_OF_ISO * iso if near is None else near)
+    return result
+
+
 def test_voxels_with_the_structures_intensities_gain_and_others_lose() -> None:
     intensities, inside, similarity = ball_and_its_map()
-    weighed = with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)
+    weighed = weighed_by_intensity(similarity, intensities)
     border = (similarity > 0.25) & (similarity < 0.5)
     assert (weighed[border & inside] > similarity[border & inside]).mean() > 0.9
     assert (weighed[border & ~inside] < similarity[border & ~inside]).mean() > 0.9
@@ -60,7 +69,7 @@ def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are(distinct: bool
     intensities, inside, similarity = ball_and_its_map()
     if distinct:
         intensities, similarity = np.where(inside, 180.0, 20.0), ndimage.gaussian_filter(inside.astype(np.float32), 0.7)
-    weighed = with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)
+    weighed = weighed_by_intensity(similarity, intensities)
     factor = weighed[similarity > 0.175] / similarity[similarity > 0.175]
     assert factor.max() <= LARGEST_FACTOR * 1.0001
     assert factor.min() >= 1.0 / LARGEST_FACTOR * 0.9999
@@ -70,7 +79,7 @@ def test_the_ratio_is_bounded_and_far_voxels_are_left_as_they_are(distinct: bool
 
 def test_what_is_farther_from_the_structure_is_weighed_where_it_is_asked_for_and_alters_nothing_nearer() -> None:
     intensities, _, similarity = ball_and_its_map()
-    usual, wide = (with_intensity_likelihood(similarity, intensities, WINDOW, 0.35, near) for near in (None, 0.05))
+    usual, wide = (weighed_by_intensity(similarity, intensities, near=near) for near in (0.175, 0.05))
     np.testing.assert_array_equal(wide[similarity > 0.175], usual[similarity > 0.175])
     farther = (similarity > 0.05) & (similarity <= 0.175)
     assert (wide[farther] != similarity[farther]).mean() > 0.9
@@ -82,9 +91,9 @@ def test_voxels_without_a_finite_intensity_keep_their_map_and_change_no_other(va
     intensities, _, similarity = ball_and_its_map()
     damaged = intensities.copy()
     damaged[18:22] = value
-    weighed = with_intensity_likelihood(similarity, damaged, WINDOW, 0.35)
+    weighed = weighed_by_intensity(similarity, damaged)
     np.testing.assert_array_equal(weighed[18:22], similarity[18:22])
-    np.testing.assert_allclose(weighed[10], with_intensity_likelihood(similarity, intensities, WINDOW, 0.35)[10], atol=0.05)
+    np.testing.assert_allclose(weighed[10], weighed_by_intensity(similarity, intensities)[10], atol=0.05)
 
 
 @pytest.mark.parametrize("iso", [0.0, 1e-30])
@@ -92,7 +101,7 @@ def test_the_least_iso_value_that_a_user_may_fix_gives_a_map(iso: float) -> None
     intensities, _, similarity = ball_and_its_map()
     # Single precision has no squares of such values.
     similarity[:2] = 1e-30
-    weighed = with_intensity_likelihood(similarity.astype(np.float32), intensities, WINDOW, iso)
+    weighed = weighed_by_intensity(similarity.astype(np.float32), intensities, iso)
     assert weighed.min() >= 0.0
     assert weighed.max() <= 1.0
 
@@ -100,10 +109,10 @@ def test_the_least_iso_value_that_a_user_may_fix_gives_a_map(iso: float) -> None
 @pytest.mark.parametrize("similarity", [0.0, 0.35, 1.0])
 def test_constant_maps_and_constant_volumes_have_a_defined_answer(similarity: float) -> None:
     flat = np.full((6, 6, 6), similarity, dtype=np.float32)
-    weighed = with_intensity_likelihood(flat, np.zeros(flat.shape, dtype=np.int16), WINDOW, 0.35)
+    weighed = weighed_by_intensity(flat, np.zeros(flat.shape, dtype=np.int16))
     # One intensity alone distinguishes nothing.
     np.testing.assert_allclose(weighed, flat, atol=1e-6)
-    assert np.isfinite(with_intensity_likelihood(flat, np.full(flat.shape, np.nan), WINDOW, 0.35)).all()
+    assert np.isfinite(weighed_by_intensity(flat, np.full(flat.shape, np.nan))).all()
 
 
 @pytest.mark.parametrize("method", ["bilateral", "guided"])
