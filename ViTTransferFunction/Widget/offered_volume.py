@@ -9,6 +9,7 @@ import slicer
 from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.scene.mrml.observers import SceneObservers
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.offered_volume import choosable_volumes, offered_volume
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import geometry_from_node
@@ -30,13 +31,13 @@ class OfferedVolume:
         self._report = report
         self._session: SceneSession | None = None
         self._known: tuple[Any, ...] = ()
-        self._tags: list[tuple[Any, int]] = []
+        self._observers = SceneObservers()
 
     def offer_to(self, session: SceneSession | None) -> None:
         """From now on, it is this session, or none."""
         if session is self._session:
             return
-        self._stop_watching()
+        self._observers.remove_all()
         self._session, self._known = session, ()
         if session is not None:
             self._watch()
@@ -45,14 +46,12 @@ class OfferedVolume:
     def _watch(self) -> None:
         scene = slicer.mrmlScene
         events = (scene.NodeAddedEvent, scene.EndImportEvent, scene.EndBatchProcessEvent)
-        for node, event in ((self._selection, "ModifiedEvent"), *((scene, event) for event in events)):
-            # Later: whoever loads a volume is not done yet.
-            self._tags.append((node, node.AddObserver(event, lambda *_: qt.QTimer.singleShot(0, self._offer))))
+        self._observers.observe(self._selection, [("ModifiedEvent", self._offer_later)])
+        self._observers.observe(scene, [(event, self._offer_later) for event in events])
 
-    def _stop_watching(self) -> None:
-        for node, tag in self._tags:
-            node.RemoveObserver(tag)
-        self._tags = []
+    def _offer_later(self, *_: Any) -> None:
+        # Whoever loads a volume is not done yet.
+        qt.QTimer.singleShot(0, self._offer)
 
     def _offer(self) -> None:
         session = self._session

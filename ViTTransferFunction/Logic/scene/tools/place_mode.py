@@ -10,6 +10,7 @@ import slicer
 import vtk
 
 from ..classes.class_nodes import LIST_CLASS, is_list_of_a_class
+from ..mrml.observers import SceneObservers
 
 
 @dataclass(frozen=True)
@@ -35,11 +36,11 @@ class PlaceMode:
         self._on_ended = on_ended
         self._before: _Placing | None = None
         self._list_id = ""
-        self._tags: list[tuple[Any, int]] = []
+        self._observers = SceneObservers()
 
     def start(self, points: slicer.vtkMRMLMarkupsFiducialNode) -> None:
         """Have clicks in the views add points to `points`, one after the other."""
-        self._stop_watching()
+        self._observers.remove_all()
         if self._before is None:
             self._before = self._placing()
         self._list_id = points.GetID()
@@ -75,15 +76,10 @@ class PlaceMode:
 
     def _watch(self) -> None:
         mode_changed = slicer.vtkMRMLInteractionNode.InteractionModeChangedEvent
-        for node, event in ((self._interaction, mode_changed), (self._selection, "ModifiedEvent")):
-            self._tags.append((node, node.AddObserver(event, self._on_changed)))
+        self._observers.observe(self._interaction, [(mode_changed, self._on_changed)])
+        self._observers.observe(self._selection, [("ModifiedEvent", self._on_changed)])
         scene = self._selection.GetScene()
-        self._tags.append((scene, scene.AddObserver(scene.NodeAboutToBeRemovedEvent, self._on_node_going)))
-
-    def _stop_watching(self) -> None:
-        for node, tag in self._tags:
-            node.RemoveObserver(tag)
-        self._tags = []
+        self._observers.observe(scene, [(scene.NodeAboutToBeRemovedEvent, self._on_node_going)])
 
     def _on_changed(self, caller: Any, event: str) -> None:
         placing = self._interaction.GetCurrentInteractionMode() == slicer.vtkMRMLInteractionNode.Place
@@ -100,7 +96,7 @@ class PlaceMode:
 
     def _restore(self) -> None:
         """Undo what `start` did, as far as nobody has changed it since: another tool may place its own points by now."""
-        self._stop_watching()
+        self._observers.remove_all()
         before, self._before = self._before, None
         assert before is not None
         if self._interaction.GetPlaceModePersistence():
