@@ -88,7 +88,7 @@ class Camera:
         focal_point = np.array(self.focal_point_mm)
         rotation = _rotation(degrees)
         position = focal_point + rotation @ (np.array(self.position_mm) - focal_point)
-        return replace(self, position_mm=_vector(position), view_up=_vector(rotation @ np.array(self.view_up)))
+        return replace(self, position_mm=vector(position), view_up=vector(rotation @ np.array(self.view_up)))
 
 
 def middle_of(geometry: Geometry, masks: Sequence[np.ndarray]) -> np.ndarray:
@@ -148,7 +148,7 @@ def framing(
     focal_point = middle - middle_ras
     # What has no extent has no scale either.
     position = focal_point + (distance or 1.0) * towards
-    return Camera(_vector(position), _vector(focal_point), seen_from.up, size)
+    return Camera(vector(position), vector(focal_point), seen_from.up, size)
 
 
 def checked_side(side: Any, what: str) -> int:
@@ -168,5 +168,6 @@ def _rotation(degrees: float) -> np.ndarray:
     return np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
 
 
-def _vector(array: np.ndarray) -> Vector:
+def vector(array: np.ndarray) -> Vector:
+    """The three numbers of an array (3,)."""
     return float(array[0]), float(array[1]), float(array[2])

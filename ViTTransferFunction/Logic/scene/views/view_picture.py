@@ -10,7 +10,7 @@ import numpy as np
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer, vtkWindowToImageFilter
 
-from ...core.volumes.camera import Camera, Size
+from ...core.volumes.camera import Camera, Size, vector
 from .quick_pictures import in_full
 
 ORIGIN = np.zeros(3)
@@ -85,7 +85,7 @@ def camera_of(window: Any, size: Size, middle_ras: np.ndarray = ORIGIN) -> Camer
         distance = seen_by.GetParallelScale() / np.tan(np.radians(seen_by.GetViewAngle() / 2.0))
         position = focal_point - distance * np.array(seen_by.GetDirectionOfProjection())
     return Camera(
-        _vector(position - middle_ras), _vector(focal_point - middle_ras), seen_by.GetViewUp(), size, seen_by.GetViewAngle()
+        vector(position - middle_ras), vector(focal_point - middle_ras), seen_by.GetViewUp(), size, seen_by.GetViewAngle()
     )
 
 
@@ -94,10 +94,6 @@ def see_by(window: Any, camera: Camera, middle_ras: np.ndarray) -> None:
     renderer = window.GetRenderers().GetFirstRenderer()
     place(renderer.GetActiveCamera(), camera, middle_ras)
     renderer.ResetCameraClippingRange()
-
-
-def _vector(array: np.ndarray) -> tuple[float, float, float]:
-    return float(array[0]), float(array[1]), float(array[2])
 
 
 def _straight(pixels: np.ndarray) -> np.ndarray:
