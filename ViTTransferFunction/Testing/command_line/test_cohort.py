@@ -16,9 +16,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import numpy as np
 import pytest
-import SimpleITK as sitk  # noqa: N813
 import torch
 
 from ViTTransferFunction.CommandLine.cohort import leader
@@ -28,6 +26,7 @@ from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
 from ViTTransferFunction.Testing.support import cohort_worker
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
+from ViTTransferFunction.Testing.support.volumes import write_two_structures
 
 dask = pytest.importorskip("dask")
 # Now: where it is first loaded while a test has set something of Dask, its own defaults go with that.
@@ -42,11 +41,7 @@ LEFT, RIGHT = {"name": "left", "positive": [[6, 8, 6]]}, {"name": "right", "posi
 
 def add_case(folder: Path, name: str, classes: list[dict[str, object]]) -> None:
     """A small scan of two structures, and points."""
-    array = np.zeros((12, 16, 20), dtype=np.float32)
-    array[3:9, 4:12, 4:9], array[3:9, 4:12, 12:17] = 100.0, 200.0
-    image = sitk.GetImageFromArray(array + np.random.default_rng(0).normal(0, 1, array.shape).astype(np.float32))
-    image.SetSpacing([2.0, 2.0, 3.0])
-    sitk.WriteImage(image, str(folder / f"{name}.nrrd"))
+    write_two_structures(folder / f"{name}.nrrd")
     annotate(folder, name, classes)
 
 

@@ -22,6 +22,7 @@ from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation
 from ViTTransferFunction.Logic.files.volume_files import image_geometry, read_volume
 from ViTTransferFunction.Logic.weights.download import DownloadFailed
 from ViTTransferFunction.Testing.support.masks import dice
+from ViTTransferFunction.Testing.support.volumes import write_two_structures
 
 GRID = "16"
 CLICKS = {"liver": 5, "spleen": 1, "kidney": 2}
@@ -214,11 +215,7 @@ def resampled_obliquely(image: sitk.Image) -> sitk.Image:
 @pytest.fixture
 def scan(tmp_path: Path) -> Path:
     """A small scan of two structures."""
-    array = np.zeros((12, 16, 20), dtype=np.float32)
-    array[3:9, 4:12, 4:9], array[3:9, 4:12, 12:17] = 100.0, 200.0
-    image = sitk.GetImageFromArray(array + np.random.default_rng(0).normal(0, 1, array.shape).astype(np.float32))
-    image.SetSpacing([2.0, 2.0, 3.0])
-    sitk.WriteImage(image, str(tmp_path / "scan.nrrd"))
+    write_two_structures(tmp_path / "scan.nrrd")
     return tmp_path / "scan.nrrd"
 
 
