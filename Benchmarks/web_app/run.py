@@ -2,10 +2,10 @@
 
     python dev.py bench web_app
 
-Needs Chromium and the Python package playwright. `vittf app` runs on this computer with the browser beside it, which draws
-without a graphics card and takes its share of the processor; a network is not part of it. The volume and its features are made
-up (`Benchmarks/interaction/made_up_volume.py`), at 64³ cells with 384 channels. Each click is the first point of a structure.
-The page itself looks at the axial view as often as it draws, and says when the picture has changed around the click. Writes
+Needs Chromium. `vittf app` runs on this computer with the browser beside it, which draws without a graphics card and takes its
+share of the processor; a network is not part of it. The volume and its features are made up
+(`Benchmarks/interaction/made_up_volume.py`), at 64³ cells with 384 channels. Each click is the first point of a structure. The
+page itself looks at the axial view as often as it draws, and says when the picture has changed around the click. Writes
 `web_app.json` and `web_app.md`.
 """
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-BENCHMARKS = Path(__file__).parents[3] / "Benchmarks"
+from ViTTransferFunction.Testing.support.imports import imports_anywhere
+
+ROOT = Path(__file__).parents[3]
+BENCHMARKS = ROOT / "Benchmarks"
 FILES = sorted(BENCHMARKS.glob("*/*.py"))
 
 
@@ -23,6 +27,30 @@ def test_no_benchmark_imports_the_run_of_another_and_shared_none(path: Path) -> 
 def test_a_benchmark_says_how_it_is_run(path: Path) -> None:
     docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
     assert f"python dev.py bench {path.parent.name}" in (docstring or "")
+
+
+def test_benchmarks_import_nothing_that_is_installed_for_tests_alone() -> None:
+    for_tests = {
+        {"scikit-image": "skimage", "scikit-learn": "sklearn"}.get(name, name) for name in extra("test") - extra("bench")
+    }
+    assert "pytest" in for_tests
+    imported, due = set[str](), list(FILES)
+    while due:
+        for module in set(imports_anywhere(due.pop(), ())) - imported:
+            imported.add(module)
+            path = ROOT.joinpath(*module.split(".")).with_suffix(".py")
+            if path.exists():
+                due.append(path)
+    assert not for_tests & {module.partition(".")[0] for module in imported}
+
+
+def extra(name: str) -> set[str]:
+    """The packages that an extra of the project names, without its other extras."""
+    listed = re.search(
+        rf"^{name} = \[(.*?)\]$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    assert listed
+    return set(re.findall(r'"([\w-]+)"', listed[1]))
 
 
 def imported_benchmarks(path: Path) -> Iterator[tuple[str, str]]:
