@@ -121,12 +121,12 @@ class WebApp:
 
     async def start(
         self,
-        host: str = "127.0.0.1",
-        port: int = 0,
-        volume: Path | None = None,
-        on_ready: Callable[[str], None] = lambda address: None,
-        on_warning: Callable[[str], None] = lambda warning: None,
-        series: str | None = None,
+        host: str,
+        port: int,
+        volume: Path | None,
+        on_ready: Callable[[str], None],
+        on_warning: Callable[[str], None],
+        series: str | None,
     ) -> None:
         """Serve the page until `stop` is called, or the browser's tab was closed and did not come back.
 

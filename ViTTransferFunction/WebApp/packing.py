@@ -48,7 +48,7 @@ def gzip_nrrd(raw: Path, path: Path, progress: Progress = no_progress) -> None:
     Args:
         raw: its voxels stand in it after the header, uncompressed.
         path: the new file.
-        progress: see above.
+        progress: called with bytes compressed; may raise to cancel.
 
     Raises:
         OSError: it cannot be written.

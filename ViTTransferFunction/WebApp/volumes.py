@@ -41,7 +41,7 @@ def sample_path() -> Path:
     return path
 
 
-def volume_of_files(paths: list[Path], on_warning: Callable[[str], None], series: str | None = None) -> Volume:
+def volume_of_files(paths: list[Path], on_warning: Callable[[str], None], series: str | None) -> Volume:
     """The volume in some files: one image, a header with its voxels, or the slices of DICOM series in one folder.
 
     Args:

@@ -75,7 +75,7 @@ class FeatureRun:
         self._channels = network.model.embed_dim
         self._sums = FeatureSums(self.plan.shape, self._channels, network.device)
 
-    def run_all(self, progress: Progress = no_progress) -> FeatureVolume:
+    def run_all(self, progress: Progress) -> FeatureVolume:
         """Run every batch; see `extract_features`."""
         done, total = 0, sum(len(batch.samples) for batch in self.plan.batches)
         for batch in self.plan.batches:

@@ -45,7 +45,7 @@ def slice_samples(slices: int, layers: int, every_slice: bool, layer_step: int =
     ]
 
 
-def slice_count(slices: int, layers: int, every_slice: bool, layer_step: int = 1) -> int:
+def slice_count(slices: int, layers: int, every_slice: bool, layer_step: int) -> int:
     """How many `slice_samples` are."""
     return slices if every_slice else len(_layers_run(layers, layer_step))
 

@@ -19,9 +19,7 @@ from .straightening import LARGEST_DEVIATION, warn_of_gaps
 from .volumes_of_series import SAME_PLACE
 
 
-def read_series(
-    folder: Path, on_warning: Callable[[str], None], series: str | None = None
-) -> tuple[sitk.Image, np.ndarray | None]:
+def read_series(folder: Path, on_warning: Callable[[str], None], series: str | None) -> tuple[sitk.Image, np.ndarray | None]:
     """Read a DICOM series of a folder.
 
     Args:

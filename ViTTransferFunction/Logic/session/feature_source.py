@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.system.out_of_memory import is_out_of_memory
-from ..core.system.progress import Progress, no_progress
+from ..core.system.progress import Progress
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.volume import Volume
 from ..features.cache import FeatureCache
@@ -79,7 +79,7 @@ class FeatureSource:
         device_name: str,
         cache: FeatureCache,
         networks: Networks,
-        trust: Trust | None = None,
+        trust: Trust | None,
     ) -> None:
         self._volume = volume
         self._settings = settings
@@ -120,7 +120,7 @@ class FeatureSource:
         here = cached or (weights is not None and weights.path.exists())
         return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download, self._model.name)
 
-    def features(self, progress: Progress = no_progress, coarse_first: bool = False) -> Iterator[NormalisedFeatures]:
+    def features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         """Get the features, normalised; the slow step, once for a volume.
 
         Args:

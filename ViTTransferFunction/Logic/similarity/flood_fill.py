@@ -98,7 +98,7 @@ class FloodFill:
             changed.fill(False)
             changed[places] = True
 
-    def reached(self, blocks_per_cell: int = 1) -> np.ndarray:
+    def reached(self, blocks_per_cell: int) -> np.ndarray:
         """Which blocks are reached, (cubes · `BLOCKS_OF_CUBE`,) uint8.
 
         Args:

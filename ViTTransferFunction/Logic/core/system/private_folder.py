@@ -37,7 +37,7 @@ class PrivateFolder(tempfile.TemporaryDirectory[str]):
         place: the folder to make it in; None: the one for temporary files.
     """
 
-    def __init__(self, place: Path | None = None) -> None:
+    def __init__(self, place: Path | None) -> None:
         super().__init__(prefix=PREFIX, dir=place, ignore_cleanup_errors=True)
         self._lock: int | None = os.open(Path(self.name, LOCK), os.O_RDWR | os.O_CREAT, 0o600)
         take_lock(self._lock)

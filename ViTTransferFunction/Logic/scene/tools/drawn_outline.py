@@ -44,7 +44,7 @@ class DrawnOutline:
             renderer.AddViewProp(self._actor)
             renderer.AddViewProp(self._text)
 
-    def show(self, corners: np.ndarray, text: str = "") -> None:
+    def show(self, corners: np.ndarray, text: str) -> None:
         """Go through these corners (N, 2), pixels of the renderer's window, and back to the first; text beside the last one."""
         if self._renderer is None:
             return
