@@ -12,8 +12,7 @@ from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Testing.support.pictures import BLUE, CENTRE, GREEN, RED, distance_mm, pixels_of, place_of
-from ViTTransferFunction.Testing.support.readme_pictures.exhibits import EXHIBITS
-from ViTTransferFunction.Testing.support.readme_pictures.gallery import ANNOTATIONS
+from ViTTransferFunction.Testing.support.readme_pictures.exhibits import ANNOTATIONS, EXHIBITS
 from ViTTransferFunction.Testing.support.readme_pictures.intensity_rendering import IntensityStop, intensity_picture
 
 SIZE = 160, 120

@@ -11,11 +11,10 @@ import pytest
 
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
+from ViTTransferFunction.Testing.support.readme_pictures.exhibits import ANNOTATIONS
 
-MODULE = Path(__file__).parents[2]
-ROOT = MODULE.parent
+ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-ANNOTATIONS = MODULE / "Resources" / "Annotations"
 MOST_BYTES = 5_000_000
 
 POSITION = re.compile(r"([RL]) (\d+), ([AP]) (\d+), ([SI]) (\d+)")

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.core.volumes.camera import Direction, direction
 from ViTTransferFunction.Testing.support.readme_pictures.intensity_rendering import IntensityStop
+
+ANNOTATIONS = Path(__file__).parent / "annotations"
+"""The clicks of all pictures of the README."""
 
 WOOD, LEAF, CLAY, EARTH = (0.85, 0.70, 0.44), (0.30, 0.69, 0.31), (0.71, 0.33, 0.24), (0.48, 0.36, 0.26)
 SKIN, FLESH, BONE = (0.86, 0.64, 0.52), (0.74, 0.32, 0.24), (0.93, 0.90, 0.82)
@@ -20,7 +24,7 @@ class Exhibit:
     Attributes:
         title: of it.
         file_name: of the scan.
-        annotations: the file with the clicks, in Resources/Annotations.
+        annotations: the file with the clicks, in `ANNOTATIONS`.
         stops: the 1D transfer function that one would otherwise design: the one that tells most of the structures apart.
         seen_from: the side.
         keep_all: whether structures keep parts without a click.

@@ -2,7 +2,7 @@
 
     python dev.py gallery --volumes DIR
 
-Clicks are those of Resources/Annotations, features come from the cache or are computed. DIR holds the scans; without it, the
+Clicks are those of the folder annotations, features come from the cache or are computed. DIR holds the scans; without it, the
 folder that VITTF_TEST_VOLUMES names.
 """
 
@@ -31,10 +31,9 @@ from ViTTransferFunction.Logic.scene.views.view_picture import placed_camera
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, row, save_small
-from ViTTransferFunction.Testing.support.readme_pictures.exhibits import EXHIBITS, Exhibit
+from ViTTransferFunction.Testing.support.readme_pictures.exhibits import ANNOTATIONS, EXHIBITS, Exhibit
 from ViTTransferFunction.Testing.support.readme_pictures.intensity_rendering import intensity_picture
 
-ANNOTATIONS = Path(__file__).parents[3] / "Resources" / "Annotations"
 SIDE = 480
 """Pixels of each of the two pictures."""
 

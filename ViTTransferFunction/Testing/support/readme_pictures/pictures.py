@@ -17,10 +17,10 @@ from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Testing.support.readme_pictures.animation import Animation
 from ViTTransferFunction.Testing.support.readme_pictures.composition import captioned, column, row, save_small
 from ViTTransferFunction.Testing.support.readme_pictures.desk import Desk
+from ViTTransferFunction.Testing.support.readme_pictures.exhibits import ANNOTATIONS
 from ViTTransferFunction.Testing.support.readme_pictures.scans import ABDOMEN_CT, BRAIN, TORSO, Scan
 from ViTTransferFunction.Testing.support.scenes import segment_masks
 
-ANNOTATIONS = Path(__file__).parents[3] / "Resources" / "Annotations"
 VIEW = 475
 PANEL_HEIGHT = 2 * VIEW + 2
 STEP_VIEW = 400
