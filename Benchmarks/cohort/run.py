@@ -32,7 +32,7 @@ from Benchmarks.shared.labelled_cases import SCANS, LabelledVolume
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import number, paragraphs, table
-from ViTTransferFunction.CommandLine.cohort.cases import ANNOTATIONS_ENDING, Case
+from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.dispatch import run_jobs
 from ViTTransferFunction.CommandLine.cohort.job import CaseJob, CohortSettings
 from ViTTransferFunction.CommandLine.cohort.local_cluster import local_cluster
@@ -40,6 +40,7 @@ from ViTTransferFunction.CommandLine.cohort.table import CohortTable
 from ViTTransferFunction.Logic.core.classes.label_points import points_in_label
 from ViTTransferFunction.Logic.core.volumes.stepped_work import finished
 from ViTTransferFunction.Logic.core.volumes.voxel_digest import label_boxes
+from ViTTransferFunction.Logic.files.annotation_files import ANNOTATIONS_ENDING
 from ViTTransferFunction.Logic.files.segmentation_files import write_image
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
 from ViTTransferFunction.Logic.session.settings import SessionSettings

@@ -16,6 +16,7 @@ from ..Logic.core.system.file_names import kept_name
 from ..Logic.core.system.private_folder import private_folder
 from ..Logic.core.system.progress import Progress
 from ..Logic.files.annotation_files import ANNOTATIONS_ENDING
+from ..Logic.files.image_headers import SEGMENTATION_ENDING
 from .opening import OPENING
 from .packing import gzip_nrrd, zip_folder
 from .points_file import save_points
@@ -82,7 +83,7 @@ class Routes:
         node = self._app.session.parameters.segmentation
         if node is None:
             return web.Response(status=404, text="Create segments first.")
-        name = f"{self._volume_name()}.seg.nrrd"
+        name = f"{self._volume_name()}{SEGMENTATION_ENDING}"
         return await self._send(request, name, lambda staged: stage_segmentation(node, staged), gzip_nrrd)
 
     async def _download_session(self, request: web.Request) -> web.StreamResponse:

@@ -12,6 +12,7 @@ from ..Logic.core.system.progress import Progress, no_progress
 from ..Logic.core.volumes.camera import Size, checked_side
 from ..Logic.scene.views.png_file import save_png
 from ..Logic.scene.views.view_picture import view_picture
+from .packing import COMPRESSING
 
 
 def asked_size(width: Any, height: Any) -> Size:
@@ -40,7 +41,7 @@ def stage_picture(window: Any, size: Size, transparent: bool, path: Path) -> Non
 
 def pack_picture(raw: Path, path: Path, progress: Progress = no_progress) -> None:
     """Compress a picture that was staged; `progress` may raise to stop it."""
-    progress(0, 1, "Compressing")
+    progress(0, 1, COMPRESSING)
     save_png(np.load(raw, allow_pickle=False), path)
 
 

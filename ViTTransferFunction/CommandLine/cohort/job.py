@@ -15,7 +15,7 @@ from typing import Any
 
 from ViTTransferFunction.CommandLine.cohort.cases import Case
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
-from ViTTransferFunction.CommandLine.segmenting import package_version
+from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
 from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.features.settings import FORMAT_VERSION
@@ -81,7 +81,7 @@ class CaseJob:
         """
         settings = self.settings.session
         decisive: dict[str, Any] = {
-            "program": package_version("vit-transfer-function"),
+            "program": package_version(THIS_PROGRAM),
             "features": FORMAT_VERSION,
             "preset": repr(preset(settings.preset)),
             "session": {**asdict(settings), "weights_path": None, "device": None},

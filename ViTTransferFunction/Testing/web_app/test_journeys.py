@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Testing.files.test_several_series import write_series, write_two
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.tiny_model import random_state_dict
 
 pytest.importorskip("trame_slicer.core")
 pytest.importorskip("psutil")
 
 from ViTTransferFunction.Testing.support.web_app import (
-    LONGEST_WAIT_S,
     SLOW_NETWORK,
     AppPage,
     Server,
