@@ -15,22 +15,22 @@ from ViTTransferFunction.Testing.support.scenes import add_parameter_node, add_v
 STARTING_S = 8.0
 """For the compute process to start and to load PyTorch: as long as somebody takes who opens the panel and chooses a volume."""
 OPENINGS = 5
+"""Each with a compute process of its own."""
 
 
-def measure_cached_opening(app: Any, volume: Volume, openings: int = OPENINGS, **parameters: Any) -> dict[str, float]:
+def measure_cached_opening(app: Any, volume: Volume, **parameters: Any) -> dict[str, float]:
     """Seconds from choosing the volume to the phase in which clicks are answered, and to the first map of a click at once then.
 
     Args:
         app: has the scene.
         volume: whose features are in the cache.
-        openings: how often; each time with a compute process of its own.
         parameters: of the panel, by name.
 
     Returns:
         Medians, and the slowest.
     """
     node = add_volume(app.scene, volume)
-    ready_s, first_map_s = np.transpose([_opened(app, node, volume, parameters) for _ in range(openings)])
+    ready_s, first_map_s = np.transpose([_opened(app, node, volume, parameters) for _ in range(OPENINGS)])
     return {
         "ready_s": float(np.median(ready_s)),
         "ready_worst_s": float(ready_s.max()),

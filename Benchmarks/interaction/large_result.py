@@ -24,9 +24,9 @@ TRIES = 5
 START_S = 2.0
 
 
-def measure_large_result(shape: Shape = SHAPE) -> dict[str, Any]:
+def measure_large_result() -> dict[str, Any]:
     """Seconds of the hand-over and of the writing, the longest standstill by either, and how much was written."""
-    return {"shape": shape, "hand_over": measure_hand_over(shape), "writing": measure_writing(shape)}
+    return {"shape": SHAPE, "hand_over": measure_hand_over(SHAPE), "writing": measure_writing(SHAPE)}
 
 
 def measure_hand_over(shape: Shape) -> dict[str, float]:

@@ -91,14 +91,9 @@ class Stage:
         self.set_turning(turning=False)
         return {"first_ms": first_ms, "normal_ms": normal_ms, "still_ms": still_ms, "turning_ms": turning_ms}
 
-    def median_ms(self, prepare: Callable[[], Any] = lambda: None) -> float:
-        """Of pictures from one side after the other; `prepare` is done before each of them, and counts."""
-
-        def prepared() -> None:
-            prepare()
-            self.turned_picture()
-
-        return float(np.median([timed(prepared)[0] for _ in range(self._frames)]))
+    def median_ms(self) -> float:
+        """Of pictures from one side after the other."""
+        return float(np.median([timed(self.turned_picture)[0] for _ in range(self._frames)]))
 
     def compared(self, prepare: Callable[[], Any]) -> dict[str, float]:
         """Medians of pictures that something is done before, and of how much longer each takes than the one before it."""

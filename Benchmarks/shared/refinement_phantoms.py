@@ -39,19 +39,19 @@ def body_phantom(size: int, noise: float = 0.03) -> Phantom:
     return _phantom(luma, sphere | torus, noise)
 
 
-def sphere_phantom(size: int, radius: float, noise: float = 0.03) -> Phantom:
+def sphere_phantom(size: int, radius: float) -> Phantom:
     """One sphere, of a radius in units of the volume's edge."""
     z, y, x = _axes(size)
     sphere = x**2 + y**2 + z**2 < (2.0 * radius) ** 2
-    return _phantom(torch.where(sphere, 0.6, 0.35), sphere, noise)
+    return _phantom(torch.where(sphere, 0.6, 0.35), sphere, 0.03)
 
 
-def coarse_map_of(structure: Tensor, voxels_per_feature: int = VOXELS_PER_FEATURE) -> Tensor:
+def coarse_map_of(structure: Tensor) -> Tensor:
     """(K', J', I'): a structure as a similarity map would show it."""
     from torch.nn.functional import avg_pool3d
 
     generator = torch.Generator().manual_seed(1)
-    share = avg_pool3d(structure[None, None].to(torch.float32), voxels_per_feature, ceil_mode=True, count_include_pad=False)
+    share = avg_pool3d(structure[None, None].to(torch.float32), VOXELS_PER_FEATURE, ceil_mode=True, count_include_pad=False)
     blurred = avg_pool3d(share, 3, stride=1, padding=1, count_include_pad=False)[0, 0]
     return (blurred + 0.05 * torch.randn(blurred.shape, generator=generator)).clamp_(0.0, 1.0)
 

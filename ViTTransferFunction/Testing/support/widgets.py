@@ -13,9 +13,9 @@ from ViTTransferFunction.Testing.support.event_loop import idle_with_the_lock
 from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float = LONGEST_WAIT_S) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     """Let the application run until `condition` holds; Python's threads get as little of it as in Slicer."""
-    until = time.monotonic() + timeout_s
+    until = time.monotonic() + LONGEST_WAIT_S
     while not condition():
         assert time.monotonic() < until, "nothing came"
         slicer.app.processEvents()

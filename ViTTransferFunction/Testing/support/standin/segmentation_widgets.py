@@ -24,10 +24,6 @@ class qMRMLSegmentationShow3DButton(QPushButton):  # noqa: N801
         self.toggled.connect(self._on_toggled)
         self.destroyed.connect(lambda: self._observe(None))
 
-    def segmentationNode(self) -> Any:  # noqa: N802
-        """The segmentation."""
-        return self._node
-
     def setSegmentationNode(self, node: Any) -> None:  # noqa: N802
         """Choose the segmentation."""
         if node is not None and not node.IsA("vtkMRMLSegmentationNode"):
