@@ -59,8 +59,8 @@ class FilmPlan:
     """
 
     path: Path
-    frames: int = DEFAULT_FRAMES
-    seconds: float = DEFAULT_SECONDS
+    frames: int
+    seconds: float
 
     @property
     def drawings(self) -> int:

@@ -112,7 +112,7 @@ def _ends_of_rows(mask: np.ndarray) -> np.ndarray:
 def framing(
     points_ras: np.ndarray,
     middle_ras: np.ndarray,
-    seen_from: Direction = DEFAULT_DIRECTION,
+    seen_from: Direction,
     *,
     height: int = DEFAULT_HEIGHT,
     size: Size | None = None,
