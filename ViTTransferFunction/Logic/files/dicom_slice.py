@@ -139,6 +139,14 @@ def turned(slices: Sequence[DicomSlice]) -> np.ndarray:
     return np.abs(directions - directions[0]).max(axis=(1, 2)) > LARGEST_TURN
 
 
+def number_of(text: str) -> float | None:
+    """What a header has as text, as a number; None where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
 def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
     if not _text(reader, POSITION):
         yield POSITION
@@ -152,7 +160,7 @@ def _unsaid(reader: sitk.ImageFileReader) -> Iterator[str]:
 
 def _says_orientation(reader: sitk.ImageFileReader) -> bool:
     """Whether a header's directions are those that were taken: ITK passes over what are none, or not at right angles."""
-    said = [_number(part) for part in _text(reader, ORIENTATION).split("\\")]
+    said = [number_of(part) for part in _text(reader, ORIENTATION).split("\\")]
     if len(said) != 6 or None in said:
         return False
     return np.allclose(np.reshape(np.array(said, float), (2, 3)), _directions(reader).T[:2], atol=ROUNDED_DIRECTION)
@@ -166,20 +174,13 @@ def _directions(reader: sitk.ImageFileReader) -> np.ndarray:
 
 def _pixel_mm(reader: sitk.ImageFileReader) -> np.ndarray:
     said = _text(reader, PIXEL_SIZE)
-    are_numbers = not said or all(_number(part) is not None for part in said.split("\\"))
+    are_numbers = not said or all(number_of(part) is not None for part in said.split("\\"))
     return np.array(reader.GetSpacing()[:2]) if are_numbers else np.zeros(2)
 
 
 def _is_length(text: str) -> bool:
-    number = _number(text)
+    number = number_of(text)
     return number is not None and 0.0 < number < math.inf
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
 
 
 def _text(reader: sitk.ImageFileReader, tag: str) -> str:

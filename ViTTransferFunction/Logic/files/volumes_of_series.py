@@ -13,7 +13,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from .dicom_slice import DicomSlice, heights, turned
+from .dicom_slice import DicomSlice, heights, number_of, turned
 
 SAME_PLACE = 0.01
 """Heights that differ by less are one, as a share of the distance between places."""
@@ -45,7 +45,7 @@ class Trait:
         text = one.traits.get(self.tag, "")
         if self.order == "time":
             return text.rstrip("0").rstrip(".") if "." in text else text
-        return f"{number:g}" if (number := _number(text)) is not None else text
+        return f"{number:g}" if (number := number_of(text)) is not None else text
 
     def told(self, value: str) -> str:
         """The name of a volume with this value."""
@@ -160,12 +160,5 @@ def _image_types(values: Sequence[str]) -> list[str]:
 
 
 def _in_order(value: str) -> tuple[float, str]:
-    number = _number(value)
+    number = number_of(value)
     return (-np.inf if not value else np.inf, value) if number is None else (number, "")
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
