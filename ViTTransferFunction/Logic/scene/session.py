@@ -291,8 +291,9 @@ class SceneSession:
         return class_map.iso if class_map else None
 
     def volume_ml(self, id_: str) -> float | None:
-        """How large a class's segment is by the maps as they are now, millilitres; None where it has no map yet."""
-        return self._proxy.volumes_ml.get(id_)
+        """How large a class's segment is in the scene by the maps of now, millilitres; None where it has no map yet."""
+        local_ml, enlargement = self._proxy.volumes_ml.get(id_), self._volume.enlargement
+        return None if local_ml is None or enlargement is None else enlargement * local_ml
 
     def start_computing(self) -> None:
         """Start the compute process before there is a volume: it takes seconds to be ready."""

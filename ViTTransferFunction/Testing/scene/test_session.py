@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import slicer
 import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
@@ -21,6 +22,7 @@ from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene import session as scene_session
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
+from ViTTransferFunction.Logic.scene.segments.segment_tags import segments_of_classes
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.rendering import ClassRendering
 from ViTTransferFunction.Logic.scene.views.session_views import SessionViews
@@ -214,6 +216,31 @@ def test_a_volume_whose_rigid_transform_is_hardened_keeps_its_features_and_maps_
     assert session.phase == "ready"
     assert session.volume_ml(id_) == pytest.approx(ml)
     assert session.shown.is_on_selected(turn[:3, :3] @ centre_ras(spheres, 1)[0] + turn[:3, 3])
+
+
+@pytest.mark.slow
+def test_volumes_are_those_in_the_scene_where_a_transform_makes_the_scan_larger(
+    session: SceneSession, spheres: tuple[Volume, np.ndarray]
+) -> None:
+    (id_, *_) = annotate(session, spheres)
+    ml = session.volume_ml(id_)
+    assert ml is not None
+    larger = put_under(session.parameters.volume, np.diag([2.0, -1.0, 1.5, 1.0]))
+    for state in session.classes:
+        for positive in (True, False):
+            session.annotations.points_node(state.id, positive).SetAndObserveTransformNodeID(larger.GetID())
+    session.wait()
+    assert session.volume_ml(id_) == pytest.approx(3.0 * ml)
+    session.segments.write()
+    session.wait()
+    # As Slicer's Segment Statistics does.
+    segmentation_node = session.parameters.segmentation
+    segmentation_node.HardenTransform()
+    labelmap = slicer.vtkOrientedImageData()
+    segment_id = segments_of_classes(segmentation_node.GetSegmentation(), [id_])[id_]
+    segmentation_node.GetBinaryLabelmapRepresentation(segment_id, labelmap)
+    voxels = np.count_nonzero(vtk_to_numpy(labelmap.GetPointData().GetScalars()))
+    assert session.volume_ml(id_) == pytest.approx(voxels * np.prod(labelmap.GetSpacing()) / 1000.0)
 
 
 @pytest.mark.slow

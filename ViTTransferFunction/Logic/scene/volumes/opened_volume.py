@@ -13,7 +13,7 @@ from ...core.system.errors import InputError
 from ...session.settings import SessionSettings
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
-from ..mrml.transforms import world_to_local
+from ..mrml.transforms import matrix_to_world, world_to_local
 from .former_model import FormerModel
 from .volume_content import VolumeContent, content_of, is_playing
 from .volume_nodes import array_from_node
@@ -58,6 +58,18 @@ class OpenedVolume:
         if node is None or self.content is None:
             return np.ones(len(points_ras), dtype=bool)
         return self.content.geometry.contains(world_to_local(node, points_ras))
+
+    @property
+    def enlargement(self) -> float | None:
+        """How many times as large the volume is in the scene as in its local frame; None where no matrix says.
+
+        A registration may scale it, and what Slicer measures in the scene, as by Segment Statistics, follows that.
+        """
+        node = self._parameters.volume
+        try:
+            return None if node is None else float(abs(np.linalg.det(matrix_to_world(node)[:3, :3])))
+        except InputError:
+            return None
 
     def open(self) -> bool:
         """Hand the volume over if it or what decides its features has changed; returns whether it has."""
