@@ -13,7 +13,7 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
-from PySide6.QtCore import QObject, Qt
+from PySide6.QtCore import QLocale, QObject, Qt
 from PySide6.QtGui import QColor, QKeySequence, QPalette
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
@@ -544,6 +544,17 @@ def test_the_keys_work_while_the_place_of_a_slice_has_the_keyboard(widget: Any, 
     box.show()
     slicer.app.layoutManager().add_detached_view("Compare", host.window)
     assert keys_work_in(box, widget, host)
+
+
+def test_a_decimal_comma_is_a_point(widget: Any, host: Host) -> None:
+    add_class(widget)
+    box = widget.ui.brushSizeSlider.findChild(QDoubleSpinBox)
+    box.setLocale(QLocale.c())  # Slicer's, in every language.
+    box.setMaximum(3000.0)  # As that of intensities, where a comma would be one between thousands.
+    host.window.activateWindow()
+    box.selectAll()
+    QTest.keyClicks(box, "12,5")
+    assert box.value() == 12.5
 
 
 def test_the_layout_s_3d_views_are_asked_to_hold_the_points_of_structures(ready: Any) -> None:
