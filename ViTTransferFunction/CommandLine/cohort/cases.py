@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import logging
+import re
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,6 +26,9 @@ SERIES_COLUMN = "series"
 """Of the table, where volumes are folders with several DICOM series."""
 FOLDER_ANNOTATIONS = "annotations.json"
 """In a folder of DICOM files, where one `NAME.annotations.json` will do, too: panel and app call it after the series."""
+
+_ABOVE_HEADING = re.compile(r'(("?)sep=.?\2)?[\s,;]*', re.IGNORECASE)
+"""Lines of a table that may come before its heading: empty ones, and the one that tells Excel what separates the columns."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +102,14 @@ def _cases_in_table(path: Path) -> Iterator[Case]:
         raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not text in UTF-8; save the table as 'CSV UTF-8'.") from error
-    heading, _, _ = text.partition("\n")
+    lines = text.split("\n")
+    above = next((number for number, line in enumerate(lines) if not _ABOVE_HEADING.fullmatch(line)), 0)
     # Where a comma is for decimals, spreadsheets separate by semicolons; what is copied out of them has tabs.
-    delimiter = max(",;\t", key=heading.count)
+    delimiter = max(",;\t", key=lines[above].count)
     # Strict: after a quotation mark that is never closed, all further cases would be taken for part of one field.
     reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True, strict=True)
+    for _ in range(above):
+        next(reader.reader)
     try:
         yield from _cases_of_rows(reader, path)
     except csv.Error as error:

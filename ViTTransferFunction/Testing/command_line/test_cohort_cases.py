@@ -52,6 +52,19 @@ def test_a_table_is_read_whatever_a_spreadsheet_separates_by(tmp_path: Path, enc
     assert (case.name, case.volume.name, case.annotations.name) == (lines[1][0], "a b.nrrd", "a.json")
 
 
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("above", ["sep={}", '"sep={}"', "", "{0}{0}"])
+def test_a_line_for_excel_and_empty_ones_may_come_before_the_heading(tmp_path: Path, above: str, separator: str) -> None:
+    path = tmp_path / "cases.csv"
+    lines = [line.replace(",", separator) for line in (HEADING, "a,a.nrrd,a.json", "b")]
+    path.write_text("\r\n".join([above.format(separator), *lines[:2]]), encoding="utf-8-sig")
+    (case,) = read_cases(path)
+    assert (case.name, case.volume.name, case.annotations.name) == ("a", "a.nrrd", "a.json")
+    path.write_text("\r\n".join([above.format(separator), *lines]), encoding="utf-8-sig")
+    with pytest.raises(InputError, match="line 4"):
+        read_cases(path)
+
+
 def test_of_a_table_that_is_not_there_the_path_is_to_be_checked(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"There is no file .*cases\.csv\. Check the path"):
         read_cases(tmp_path / "cases.csv")
