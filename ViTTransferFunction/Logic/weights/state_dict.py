@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import pickle
 import struct
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.system.errors import InputError
+from ..core.system.errors import InputError, shown
 from ..core.system.out_of_memory import is_out_of_memory
 from ..core.volumes.torch_arrays import array_of
 from .safetensors_file import is_safetensors, read_safetensors
@@ -39,7 +40,7 @@ def load_state_dict(path: Path) -> dict[str, Tensor]:
         if is_out_of_memory(error):
             raise
         raise InputError(
-            f"{path} is not a weights file that can be loaded safely ({_first_sentence(error)}). Expected tensors saved by "
+            f"{path} is not a weights file that can be loaded safely ({_reason(path, error)}). Expected tensors saved by "
             "PyTorch, or a safetensors file: the file is damaged, is something else under this name, or carries code, which "
             "was not run. Get it again."
         ) from error
@@ -113,5 +114,20 @@ def _is_finite(tensor: Tensor) -> bool:
         return False  # Sparse or quantised.
 
 
-def _first_sentence(error: Exception) -> str:
+def _reason(path: Path, error: Exception) -> str:
+    """What is wrong with a file that cannot be loaded, in a few words.
+
+    Of text, such as the page of a login or what Git LFS leaves in the place of a file, PyTorch tells the number of a letter.
+    """
+    with path.open("rb") as file:
+        beginning = file.read(28)  # As much as `shown` quotes.
+    if not beginning:
+        return "it is empty"
+    try:
+        # The last letter may be cut off.
+        text = codecs.getincrementaldecoder("utf-8")().decode(beginning)
+    except UnicodeDecodeError:
+        text = ""
+    if text and all(letter.isprintable() or letter.isspace() for letter in text):
+        return f"it is text, and begins with {shown(text.strip())}"
     return str(error).strip().split("\n")[0].split(". ")[0] or type(error).__name__

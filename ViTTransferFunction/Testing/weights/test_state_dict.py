@@ -79,6 +79,23 @@ def test_a_file_that_is_no_checkpoint_is_named(a_file: Path, content: bytes) -> 
         load_state_dict(a_file)
 
 
+@pytest.mark.parametrize(
+    ("content", "wrong"),
+    [
+        (b"", "it is empty"),
+        (b"https://example.org/weights.pth\n", "it is text, and begins with 'https://example.org/weights."),
+        ("Gewichte für ein Netz".encode(), "it is text, and begins with 'Gewichte für ein Netz'"),
+        (b"x" * 27 + "ü".encode(), "it is text, and begins with 'xxx"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "begins with 'version https://git-lfs"),
+    ],
+)
+def test_of_a_file_that_is_text_or_empty_that_is_told(a_file: Path, content: bytes, wrong: str) -> None:
+    a_file.write_bytes(content)
+    with pytest.raises(InputError) as refused:
+        load_state_dict(a_file)
+    assert wrong in str(refused.value)
+
+
 @settings(max_examples=60, deadline=None)
 @given(end=st.integers(0, len(SAVED)), place=st.integers(0, len(SAVED) - 1), value=st.integers(0, 255))
 def test_damage_anywhere_is_an_input_error_if_it_is_noticed(
