@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import vtk
 
+from ViTTransferFunction.Logic.core.system.file_names import is_device
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.mrml.nodes import nodes_of_class
 from ViTTransferFunction.Logic.scene.session import SceneSession
@@ -101,7 +102,9 @@ def test_what_is_shown_is_neither_listed_nor_unsaved(
     del shown_in
 
 
-@pytest.mark.parametrize("name", ["liver & spleen", "< 2 cm > \"a\" 'b' %20 #1", "4D\\5:6|7?*", "肝臓", "&amp;"])
+@pytest.mark.parametrize(
+    "name", ["liver & spleen", "< 2 cm > \"a\" 'b' %20 #1", "4D\\5:6|7?*", "肝臓", "&amp;", "con", "Aux.1"]
+)
 def test_a_scene_with_structures_of_any_name_is_opened_again(
     slicer_app: Any, spheres: tuple[Volume, np.ndarray], tmp_path: Path, name: str
 ) -> None:
@@ -117,6 +120,7 @@ def test_a_scene_with_structures_of_any_name_is_opened_again(
     assert slicer_app.scene.WriteToMRB(str(tmp_path / "saved.mrb"))
     with zipfile.ZipFile(tmp_path / "saved.mrb") as archive:
         assert not set("".join(archive.namelist())) & set('<>:"|?*\\'), "Windows takes no such names"
+        assert not [file for file in archive.namelist() if is_device(Path(file).name)]
     slicer_app.scene.Clear(False)
     assert slicer_app.scene.ReadFromMRB(str(tmp_path / "saved.mrb"))
     session.wait()

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from ...core.system.file_names import is_device
+
 if TYPE_CHECKING:
     import slicer
 
@@ -14,20 +16,24 @@ _IN_NO_NAME = {"&": "＆", "<": "＜", ">": "＞", "\\": "＼"}
 """Characters that names of nodes may not have, and the wide ones that look like them."""
 _FOR_SCENE = str.maketrans(_IN_NO_NAME)
 _FOR_USERS = str.maketrans({wide: character for character, wide in _IN_NO_NAME.items()})
+_NO_DEVICE = "＿"
+"""Before a name that Windows has for a device: a wide _."""
 
 
 def name_for_scene(name: str) -> str:
     """As a node may be called, whose file Slicer names after it.
 
     It writes an & in that name as it is, and cannot read the scene again; the others it leaves to Windows, which takes no such
-    file, so that the scene is not saved (`vtkMRMLScene::PercentEncode`).
+    file, so that the scene is not saved (`vtkMRMLScene::PercentEncode`). What is written to CON or NUL is nowhere.
     """
-    return name.translate(_FOR_SCENE)
+    return f"{_NO_DEVICE if is_device(name) else ''}{name.translate(_FOR_SCENE)}"
 
 
 def name_of(node: Any) -> str:
     """What was given a node by `name_for_scene`."""
-    return (node.GetName() or "").translate(_FOR_USERS)
+    name: str = (node.GetName() or "").translate(_FOR_USERS)
+    without = name.removeprefix(_NO_DEVICE)
+    return without if is_device(without) else name
 
 
 def node_of_class(node: Any, class_name: str) -> Any:
