@@ -72,6 +72,8 @@ def replacing(path: Path) -> Iterator[Path]:
 def check_writable(path: Path) -> None:
     """Raise InputError now if `path` could not be written later, before work is spent on its content. Leaves no trace."""
     _check_replaceable(path)
+    if sys.platform == "win32":
+        _check_folders_of_windows(path)
     folder = next((parent for parent in path.absolute().parents if mode_of(parent) is not None), None)
     if folder is None:
         # On Windows, each disk and each network share has a root of its own.
@@ -81,6 +83,15 @@ def check_writable(path: Path) -> None:
         _make_and_remove_file(folder)
     except OSError as error:
         raise _cannot_write(path, error) from error
+
+
+def _check_folders_of_windows(path: Path) -> None:
+    """Windows makes such a folder under another name, without what its own ends in, and then does not find it."""
+    for name in path.parent.parts:
+        if name.endswith((" ", "..")) and name.strip(". "):
+            raise InputError(
+                f"Cannot write {path}: no folder's name may end in a space or in dots on Windows ({name!r}). Choose another."
+            )
 
 
 def _make_and_remove_file(folder: Path) -> None:

@@ -132,6 +132,21 @@ def test_on_windows_a_name_that_would_be_that_of_a_part_of_a_file_is_refused(
             attempt()
 
 
+@pytest.mark.parametrize("folder", ["results ", "results...", "results . "])
+def test_on_windows_a_folder_that_is_made_under_another_name_is_told_before_there_is_anything_to_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    path = tmp_path / folder / "CT.nii.gz"
+    if os.name != "nt":
+        check_writable(path)
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(InputError, match="no folder's name may end in a space or in dots"):
+        check_writable(path)
+    monkeypatch.setattr(atomic_file, "_make_and_remove_file", lambda folder: None)
+    for fine in (tmp_path / ".." / "CT.nii.gz", Path("CT.nii.gz"), tmp_path / "2026.11.27" / "CT.nii.gz"):
+        check_writable(fine)
+
+
 def test_a_disk_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """On Windows, not even the root of one is there, nor that of a share out of reach."""
     monkeypatch.setattr(atomic_file, "mode_of", lambda _: None)
