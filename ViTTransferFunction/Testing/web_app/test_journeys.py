@@ -518,6 +518,24 @@ def test_what_is_typed_takes_the_place_of_a_number_that_is_written_otherwise_mea
     assert page["window-low"].input_value() == "-12"
 
 
+@pytest.mark.parametrize(("end", "other_end"), [("low", "high"), ("high", "low")])
+def test_what_is_typed_takes_the_place_of_an_intensity_in_3d_that_is_written_otherwise_meanwhile(
+    at_app: AppPage, volume: Path, end: str, other_end: str
+) -> None:
+    page = at_app
+    open_volume(page, volume)
+    sliders = "tone: 0.5, fade: 0.5, edges: 0.5, inside: true, axis: { min: 0, max: 200, step: 1 }"
+    show = f"look => trame.state.set('look', {{ automatic: false, {sliders}, ...look }})"
+    page.page.evaluate("trame.state.set('appearance_open', true)")
+    page.page.evaluate(show, {end: 50, other_end: 100})
+    page[f"look-{end}"].press("ControlOrMeta+a")
+    page.page.evaluate(show, {end: 50.25, other_end: 120})
+    page.wait_for_drawing()
+    page[f"look-{end}"].press_sequentially("12")
+    assert page[f"look-{end}"].input_value() == "12"
+    page.page.evaluate("trame.state.set('appearance_open', false)")
+
+
 def test_what_follows_the_mouse_in_a_slice_goes_when_it_leaves(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)
