@@ -77,8 +77,7 @@ def test_an_outline_drawn_in_the_app_gives_points_inside_and_around_in_one_step(
 def test_in_a_browser_a_line_is_seen_while_it_is_drawn_and_one_undo_takes_its_points_back(at_noise: AppPage) -> None:
     page = at_noise
     high = page["window-high"].input_value()
-    page["add-class"].click()
-    page["class-0"].wait_for()
+    begin_with_a_structure(page)
     page.page.keyboard.press("m")
     page.page.wait_for_function("window.trame.state.get('tool') === 'diameter'")
     assert page["tool-diameter"].get_attribute("aria-pressed") == "true"
@@ -135,9 +134,7 @@ def on_screen(request: pytest.FixtureRequest, browser: Any, noise_server: Any, p
 @pytest.mark.slow
 def test_the_length_is_as_large_on_screens_with_dense_pixels(on_screen: tuple[AppPage, int]) -> None:
     page, pixels_per_point = on_screen
-    if not page["tool-diameter"].is_visible():
-        page["add-class"].click()
-    page["tool-pointOff"].click()
+    begin_with_a_structure(page)
     page["tool-diameter"].click()
     page.page.wait_for_function("window.trame.state.get('tool') === 'diameter'")
     box = page["view-Red"].bounding_box()
@@ -163,6 +160,14 @@ def test_the_length_is_as_large_on_screens_with_dense_pixels(on_screen: tuple[Ap
     page.page.keyboard.press("z")
     page["window-0"].click()
     page.wait_for_picture("Red", lambda picture: white_rows(picture) > 0)
+
+
+def begin_with_a_structure(page: AppPage) -> None:
+    """Have one, which tests of the same server share, with another tool in hand than what is tested."""
+    if not page["tool-diameter"].is_visible():
+        page["add-class"].click()
+    page["tool-pointOff"].click()
+    page.page.wait_for_function("window.trame.state.get('tool') === 'pointOff'")
 
 
 def is_blue(picture: np.ndarray) -> np.ndarray:
