@@ -133,7 +133,7 @@ class KernelRidge:
             finish_joining()
             joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
             share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-            weights, without_negatives = self._weights(annotated, points, keys, joined, share, reach)
+            weights, without_negatives = self._weights(annotated, points, keys, joined, share, reach, between)
             ratio = share / (1.0 - share)
             for turn, together in enumerate(_in_turns(len(requests), first)):
                 if turn:
@@ -251,6 +251,7 @@ class KernelRidge:
         between: np.ndarray,
         share: np.ndarray,
         reach: Reach,
+        between_steps: Between,
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
         targets = annotated.targets
@@ -264,7 +265,7 @@ class KernelRidge:
         wanted = np.concatenate([targets, background])
         ridge = np.concatenate([_point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
         seen = ~np.isnan(wanted)
-        weights = solve_each(kernel, ridge, wanted, seen)
+        weights = solve_each(kernel, ridge, wanted, seen, between_steps)
         for _ in range(BACKGROUND_ROUNDS):
             scores = kernel[len(targets) :] @ weights
             # A cell that turns out to lie inside any of the classes is no background for the others either.
@@ -272,11 +273,11 @@ class KernelRidge:
             if np.array_equal(stays, seen[len(targets) :]):
                 break
             seen[len(targets) :] = stays
-            weights = solve_each(kernel, ridge, wanted, seen)
+            weights = solve_each(kernel, ridge, wanted, seen, between_steps)
         if annotated.positive.all():
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
-        return weights, solve_each(kernel, ridge, wanted, seen)
+        return weights, solve_each(kernel, ridge, wanted, seen, between_steps)
 
 
 def _point_ridge(annotated: _Annotated) -> np.ndarray:
