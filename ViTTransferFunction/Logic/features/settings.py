@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     import torch
 
 SMALLEST_GRID, LARGEST_GRID = 4, 128
-ROUNDING = 1e-6
-"""Of a cell: a volume that is stored turned is as long as before but for rounding errors, and has the same cells."""
+CELL_DECIMALS = 4
+"""To which edges count, in cells: a volume that is turned, or stored in single precision, is as long as before but for rounding
+errors, and has the same cells, also where an edge is half a cell longer than a whole number of them."""
 FORMAT_VERSION = 8
 """Part of every key: to be raised when the same settings come to give other features, or these other whitened ones."""
 FINE_SPACING_MM = 0.0073
@@ -104,7 +105,7 @@ def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int,
     """Number of cells along (K, J, I): `grid` along the longest edge or more (`FeatureSettings`), the others in proportion."""
     finer = settings.grid
     if settings.largest_cell_mm is not None:
-        finer = min(math.ceil(geometry.extent_mm.max() / settings.largest_cell_mm - ROUNDING), LARGEST_GRID)
+        finer = min(math.ceil(round(geometry.extent_mm.max() / settings.largest_cell_mm, CELL_DECIMALS)), LARGEST_GRID)
     shapes = (shape_along(geometry, longest, settings.isotropic) for longest in range(finer, settings.grid, -1))
     coarsest = shape_along(geometry, settings.grid, settings.isotropic)
     return next((shape for shape in shapes if math.prod(shape) <= settings.grid**3), coarsest)
@@ -113,7 +114,8 @@ def grid_shape(geometry: Geometry, settings: FeatureSettings) -> tuple[int, int,
 def shape_along(geometry: Geometry, longest: int, isotropic: bool) -> tuple[int, int, int]:
     """A grid (K', J', I') of `longest` cells along the longest edge, the others in proportion, at least 1."""
     edges = geometry.extent_mm[::-1] if isotropic else np.array(geometry.shape, dtype=float)
-    cells = np.maximum(1, np.round(edges * longest / edges.max())).astype(int)
+    in_cells = np.round(edges * longest / edges.max(), CELL_DECIMALS)
+    cells = np.maximum(1, np.round(in_cells)).astype(int)
     return int(cells[0]), int(cells[1]), int(cells[2])
 
 

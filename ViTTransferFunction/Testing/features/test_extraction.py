@@ -149,6 +149,20 @@ def test_a_volume_that_is_stored_turned_has_the_same_cells() -> None:
         assert grid_shape(turned, settings) == grid_shape(straight, settings)
 
 
+@pytest.mark.parametrize("shape", [(170, 256, 256), (99, 128, 128), (100, 400, 512)])
+def test_an_edge_that_is_half_a_cell_longer_has_the_same_cells_however_it_is_turned_and_rounded(
+    shape: tuple[int, int, int],
+) -> None:
+    straight = Geometry(shape, np.diag([0.78125, 0.78125, 0.78125, 1.0]))
+    for settings in (FeatureSettings(grid=64), FeatureSettings(grid=32, largest_cell_mm=4.0)):
+        for angle in np.linspace(0.1, 1.5, 20):
+            turn = np.eye(4)
+            turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+            turned = turn[[1, 2, 0, 3]] @ turn @ straight.ijk_to_ras
+            for matrix in (turned, turned.astype(np.float32)):
+                assert grid_shape(Geometry(shape, matrix), settings) == grid_shape(straight, settings)
+
+
 def test_the_papers_preset_is_repeatable_bit_for_bit(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
 ) -> None:
