@@ -230,7 +230,10 @@ def class_window(volume: Volume, display: IntensityWindow, positive_ras: np.ndar
 
 
 def _intensities_at(volume: Volume, points_ras: np.ndarray) -> np.ndarray:
-    """Finite interpolated intensities at world points, (≤ N,)."""
-    samples = sample_at(volume.array[..., None], volume.geometry, points_ras)
+    """Finite interpolated intensities at world points, (≤ N,); beside voxels that are not finite, those of the points' own."""
+    with np.errstate(invalid="ignore"):  # No part of infinity is a number.
+        samples = sample_at(volume.array[..., None], volume.geometry, points_ras)[:, 0]
+    k, j, i = volume.geometry.nearest_voxels(points_ras).T
+    samples = np.where(np.isfinite(samples), samples, volume.array[k, j, i].astype(np.float32))
     finite: np.ndarray = samples[np.isfinite(samples)]
     return finite

@@ -200,6 +200,25 @@ def test_of_two_kinds_that_are_clicked_equally_often_the_one_nearer_to_what_the_
     assert (window.low, window.high) == (shown - 100.0, shown + 100.0)
 
 
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+@pytest.mark.parametrize("point", [[2.0, 2.0, 2.0], [2.3, 2.2, 2.1]])
+def test_a_point_beside_a_voxel_without_intensity_counts_by_its_own(unknown: float, point: list[float]) -> None:
+    array = np.full((8, 8, 8), 40.0)
+    array[:4] = -1000.0
+    array[3, 3, 3] = unknown
+    with np.errstate(all="raise"):
+        window = class_window(volume_of(array), IntensityWindow(-60.0, 140.0), np.array([point]))
+    assert (window.low, window.high) == (-1100.0, -900.0)
+
+
+def test_where_no_point_has_an_intensity_the_window_is_that_which_the_user_looks_at() -> None:
+    array = np.random.default_rng(0).uniform(0.0, 200.0, (8, 8, 8))
+    array[:4] = np.nan
+    array[3, 3, 3] = np.inf
+    points = np.array([[2.0, 2.0, 2.0], [3.0, 3.0, 3.0]])
+    assert class_window(volume_of(array), WINDOW, points) == WINDOW
+
+
 def test_a_lower_threshold_widens_what_is_refined_and_leaves_the_rest_nearly_as_it_was() -> None:
     intensities, _, similarity = ball_and_its_map()
     centre = np.full((1, 3), (intensities.shape[0] - 1) / 2)
