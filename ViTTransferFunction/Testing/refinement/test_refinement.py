@@ -174,6 +174,17 @@ def test_what_lies_far_from_a_small_structure_need_not_be_looked_at_again(method
     assert outside.max() < 0.2
 
 
+@pytest.mark.parametrize("method", REFINEMENT_METHODS)
+@pytest.mark.parametrize("scale", [0.1, 1e-3])
+def test_what_is_a_millimetre_large_is_refined_as_a_body_of_as_many_voxels(method: RefinementMethod, scale: float) -> None:
+    intensities, _, similarity = ball_and_its_map()
+    of_body, of_speck = (
+        refine(coarse(similarity), volume, WINDOW, volume.geometry.ijk_to_ras_points(np.full((1, 3), 19.5)), 0.35, method)
+        for volume in (volume_of(intensities, (edge, edge, edge)) for edge in (5.0, 5.0 * scale))
+    )
+    np.testing.assert_allclose(of_speck.array, of_body.array, atol=1e-6)
+
+
 def test_an_unknown_method_is_refused_by_name() -> None:
     intensities, _, similarity = ball_and_its_map()
     with pytest.raises(InputError, match=r"'sharp'.*bilateral, guided, none"):
