@@ -16,6 +16,9 @@ _SINGLE = np.finfo(np.float32)
 NARROWEST = 1e-35
 """Width of a window. Some thousand parts of it are counted in single precision, which ends where they are 1e38 to a unit."""
 
+LOWEST_CT = -4096.0
+"""Hounsfield units: no CT measures less, and most that is written where nothing was measured is more."""
+
 SAMPLE_SIZE = 2_000_000
 """Percentiles are taken over at most this many voxels, spread evenly: more would only take longer."""
 
@@ -76,8 +79,13 @@ def looks_like_hounsfield_units(volume: Volume) -> bool:
 
     A CT cropped to soft tissue fails the test and is windowed by its percentiles instead, which suits it as well.
     """
-    low, high = quantiles(finite_sample(volume), np.array([1.0, 99.9]) / 100.0)
-    return bool(-4096.0 <= low <= -500.0 and -200.0 <= high <= 32767.0)
+    sample = finite_sample(volume)
+    shares = np.array([1.0, 99.9]) / 100.0
+    low, high = quantiles(sample, shares)
+    if low < LOWEST_CT and low == sample.min() < sample.max():
+        # One value far below what is measured fills the corners of some scans.
+        low, high = quantiles(sample[sample > low], shares)
+    return bool(LOWEST_CT <= low <= -500.0 and -200.0 <= high <= 32767.0)
 
 
 def display_window(volume: Volume) -> IntensityWindow:

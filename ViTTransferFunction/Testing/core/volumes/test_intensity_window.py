@@ -52,6 +52,17 @@ def test_a_ct_is_known_by_air_and_by_what_is_no_air(outside: float, inside: floa
     assert (display_window(scan) == CT_SOFT_TISSUE) == is_ct
 
 
+@pytest.mark.parametrize("padding", [-8192.0, -32768.0])
+def test_a_ct_whose_corners_are_padded_with_what_no_scanner_measures_is_one(padding: float) -> None:
+    layers = np.indices((10, 12, 14))[0]
+    ct = np.where(layers < 5, -1000.0, 300.0)
+    assert looks_like_hounsfield_units(volume_of(np.where(layers < 2, padding, ct)))
+    mr = np.where(layers < 5, 10.0, 300.0)
+    assert not looks_like_hounsfield_units(volume_of(np.where(layers < 2, padding, mr)))
+    spread = np.where(layers < 2, padding + np.arange(14.0), ct)
+    assert not looks_like_hounsfield_units(volume_of(spread)), "what differs was measured"
+
+
 def test_where_nearly_all_voxels_are_equal_the_others_are_seen() -> None:
     array = np.zeros((10, 12, 14))
     array[5, 6, 7] = 7.0
