@@ -14,6 +14,8 @@ from ViTTransferFunction.Logic.scene.interface.wording import threshold_text, vo
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
+_SWATCH_PIXELS = 64
+"""Qt makes icons smaller, but never larger."""
 _POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
@@ -80,8 +82,7 @@ class ClassTable(Section):
         self._table.minimumWidth = sum(widths) + self._table.verticalScrollBar().sizeHint.width() + 2 * self._table.frameWidth
 
     def _fill(self, row: int, state: ClassState) -> None:
-        color = self._item(row, COLOR)
-        color.setData(qt.Qt.DecorationRole, qt.QColor.fromRgbF(*state.color))
+        _set_swatch(self._item(row, COLOR), qt.QColor.fromRgbF(*state.color))
         name = self._item(row, NAME, qt.Qt.ItemIsEditable)
         _set_text(name, state.name)
         name.setToolTip(state.name)
@@ -153,6 +154,19 @@ def ask_color(color: Color, name: str, parent: Any) -> Color | None:
     title = _("Colour of {name}").format(name=name)
     chosen = qt.QColorDialog.getColor(qt.QColor.fromRgbF(*color), parent, title)
     return (chosen.redF(), chosen.greenF(), chosen.blueF()) if chosen.isValid() else None
+
+
+def _set_swatch(item: Any, color: Any) -> None:
+    """Have an item show a colour as it is. A colour by itself, Qt would mix with that of the selection in the selected row."""
+    if item.data(qt.Qt.UserRole) == color.name():
+        return
+    item.setData(qt.Qt.UserRole, color.name())
+    pixmap = qt.QPixmap(_SWATCH_PIXELS, _SWATCH_PIXELS)
+    pixmap.fill(color)
+    icon = qt.QIcon()
+    for mode in (qt.QIcon.Normal, qt.QIcon.Selected):
+        icon.addPixmap(pixmap, mode)
+    item.setIcon(icon)
 
 
 def _set_text(item: Any, text: str) -> None:

@@ -156,8 +156,22 @@ def test_a_double_click_on_the_colour_asks_for_another(widget: Any, monkeypatch:
     add_class(widget)
     widget.ui.classTable.cellDoubleClicked.emit(0, class_table.COLOR)
     assert widget.panel.session.classes[0].color == (0.0, 0.5, 1.0)
-    color = widget.ui.classTable.item(0, class_table.COLOR).data(Qt.ItemDataRole.DecorationRole)
-    assert color.blue() == 255
+    assert swatch(widget, 0).blue() == 255
+
+
+def test_the_selected_row_shows_its_colour_as_it_is(widget: Any) -> None:
+    for _ in range(2):
+        add_class(widget)
+    for row, state in enumerate(widget.panel.session.classes):
+        widget.ui.classTable.selectRow(row)
+        assert swatch(widget, row).getRgbF()[:3] == pytest.approx(state.color, abs=0.01)
+
+
+def swatch(widget: Any, row: int) -> Any:
+    """The colour that the table shows of a row."""
+    table = widget.ui.classTable
+    image = table.viewport().grab().toImage()
+    return image.pixelColor(table.visualItemRect(table.item(row, 0)).center() * image.devicePixelRatio())
 
 
 def test_the_selected_row_is_the_selected_class(widget: Any) -> None:
