@@ -15,7 +15,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from ..Logic.core.system.errors import InputError, shown
 from ..Logic.core.system.file_names import LONGEST_NAME_BYTES, kept_name
 from ..Logic.files.dicom_folder import is_of_system
-from ..Logic.files.image_headers import DICOM_START_BYTES, image_ending, is_dicom_start, locate_voxels
+from ..Logic.files.image_headers import DICOM_START_BYTES, check_no_archive, image_ending, is_dicom_start, locate_voxels
 from .points_file import POINTS_ENDING, are_points
 
 LARGEST_UPLOAD = 4 << 30
@@ -97,6 +97,7 @@ async def _receive(request: web.Request, folder: Path, received: list[Path]) -> 
             received.remove(path)
             _remove(path)
     if foreign and not has_slices:
+        check_no_archive(_harmless(foreign))
         raise InputError(
             f"{shown(PurePosixPath(foreign).name)} is of no known format; expected DICOM, NIfTI (.nii, .nii.gz), NRRD (.nrrd), "
             "MetaImage (.mha), a saved session (.mrb), or points by themselves (.annotations.json)."

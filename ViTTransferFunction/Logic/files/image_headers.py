@@ -62,10 +62,15 @@ def image_format(path: Path) -> ImageFormat:
     ending = image_ending(path)
     if ending is not None:
         return _FORMATS[ending]
+    check_no_archive(str(path))
     known = ", ".join(_FORMATS)
-    if path.name.lower().endswith(_ARCHIVE_ENDINGS):
-        raise InputError(f"{path} is an archive. Unpack it, and open the image in it, or the folder with the DICOM files.")
     raise InputError(f"{path} is of no known format; expected DICOM, or one of {known}. 3D Slicer can save it as one of these.")
+
+
+def check_no_archive(name: str) -> None:
+    """Raise an InputError if a file is an archive by its name, which the message shows as it is."""
+    if name.lower().endswith(_ARCHIVE_ENDINGS):
+        raise InputError(f"{name} is an archive. Unpack it, and open the image in it, or the folder with the DICOM files.")
 
 
 def image_ending(path: Path) -> str | None:

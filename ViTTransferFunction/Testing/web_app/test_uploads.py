@@ -6,7 +6,7 @@ import asyncio
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
 
 import pytest
@@ -138,6 +138,11 @@ def test_points_beside_slices_are_passed_over_and_by_themselves_they_are_kept(se
 )
 def test_what_is_no_image_is_refused(send: Send, folder: Path, name: str) -> None:
     assert "no known format" in refused(send(("good.raw", b"voxels"), (name, b"#!/bin/sh")), folder)
+
+
+@pytest.mark.parametrize("name", ["study.zip", "export/Study.ZIP", "study.tar.gz"])
+def test_of_an_archive_it_is_said_what_to_do(send: Send, folder: Path, name: str) -> None:
+    assert f"{PurePosixPath(name).name} is an archive. Unpack it" in refused(send((name, b"PK")), folder)
 
 
 def test_slices_of_dicom_need_no_ending(send: Send, folder: Path) -> None:
