@@ -133,6 +133,17 @@ def test_where_the_system_sets_the_colours_sliders_eyes_and_what_is_chosen_are_s
         page.page.emulate_media(forced_colors="none")
 
 
+def test_a_hidden_structure_s_eye_is_struck_through_and_not_only_darker(page: AppPage) -> None:
+    struck = "one => getComputedStyle(one, '::after').content !== 'none'"
+    assert not page["class-visible-0"].evaluate(struck)
+    page["class-visible-0"].click()
+    page.wait_for_state("!classes[0].visible")
+    page.wait_for_drawing()
+    assert page["class-visible-0"].evaluate(struck)
+    page["class-visible-0"].click()
+    page.wait_for_state("classes[0].visible")
+
+
 def test_the_tab_key_leads_to_every_control_and_shows_where_it_is(page: AppPage) -> None:
     controls = page.page.evaluate(NUMBER_ALL)
     assert len(controls) > 80
