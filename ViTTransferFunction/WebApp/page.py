@@ -40,7 +40,10 @@ def build_page(server: Any, contexts: list[str]) -> None:
         "keys": [{"key": key, "action": action, "meaning": words[action]} for action, key in keys.items()],
         "table_keys": list(TABLE_KEYS),
         "tips": {action: f"{words[action].capitalize()} ({key})" for action, key in keys.items()},
-        "tools": [{"name": tool, "icon": icon} for tool, icon in TOOL_ICONS.items()],
+        "tools": [
+            {"name": tool, "icon": icon, "text": form[f"{tool}Button"]["text"], "tip": f"{words[tool]} ({keys[tool]})"}
+            for tool, icon in TOOL_ICONS.items()
+        ],
         "form": form,
         "choices": choices(),
         "preset_meanings": PRESET_MEANINGS,

@@ -165,6 +165,20 @@ def test_screen_readers_have_a_name_for_every_control(page: AppPage) -> None:
     assert [node for node in controls if not _value(node, "name")] == []
 
 
+def test_tools_have_the_names_of_the_panel_and_of_its_guide(page: AppPage) -> None:
+    for name in ("Add structure", "Inside", "Outside", "Brush in", "Lasso out", "Outline", "Diameter", "Erase"):
+        assert page.page.get_by_role("button", name=name, exact=True).count() == 1, name
+    assert page["tool-pointOff"].get_attribute("title") == "Outside: place points outside the structure (N)"
+
+
+def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) -> None:
+    kept = {"points": 9, "when_ms": 0, "names": list("ABCDEFG")}
+    page.page.evaluate("(kept) => window.trame.state.set('restorable', kept)", kept)
+    page["restorable"].get_by_text("not saved: A, B, C, D, E and 2 more.").wait_for()
+    page.page.evaluate("() => window.trame.state.set('restorable', null)")
+    page["restorable"].wait_for(state="detached")
+
+
 def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> None:
     page["class-2"].focus()
     page.page.keyboard.press("Enter")
