@@ -179,6 +179,23 @@ def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) ->
     page["restorable"].wait_for(state="detached")
 
 
+def test_what_is_unfolded_comes_into_sight(page: AppPage) -> None:
+    page["advanced"].locator("summary").click()
+    page.wait_for_state("state.get('advanced_open') === false")
+    page.page.set_viewport_size({"width": 1280, "height": 500})
+    try:
+        page["advanced"].locator("summary").click()
+        page.page.wait_for_function(
+            """() => {
+              const [part, panel] = [".sections details:last-child", ".sections"].map((one) =>
+                document.querySelector(one).getBoundingClientRect());
+              return part.height > panel.height && Math.abs(part.top - panel.top) < 2;
+            }"""
+        )
+    finally:
+        page.page.set_viewport_size({"width": 1280, "height": 800})
+
+
 def test_a_structure_is_chosen_renamed_and_removed_by_keys(page: AppPage) -> None:
     page["class-2"].focus()
     page.page.keyboard.press("Enter")

@@ -83,6 +83,16 @@
     row.parentElement.scrollTop += Math.min(0, box.top - table.top) + Math.max(0, box.bottom - table.bottom);
   }).observe(document.documentElement, { attributeFilter: ["aria-current"], childList: true, subtree: true });
 
+  // What is unfolded comes into sight: the last parts of a small screen's panel would be unfolded below its end. Some of it comes
+  // from the server, a moment later; the user who goes on meanwhile is left alone.
+  const unfolded = new ResizeObserver(([entry]) => entry.target.scrollIntoView({ block: "nearest" }));
+  for (const use of ["pointerdown", "keydown", "wheel"])
+    window.addEventListener(use, () => unfolded.disconnect(), { capture: true, passive: true });
+  document.addEventListener("click", (event) => {
+    const summary = event.target.closest && event.target.closest("summary");
+    if (summary && !summary.parentElement.open) unfolded.observe(summary.parentElement);
+  });
+
   // A dialog has the keyboard while it is there, and gives it back.
   let dialog = null;
   let before = null;
