@@ -135,6 +135,22 @@ def test_without_the_token_there_is_no_page(new_page: NewPage, server: Server) -
     assert "whole address" in page.page.inner_text("body")
 
 
+def test_before_anything_is_open_the_tab_key_leads_only_to_what_can_be_seen(at_app: AppPage) -> None:
+    page = at_app
+    page["welcome"].wait_for()
+    reached, can_be_seen = "", True
+    while reached != "open-sample":
+        page.page.keyboard.press("Tab")
+        reached, can_be_seen = page.page.evaluate(
+            """() => {
+              const one = document.activeElement, box = one.getBoundingClientRect();
+              const seen = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+              return [one.dataset.testid ?? "", one.contains(seen)];
+            }"""
+        )
+        assert can_be_seen
+
+
 def test_a_volume_is_opened_clicked_at_corrected_refined_and_downloaded(at_app: AppPage, volume: Path, tmp_path: Path) -> None:
     import slicerio
 
