@@ -14,6 +14,7 @@ from ..Logic.scene.interface.wording import style_words
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.views.exported_renderings import exported_renderings, remove_exported
 from ..Logic.scene.volumes.volume_window import set_window
+from .opening import OPENING
 from .panel_state import PARAMETERS, color_of_hex
 from .view_camera import load_camera
 
@@ -24,6 +25,8 @@ _SETTINGS: dict[str, type] = {"opacity": float, "proximity": float, "refine": bo
 """Fields of the selected class that the page's sliders and boxes set."""
 _FOLDED = ("appearance", "advanced")
 """Parts of the page that are made when they are opened."""
+_NOT_OPENED = ("notReadable", "nothingDropped", "notSent")
+"""By which the page tells why nothing was opened: as the server itself does, until something else is opened."""
 
 
 class Actions:
@@ -84,6 +87,7 @@ class Actions:
             "updateAndDownload": app.update_and_download,
             "showSegments": self._show_segments,
             "notReadable": self._tell_of_unreadable_drop,
+            "nothingDropped": self._tell_of_empty_drop,
             "notSent": self._tell_of_broken_upload,
             "closeMessages": app.close_messages,
         }
@@ -102,7 +106,7 @@ class Actions:
         if action is None:
             return False
         # Of one setting, or of one thing to do, the last attempt counts.
-        about = f"{name} {arguments[0]}" if name == "parameter" and arguments else name
+        about = OPENING if name in _NOT_OPENED else f"{name} {arguments[0]}" if name == "parameter" and arguments else name
         self._app.try_again(about)
         done = True
         try:
@@ -142,6 +146,11 @@ class Actions:
         raise InputError(
             f"What was dropped cannot be read by the browser ({shown(str(reason))}), and nothing was opened. Check that its "
             "files are still there and that you may read them."
+        )
+
+    def _tell_of_empty_drop(self) -> None:
+        raise InputError(
+            "What was dropped has no files in it, and nothing was opened. Drop a scan's file, or the folder with its slices."
         )
 
     def _tell_of_broken_upload(self) -> None:

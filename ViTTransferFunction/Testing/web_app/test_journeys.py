@@ -424,6 +424,17 @@ def test_a_folder_that_cannot_be_read_is_told_of(at_app: AppPage, volume: Path) 
     page.page.get_by_text("What was dropped cannot be read by the browser").wait_for()
 
 
+def test_a_folder_without_files_is_told_of(at_app: AppPage, volume: Path, tmp_path: Path) -> None:
+    page = at_app
+    open_volume(page, volume)
+    drop(page, tmp_path)
+    page.page.get_by_text("What was dropped has no files in it").wait_for()
+    (tmp_path / "notes.txt").write_text("notes", encoding="utf-8")
+    drop(page, tmp_path / "notes.txt")
+    page.page.get_by_text("'notes.txt' is of no known format").wait_for()
+    assert "has no files" not in page["message"].inner_text()
+
+
 def test_the_session_outlives_a_reload_and_names_are_text(at_app: AppPage, volume: Path) -> None:
     page = at_app
     open_volume(page, volume)

@@ -176,10 +176,11 @@
       // A part of a series would look like another one.
       return act("notReadable", String(error.message));
     }
+    if (!files.length) return act("nothingDropped");
     // Points are added to what is open.
     const arePoints = files.length === 1 && files[0].name.toLowerCase().endsWith(".json");
     dropped = [files, entries.length === 1 && entries[0].isDirectory ? entries[0].name : ""];
     if (!state("unsaved") || arePoints) return send(...dropped);
-    set("asking_dropped", files.length > 0);
+    set("asking_dropped", true);
   });
 })();
