@@ -77,14 +77,15 @@ def class_states(
 def new_among(states: Sequence[ClassState], existing: Sequence[ClassState]) -> list[ClassState]:
     """Those of some classes that are not there already, with the same points and settings, as they are to be added.
 
-    Where another class has the name, a number follows; where one has the colour, it is another one.
+    Where another class has the name, a number follows; where one has the colour, it is another one, which none of them has.
     """
     new: list[ClassState] = []
     for state in states:
         if not any(_are_alike(state, present) for present in existing):
-            fresh = new_class_state([*existing, *new], state.name)
+            name = new_class_state([*existing, *new], state.name).name
             is_taken = any(np.allclose(state.color, other.color, atol=SAME_COLOR) for other in existing)
-            new.append(changed(state, name=fresh.name, color=fresh.color if is_taken else state.color))
+            color = new_class_state([*existing, *new, *states]).color if is_taken else state.color
+            new.append(changed(state, name=name, color=color))
     return new
 
 

@@ -16,6 +16,8 @@ from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations, write_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
+from ViTTransferFunction.Logic.scene.classes.annotated_classes import new_among
+from ViTTransferFunction.Logic.scene.classes.class_state import new_class_state
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_close_up
 from ViTTransferFunction.Testing.support.scenes import MOVED, annotate, put_under, segment_masks
@@ -143,6 +145,15 @@ def test_what_is_there_already_is_not_added_again_and_a_name_that_is_taken_gets_
     assert len({state.color for state in session.classes}) == 4
     assert len(session.file_classes.annotated()) == 4
     assert session.take_error() is None
+
+
+def test_a_structure_whose_colour_is_taken_gets_none_of_those_that_come_with_it() -> None:
+    present = new_class_state([], "nodule")
+    liver = replace(new_class_state([], "liver"), positive=((1.0, 2.0, 3.0),))
+    spleen = replace(new_class_state([liver], "spleen"), positive=((4.0, 5.0, 6.0),))
+    added = new_among([liver, spleen], [present])
+    assert len({state.color for state in (present, *added)}) == 3
+    assert [state.color for state in added][1] == spleen.color
 
 
 def test_points_of_another_scan_are_refused_and_nothing_is_added(session: SceneSession, spheres: Spheres) -> None:
