@@ -259,3 +259,16 @@ def test_a_scene_that_was_saved_while_the_user_placed_elsewhere_goes_on_placing_
     assert interaction.GetCurrentInteractionMode() == interaction.Place
     assert interaction.GetPlaceModePersistence()
     assert slicer.mrmlScene.GetNodeByID(selection.GetActivePlaceNodeID()).GetName() == "aorta"
+
+
+def test_the_tool_stays_in_hand_when_a_scene_is_added_that_says_nothing_of_the_mouse(
+    widget: Any, interaction: Any, selection: Any, tmp_path: Path
+) -> None:
+    selected = add_class(widget)
+    (tmp_path / "added.mrml").write_text('<MRML version="Slicer4.4.0"></MRML>')
+    slicer.mrmlScene.SetURL(str(tmp_path / "added.mrml"))
+    assert slicer.mrmlScene.Import()
+    assert widget.ui.pointOnButton.isChecked()
+    assert interaction.GetCurrentInteractionMode() == interaction.Place
+    points = widget.panel.session.annotations.points_node(selected.id, positive=True)
+    assert selection.GetActivePlaceNodeID() == points.GetID()
