@@ -114,14 +114,25 @@ def test_outlines_are_seen_but_faintly_and_move_with_the_volume(slicer_app: Any)
 def test_the_same_proposals_are_not_outlined_anew_and_others_are(slicer_app: Any) -> None:
     views = Views(slicer_app)
     shown = ProposalOutlines(views.scene)
-    shown.show(views.volume, proposals())
+    neighbour = ClassMap(0.5 * CONE, GEOMETRY, 0.1)
+    first = proposals(others=(neighbour,))
+    shown.show(views.volume, first)
     finish(shown)
-    shown.show(views.volume, proposals(CONE.copy()))
+    shown.show(views.volume, proposals(CONE.copy(), others=(replace(neighbour, array=0.5 * CONE),)))
     assert not shown.pending
-    for other in (proposals(size=1.0), replace(proposals(), color=BLUE), proposals(0.9 * CONE)):
-        shown.show(views.volume, other)
-        assert shown.pending
-        finish(shown)
+    for other in (
+        proposals(size=1.0, others=(neighbour,)),
+        proposals(0.9 * CONE, others=(neighbour,)),
+        proposals(others=(replace(neighbour, array=0.6 * CONE),)),
+        proposals(others=(replace(neighbour, iso=0.2),)),
+        proposals(),
+        replace(first, points_ras=first.points_ras + 1.0),
+        replace(first, color=BLUE),
+    ):
+        for changed in (other, first):
+            shown.show(views.volume, changed)
+            assert shown.pending
+            finish(shown)
 
 
 def test_scrolling_through_sizes_makes_each_surface_once(monkeypatch: pytest.MonkeyPatch) -> None:
