@@ -112,3 +112,34 @@ def test_what_cut_another_volume_comes_to_one_that_lies_elsewhere_and_stays_wher
     node.SetCenterWorld(0.0, 0.0, 0.0)
     shown_cut(scene, parameters, there)
     assert node.GetCenterWorld() == pytest.approx([0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("cut", ["box", "plane"])
+def test_what_cuts_stays_where_it_is_when_its_middle_lies_in_the_next_volume_too(slicer_app: Any, cut: str) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    parameters.set("renderingCut", cut)
+    baseline, follow_up = (scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", name) for name in ("baseline", "follow-up"))
+    for volume in (baseline, follow_up):
+        set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    node = shown_cut(scene, parameters, baseline)
+    node.SetCenterWorld(25.0, 5.0, 1.0)
+    assert shown_cut(scene, parameters, follow_up) is node
+    assert node.GetCenterWorld() == pytest.approx([25.0, 5.0, 1.0])
+
+
+def test_the_plane_is_moved_by_handles_along_its_normal_and_tilted_and_hides_nothing(slicer_app: Any) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    parameters.set("renderingCut", "plane")
+    display = shown_cut(scene, parameters, volume).GetDisplayNode()
+    assert display.GetHandlesInteractive()
+    assert display.GetTranslationHandleVisibility()
+    assert display.GetRotationHandleVisibility()
+    assert not display.GetScaleHandleVisibility()
+    assert list(display.GetTranslationHandleComponentVisibility())[:3] == [False, False, True]
+    assert list(display.GetRotationHandleComponentVisibility())[:3] == [True, True, False]
+    assert not display.GetFillVisibility()
+    assert not display.GetPropertiesLabelVisibility()
