@@ -73,7 +73,9 @@ def test_a_picture_has_its_own_size_and_shows_what_the_view_shows(window: Any, s
     assert set(picture[0, 0].tolist()) <= {127, 128}
 
 
-def test_a_transparent_picture_has_nothing_behind_what_is_shown(window: Any) -> None:
+@pytest.mark.parametrize("gradient", [False, True])
+def test_a_transparent_picture_has_nothing_behind_what_is_shown(window: Any, gradient: bool) -> None:
+    window.GetRenderers().GetFirstRenderer().SetGradientBackground(gradient)
     picture = view_picture(window, SIZE, transparent=True)
     assert picture.shape == (40, 60, 4)
     assert picture[0, 0].tolist() == [0, 0, 0, 0]
@@ -81,7 +83,22 @@ def test_a_transparent_picture_has_nothing_behind_what_is_shown(window: Any) -> 
     assert {tuple(color) for color in shown[:, :3].tolist()} == {(255, 0, 0), (0, 0, 255)}
 
 
+def test_what_is_translucent_has_its_own_colours_in_a_transparent_picture(window: Any) -> None:
+    for actor in window.GetRenderers().GetFirstRenderer().GetActors():
+        actor.GetProperty().SetOpacity(0.3)
+    picture = view_picture(window, SIZE, transparent=True)
+    shown = picture[picture[..., 3] > 0].astype(int)
+    assert len(shown)
+    assert shown[:, 3].max() < 250
+    # What was weighed by a small opacity comes back less exactly.
+    right_or_left = [abs(shown[:, :3] - 255 * np.array(color)).max(axis=1) for color in COLORS.values()]
+    assert np.minimum(*right_or_left).max() <= 4
+
+
 def test_the_view_is_afterwards_as_it_was(window: Any) -> None:
+    # As Slicer's views have it.
+    window.GetRenderers().GetFirstRenderer().GradientBackgroundOn()
+    window.GetRenderers().GetFirstRenderer().SetBackground2(0.1, 0.2, 0.3)
     before = view_picture(window, SIZE)
     look = camera(window).GetPosition(), camera(window).GetClippingRange(), window.GetSize(), window.GetSwapBuffers()
     view_picture(window, (100, 80), transparent=True, camera=FRONT.turned(70.0))
