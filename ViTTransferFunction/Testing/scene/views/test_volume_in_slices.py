@@ -136,15 +136,16 @@ def test_a_scan_that_is_small_in_views_is_shown_as_large_as_can_be_on_the_slices
     assert [view.get_view_node().GetSliceOffset() for view in in_layout] == pytest.approx(offsets)
 
 
-@pytest.mark.parametrize(("zoom", "fused"), [(0.5, False), (3.0, True)])
+@pytest.mark.parametrize(("zoom", "fused"), [((0.5, 0.5), False), ((3.0, 0.9), False), ((3.0, 3.0), True)])
 def test_a_view_that_is_near_or_shows_another_scan_as_well_stays_as_it_is(
-    views: Views, in_layout: list[Any], zoom: float, fused: bool
+    views: Views, in_layout: list[Any], zoom: tuple[float, float], fused: bool
 ) -> None:
     other = add_scan(views)
     for view, composite in zip(in_layout, nodes_of_class(views.scene, COMPOSITE_CLASS), strict=True):
         node = view.get_view_node()
         views.app_logic.GetSliceLogicByLayoutName(node.GetLayoutName()).FitSliceToBackground()
-        node.SetFieldOfView(*(zoom * size for size in node.GetFieldOfView()[:2]), node.GetFieldOfView()[2])
+        width, height, depth = node.GetFieldOfView()
+        node.SetFieldOfView(zoom[0] * width, zoom[1] * height, depth)
         composite.SetForegroundVolumeID(other.GetID() if fused else None)
     places = [where(view) for view in in_layout]
     fit_in_slices(views.scene, views.app_logic, views.volume)
