@@ -211,6 +211,15 @@ def test_an_iso_surface_is_closed_where_the_border_of_the_map_cuts_it() -> None:
         assert lowest == pytest.approx(-0.5, abs=2e-3)
 
 
+@pytest.mark.parametrize("at_end", [False, True])
+def test_the_surface_of_a_fine_map_is_half_a_voxel_from_those_within_on_all_sides(at_end: bool) -> None:
+    array = np.zeros((4, 5, 6), dtype=np.uint8)
+    array[:2, :3, 1:3] = 255
+    (surface,) = finished(iso_surface(a_map(0.5, np.flip(array) if at_end else array, np.eye(4))))
+    expected = [0.5, 2.5, -0.5, 2.5, -0.5, 1.5] if not at_end else [2.5, 4.5, 1.5, 4.5, 1.5, 3.5]
+    assert surface.GetBounds() == pytest.approx(expected, abs=5e-3)
+
+
 def test_the_surface_of_a_large_map_is_made_in_parts_that_meet() -> None:
     shape, radius = (120, 120, 120), 56.0
     assert np.prod(shape) > PART_VOXELS
