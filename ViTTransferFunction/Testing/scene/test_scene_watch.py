@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
+from ViTTransferFunction.Logic.scene.mrml.transforms import vtk_matrix
 from ViTTransferFunction.Logic.scene.scene_watch import SceneWatch
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
-from ViTTransferFunction.Testing.support.scenes import OBLIQUE, add_parameter_node, add_segment, put_under
+from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_parameter_node, add_segment, put_under
 from ViTTransferFunction.Testing.support.segments import SHAPE, block
 
 
@@ -53,7 +54,9 @@ def volume(heard: Heard, a_volume: Any) -> Any:
 def test_other_voxels_another_place_and_another_name_of_the_volume_are_heard_of(heard: Heard, volume: Any) -> None:
     set_image(volume, np.zeros(SHAPE, dtype=np.int16), OBLIQUE)
     assert heard.take() == ["parameters"]
-    put_under(volume, np.eye(4))
+    transform = put_under(volume, np.eye(4))
+    assert heard.take() == ["parameters"]
+    transform.SetMatrixTransformToParent(vtk_matrix(MOVED))
     assert heard.take() == ["parameters"]
     volume.SetName("MR")
     assert heard.take() == ["parameters"]
@@ -66,13 +69,17 @@ def test_nothing_is_heard_of_a_volume_that_is_not_chosen_any_more(heard: Heard, 
     assert heard.take() == []
 
 
-def test_segments_that_others_add_and_show_are_heard_of(heard: Heard, a_segmentation: Any) -> None:
+def test_segments_that_others_add_show_and_move_are_heard_of(heard: Heard, a_segmentation: Any) -> None:
     a_segmentation.CreateDefaultDisplayNodes()
     heard.parameters.set_reference("segmentation", a_segmentation)
     heard.take()
     add_segment(a_segmentation, "bone", block(0, 3), OBLIQUE)
     assert heard.take() == ["segments"]
     a_segmentation.GetDisplayNode().SetSegmentVisibility("bone", False)
+    assert heard.take() == ["segments"]
+    transform = put_under(a_segmentation, np.eye(4))
+    assert heard.take() == ["segments"]
+    transform.SetMatrixTransformToParent(vtk_matrix(MOVED))
     assert heard.take() == ["segments"]
 
 
