@@ -192,6 +192,14 @@ def test_a_view_from_which_the_user_takes_the_volume_is_empty_and_nothing_is_log
     assert (redness(view, INSIDE) > 100) is not hidden_before
 
 
+def test_a_view_that_shows_a_foreground_alone_shows_the_layer_too(views: Views, layer: SliceLayer) -> None:
+    view = with_pet(views)
+    view.set_background_volume_id(None)
+    assert redness(view, INSIDE) == 0
+    layer.show(red_cube(views), OPACITY)
+    assert redness(view, INSIDE) > 30
+
+
 @pytest.mark.parametrize("mode", ["Add", "Subtract", "ReverseAlpha"])
 def test_where_layers_are_not_blended_in_order_the_view_is_as_without_it(views: Views, layer: SliceLayer, mode: str) -> None:
     view = with_pet(views)
