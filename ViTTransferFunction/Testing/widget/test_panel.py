@@ -36,7 +36,7 @@ from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
-from ViTTransferFunction.Testing.support.widgets import add_class, place, text
+from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
@@ -639,3 +639,10 @@ def test_a_panel_that_was_left_does_not_follow_slicers_style(widget: Any, monkey
     widget.enter()
     change_style()
     assert told == 2 * ["colours"]
+
+
+def test_after_a_closed_scene_the_session_is_asked_for_news_again(widget: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    slicer.mrmlScene.Clear(False)
+    asked: list[bool] = []
+    monkeypatch.setattr(widget.panel.session, "poll", lambda: asked.append(True))
+    wait_until(lambda: bool(asked))
