@@ -53,20 +53,20 @@ class SegmentOutput:
         self._parameters = parameters
         self._classes = classes
         self._report = report
-        self._work: _Work | None = None
-        self._then: Callable[[], None] = lambda: None
+        # What runs, and what is done when it is finished: together, since both hold voxels.
+        self._running: tuple[_Work, Callable[[], None]] | None = None
         self._corrected: tuple[str, ...] = ()
         self._written = False
 
     @property
     def busy(self) -> bool:
         """Whether `advance` has something to do."""
-        return self._work is not None
+        return self._running is not None
 
     @property
     def progress(self) -> WorkProgress | None:
         """Of what runs."""
-        return self._work.progress if self._work else None
+        return self._running[0].progress if self._running else None
 
     def find_corrections(self, if_none: Callable[[], None]) -> None:
         """Begin to look for corrected segments; `if_none` is called where there are none, else `take_corrected` names them."""
@@ -76,7 +76,7 @@ class SegmentOutput:
             if_none()
         else:
             search = _CorrectionSearch(node, self._annotated())
-            self._work, self._then = search, lambda: self._on_searched(search, if_none)
+            self._running = search, lambda: self._on_searched(search, if_none)
 
     def take_corrected(self) -> tuple[str, ...]:
         """Names of the corrected segments that were found since the last call."""
@@ -139,16 +139,16 @@ class SegmentOutput:
             else:  # A class was removed meanwhile, or came back.
                 self.write(node, labels, class_ids, corrections, source)
 
-        self._work, self._then = preparation, on_prepared
+        self._running = preparation, on_prepared
 
     def advance(self) -> None:
         """Go on for some milliseconds. Raises InputError where segments can no longer be written there; that is then over."""
-        work = self._work
-        if work is None:
+        if self._running is None:
             return
+        work, then = self._running
         removed = [node for node in work.nodes if not self._scene.IsNodePresent(node)]
         if removed:
-            self._work = None
+            self._running = None
             if self._parameters.volume is not None and removed[0].IsA(REFERENCES["segmentation"]):
                 raise InputError(segmentation_removed_text(removed[0].GetName()))
             return
@@ -159,15 +159,15 @@ class SegmentOutput:
         try:
             finished = work.advance()
         except InputError:
-            self._work = None
+            self._running = None
             raise
         if finished:
-            self._work = None
-            self._then()
+            self._running = None
+            then()
 
     def cancel(self) -> None:
         """Stop; nothing has changed."""
-        self._work, self._corrected = None, ()
+        self._running, self._corrected = None, ()
 
     def _annotated(self) -> set[str]:
         """Ids of the classes that a segment can be made of."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -121,6 +123,22 @@ def test_cancelling_leaves_everything_as_it_was(desk: Desk) -> None:
     assert desk.finish() == 0
     assert desk.voxels() == {"bone": BONE}
     assert desk.scene.GetNumberOfNodes() == nodes
+
+
+@pytest.mark.parametrize("end", ["written", "cancelled"])
+def test_labels_leave_memory_when_they_are_not_needed_any_more(desk: Desk, end: str) -> None:
+    labels = Labels(LABELS.copy(), (0, 0, 0))
+    voxels = ref(labels.array)
+    desk.output.write(desk.segmentation, labels, ["a", "b"], "keep", "")
+    del labels
+    desk.output.advance()
+    assert voxels() is not None
+    if end == "written":
+        desk.finish()
+    else:
+        desk.output.cancel()
+    gc.collect()
+    assert voxels() is None
 
 
 def test_a_new_segmentation_is_made_with_its_segments(desk: Desk) -> None:
