@@ -33,6 +33,7 @@ class ClassLists:
 
     def show_only(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> None:
         """Have no other lists seen: points of one scan are nowhere in particular in another one."""
+        self._forget_gone()
         shown = set(lists)
         for positive in class_nodes_of_all(self._parameter_node):
             self._negative.update(lists_of(positive)[1:])
@@ -40,16 +41,19 @@ class ClassLists:
                 (bring_back if node in shown else put_away)(node)
 
     def remove_widowed(self) -> None:
-        """Remove lists of negative points whose class is gone, and forget lists that are not in the scene any more."""
+        """Remove lists of negative points whose class is gone."""
         remove_widowed_lists(self._scene, self._negative)
-        self._negative = {node for node in self._negative if self._scene.IsNodePresent(node)}
-        self._transforms = {node: at for node, at in self._transforms.items() if self._scene.IsNodePresent(node)}
 
     def have_moved(self, lists: Sequence[slicer.vtkMRMLMarkupsFiducialNode]) -> bool:
         """Whether a transform has moved one of some lists since the last call about it."""
         before, now = self._transforms, {node: _transform_of(node) for node in lists}
         self._transforms = before | now
         return any(before.get(node, matrix) != matrix for node, matrix in now.items())
+
+    def _forget_gone(self) -> None:
+        """Let go of lists that are not in the scene any more, whoever removed them."""
+        self._negative = {node for node in self._negative if node.GetScene() is not None}
+        self._transforms = {node: at for node, at in self._transforms.items() if node.GetScene() is not None}
 
 
 def _transform_of(node: slicer.vtkMRMLMarkupsFiducialNode) -> bytes | None:

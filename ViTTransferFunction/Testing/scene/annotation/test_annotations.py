@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 from typing import Any
 
@@ -81,6 +83,19 @@ def test_a_removed_class_comes_back_with_its_points_and_settings(session: SceneS
     session.annotations.undo()
     assert {state.id: state for state in session.classes} == before
     assert [state.id for state in session.classes] == list(before)
+
+
+@pytest.mark.parametrize("how", ["removed", "undone"])
+def test_the_lists_of_a_class_that_is_gone_leave_memory(session: SceneSession, how: str) -> None:
+    state = session.annotations.add_class("sphere")
+    lists = [weakref.ref(session.annotations.points_node(state.id, positive)) for positive in (True, False)]
+    assert None not in [each() for each in lists]
+    if how == "removed":
+        session.annotations.remove_class(state.id)
+    else:
+        session.annotations.undo()
+    gc.collect()
+    assert [each() for each in lists] == [None, None]
 
 
 def names(session: SceneSession) -> list[str]:
