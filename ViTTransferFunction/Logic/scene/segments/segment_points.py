@@ -15,7 +15,7 @@ from ..mrml.transforms import matrix_to_world
 from .labelmaps import LABELMAP, Labelmap, labelmaps_of
 
 _Key = tuple[str, str, int]
-_State = tuple[Any, int, int]
+_State = tuple[int, int]
 
 
 class SegmentPoints:
@@ -57,6 +57,7 @@ class SegmentPoints:
         """Search for some milliseconds; returns whether points of all segments that were asked about have been found."""
         self._begin_anew_where_changed()
         if self._work is None and not self._begin():
+            self._boxes.clear()
             return True
         assert self._work is not None
         (key, state, work), self._work = self._work, None  # What a defect raises is raised once.
@@ -119,7 +120,7 @@ class SegmentPoints:
 
 
 def _state(segmentation_node: Any, segment_id: str) -> _State:
-    """What a segment's voxels are told by."""
+    """What a segment's voxels are told by: VTK counts the modifications of all images together. The image itself is not kept."""
     segment = segmentation_node.GetSegmentation().GetSegment(segment_id)
     image = segment.GetRepresentation(LABELMAP)
-    return image, image.GetMTime() if image else 0, segment.GetLabelValue()
+    return image.GetMTime() if image else 0, segment.GetLabelValue()

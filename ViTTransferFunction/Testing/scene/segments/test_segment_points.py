@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.compute.proxy import SegmentationProxy
@@ -79,6 +81,26 @@ def test_points_are_found_anew_when_voxels_change_and_only_then(a_segmentation: 
     assert first is not None
     assert again is not None
     assert set(rounded(again)).isdisjoint(rounded(first))
+
+
+@pytest.mark.parametrize("steps", [3, None])
+def test_labelmaps_of_segments_that_are_removed_leave_memory(
+    a_segmentation: Any, steps: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.volumes.stepped_work.ADVANCE_S", 0.0)
+    add_segment(a_segmentation, "liver", block(1, 4), OBLIQUE)
+    labelmap = vtk.vtkWeakReference()
+    labelmap.Set(a_segmentation.GetSegmentation().GetSegment("liver").GetRepresentation(LABELMAP))
+    points = SegmentPoints(a_segmentation.GetScene())
+    points.of(a_segmentation, "liver", 3)
+    for _ in range(steps or 1000):
+        points.advance()
+    assert points.busy == (steps is not None)
+    a_segmentation.GetSegmentation().RemoveSegment("liver")
+    points.advance()
+    gc.collect()
+    assert not points.busy
+    assert labelmap.Get() is None
 
 
 @pytest.mark.parametrize("steps", range(1, 6))
