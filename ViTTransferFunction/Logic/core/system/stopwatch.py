@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class Stopwatch:
@@ -35,4 +36,17 @@ def peak_memory_bytes() -> int | None:
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
+    if sys.platform == "darwin":
+        return peak
+    # That of Linux begins with the peak of the program that started this one.
+    own = _own_peak_kib()
+    return 1024 * (peak if own is None else own)
+
+
+def _own_peak_kib() -> int | None:
+    """As Linux counts it for this program alone; None where its kernel is one that does not."""
+    try:
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    return next((int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), None)

@@ -120,7 +120,7 @@ class SegmentPoints:
 
 
 def _state(segmentation_node: Any, segment_id: str) -> _State:
-    """What a segment's voxels are told by: VTK counts the modifications of all images together. The image itself is not kept."""
+    """What a segment's voxels are told by, without the image: VTK counts the modifications of all images together."""
     segment = segmentation_node.GetSegmentation().GetSegment(segment_id)
     image = segment.GetRepresentation(LABELMAP)
     return image.GetMTime() if image else 0, segment.GetLabelValue()
