@@ -11,6 +11,7 @@ from ViTTransferFunction.Logic.core.volumes.geometry import Box
 from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops, crop_map, crop_voxel_map, restricted
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Testing.support.allocation import peak_bytes
 from ViTTransferFunction.Testing.support.spheres import Spheres, requests_of
 
 
@@ -27,6 +28,11 @@ def test_a_crop_holds_all_of_the_map_that_matters(ramp: np.ndarray) -> None:
     whole[crop.box] = crop.array / 255.0
     np.testing.assert_allclose(whole[ramp >= 0.25], ramp[ramp >= 0.25], atol=0.5 / 255.0)
     assert crop.array.size < ramp.size
+
+
+def test_a_crop_takes_little_more_than_its_bytes() -> None:
+    similarity = np.ones((64, 128, 128), dtype=np.float32)
+    assert peak_bytes(lambda: crop_map(similarity, 0.5)) < 2.5 * similarity.size
 
 
 def test_a_map_of_nothing_still_has_a_box() -> None:
