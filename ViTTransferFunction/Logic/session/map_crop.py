@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.classes.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap, box_above
+from ..core.classes.class_map import FULL_SCALE, NEAR_SHARE_OF_ISO, ClassMap
 from ..core.classes.class_request import ClassRequest
-from ..core.volumes.bounding_box import grown, out_of, whole_box
+from ..core.volumes.bounding_box import bounding_box, grown, out_of, whole_box
 from ..core.volumes.geometry import Box, Geometry
 from ..core.volumes.voxel_map import VoxelMap
 from .refined_map import RefinedMap
@@ -47,31 +47,30 @@ class SegmentCrops:
 
     def take(self, request: ClassRequest, full: RefinedMap) -> None:
         """Keep of the next class's map what matters; an `on_map` of `SegmentationSession.segment`."""
-        self._crops.append(crop_voxel_map(full.voxels, full.iso))
+        self._crops.append(crop_map(full.voxels, full.iso))
 
     def of(self, labels: np.ndarray) -> tuple[MapCrop, ...]:
-        """The crops of all classes, given the `labels` (K, J, I) of the volume that came of their maps."""
-        return tuple(restricted(crop, labels, label) for label, crop in enumerate(self._crops, start=1))
+        """The crops of all classes, given the `labels` (K, J, I) of the volume that came of their maps; to be asked once."""
+        # Those of the maps leave memory one by one.
+        crops = (self._crops.pop(0) for _ in range(len(self._crops)))
+        return tuple(restricted(crop, labels, label) for label, crop in enumerate(crops, start=1))
 
 
-def crop_map(similarity: np.ndarray, iso: float) -> MapCrop:
-    """Cut the map (K, J, I) in [0, 1] down to the box of its iso-surface and two voxels around it."""
-    # Where nothing is above, a box all the same: two voxels, so that it has an extent.
-    box = box_above(similarity, NEAR_SHARE_OF_ISO * iso, MARGIN_VOXELS) or (slice(0, 2),) * 3
-    part = similarity[box]
-    array = np.empty(part.shape, dtype=np.uint8)
+def crop_map(voxels: VoxelMap, iso: float) -> MapCrop:
+    """Cut a map down to the box of its iso-surface and two voxels around it."""
+    near = NEAR_SHARE_OF_ISO * iso
+    reaching = voxels.box_above(near) or (slice(0, 0),) * 3
+    around = k, j, i = grown(reaching, (MARGIN_VOXELS,) * 3, whole_box(voxels.shape))
+    array = np.empty([extent.stop - extent.start for extent in around], dtype=np.uint8)
+    reaches = np.empty(array.shape, dtype=bool)
     # Plane by plane: in four bytes a voxel, twice, a long structure's box would be more than the volume.
-    for plane, similarities in zip(array, part, strict=True):
-        plane[...] = np.rint(similarities * np.float32(FULL_SCALE))
-    return MapCrop(array, box, iso)
-
-
-def crop_voxel_map(voxels: VoxelMap, iso: float) -> MapCrop:
-    """As `crop_map`, of a map that is not all in memory."""
-    reaching = voxels.box_above(NEAR_SHARE_OF_ISO * iso) or (slice(0, 0),) * 3
-    around = grown(reaching, (MARGIN_VOXELS,) * 3, whole_box(voxels.shape))
-    crop = crop_map(voxels.part(around), iso)
-    return MapCrop(crop.array, out_of(crop.box, around), crop.iso)
+    for index, of_plane, reaches_there in zip(range(k.start, k.stop), array, reaches, strict=True):
+        (similarities,) = voxels.part((slice(index, index + 1), j, i))
+        of_plane[...] = np.rint(similarities * np.float32(FULL_SCALE))
+        np.greater_equal(similarities, near, out=reaches_there)
+    # Where nothing reaches it, a box all the same: two voxels, so that it has an extent.
+    box = bounding_box(reaches, MARGIN_VOXELS) or (slice(0, 2),) * 3
+    return MapCrop(array[box].copy(), out_of(box, around), iso)
 
 
 def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:
@@ -80,6 +79,9 @@ def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:
     Other classes may have won the rest, or it was dropped as a part without a click.
     """
     threshold = int(np.ceil(crop.iso * FULL_SCALE))
-    inside = labels[crop.box] == label
-    array = np.where(inside, np.maximum(crop.array, threshold), np.minimum(crop.array, max(threshold - 1, 0)))
-    return MapCrop(array.astype(np.uint8), crop.box, crop.iso)
+    array = np.empty_like(crop.array)
+    # Plane by plane, since a long structure's box is large: at once, it would take as much as five of it.
+    for restricted_plane, plane, of_plane in zip(array, crop.array, labels[crop.box], strict=True):
+        inside = of_plane == label
+        restricted_plane[...] = np.where(inside, np.maximum(plane, threshold), np.minimum(plane, max(threshold - 1, 0)))
+    return MapCrop(array, crop.box, crop.iso)

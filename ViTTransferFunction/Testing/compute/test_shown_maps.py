@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.core.classes.class_map import ClassMap
 from ViTTransferFunction.Logic.core.volumes.bounding_box import whole_box
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.resampling import cell_positions, interpolated
+from ViTTransferFunction.Logic.core.volumes.voxel_map import VoxelMap
 from ViTTransferFunction.Logic.rendering.class_membership import Map, PartialMap
 from ViTTransferFunction.Logic.session.map_crop import MapCrop, crop_map
 
@@ -35,7 +36,7 @@ def on_cells(similarity: np.ndarray) -> ClassMap:
 
 def on_voxels(similarity: np.ndarray) -> MapCrop:
     """S_H."""
-    return crop_map(similarity, ISO)
+    return crop_map(VoxelMap.whole(similarity), ISO)
 
 
 def whole(similarity: Map) -> np.ndarray:
