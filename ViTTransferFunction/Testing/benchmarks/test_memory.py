@@ -35,5 +35,8 @@ def test_a_stretched_scan_fills_the_same_box_and_points_lie_in_their_structures(
 
 
 def test_the_largest_volume_counts() -> None:
-    rows = [{"volume_gb": 0.6, "peak_gb": 1.9}, {"volume_gb": 0.2, "peak_gb": 1.1}]
-    assert summary(rows) == {"largest_volume_gb": 0.6, "peak_gb": 1.9}
+    rows = [
+        {"volume_gb": 0.6, "peak_gb": 1.9, "panel_peak_gb": 2.8},
+        {"volume_gb": 0.2, "peak_gb": 1.1, "panel_peak_gb": 1.5},
+    ]
+    assert summary(rows) == {"largest_volume_gb": 0.6, "peak_gb": 1.9, "panel_peak_gb": 2.8}
