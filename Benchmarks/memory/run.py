@@ -12,7 +12,6 @@ module's session on a real scene (`panel_session`). Writes `memory.json` and `me
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ from typing import Any
 
 from Benchmarks.memory.stretched_scan import write_points, write_stretched_scan
 from Benchmarks.shared.arguments import network_parser, weights_of
+from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 from Benchmarks.shared.machine import in_words, machine
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
@@ -59,11 +59,10 @@ def measure(scan: Path, points: Path, options: list[str]) -> dict[str, Any]:
     """What segmenting a scan takes."""
     report = scan.with_name("report.json")
     arguments = ["segment", str(scan), "--annotations", str(points), "-o", str(scan.with_name("out.seg.nrrd"))]
-    with tempfile.TemporaryDirectory() as cache:
+    with cache_of_its_own():
         subprocess.run(
             [sys.executable, "-m", "ViTTransferFunction.CommandLine.vittf", *arguments, "--report", str(report), *options],
             check=True,
-            env={**os.environ, "VITTF_CACHE": cache},
         )
     content = json.loads(report.read_text(encoding="utf-8"))
     i, j, k = content["volume"]["size"]
@@ -77,11 +76,10 @@ def measure(scan: Path, points: Path, options: list[str]) -> dict[str, Any]:
 
 def panel_gb(scan: Path, points: Path, weights: Path, model: str, preset: str) -> float:
     """What the module takes beside a Slicer with the scan loaded; see `panel_session`."""
-    with tempfile.TemporaryDirectory() as cache:
+    with cache_of_its_own():
         printed = subprocess.run(
             [sys.executable, "-m", "Benchmarks.memory.panel_session", *map(str, (scan, points, weights, model, preset))],
             check=True,
-            env={**os.environ, "VITTF_CACHE": cache},
             stdout=subprocess.PIPE,
             text=True,
         ).stdout

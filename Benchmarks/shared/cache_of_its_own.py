@@ -1,4 +1,4 @@
-"""A cache for features that a benchmark makes up, apart from the user's."""
+"""A cache for features that a benchmark makes up, or computes anew, apart from the user's."""
 
 from __future__ import annotations
 
