@@ -13,6 +13,7 @@ from trame_slicer.views import ScheduledRenderStrategy
 from ..Logic.scene.mrml.software_drawing import draws_in_software
 from .picture_delivery import send_last_again
 from .pixel_density import follow_density
+from .sharpness import SharpAtRest
 
 PICTURES_PER_S = 30.0
 """At most, in the view that the mouse is in."""
@@ -21,8 +22,6 @@ PICTURES_PER_S_ELSEWHERE = 15.0
 QUALITY = 90
 """Of the JPEG pictures, in per cent. It is the schedulers' own for what stands still: where both are equal, they draw once, and
 `send_last_again` does for what was lost."""
-SOFTWARE_PIXELS = 40_000
-"""Of the 3D view, drawn by a processor, at most; the browser enlarges the picture."""
 STEP_S = 0.02
 """How often a view asks whether nothing more urgent is under way; longer than a picture takes to be compressed and sent."""
 LONGEST_WAIT_S, LONGEST_WAIT_3D_S = 0.3, 5.0
@@ -93,10 +92,23 @@ class AfterClicks(EnteredFirst):
     Args:
         scheduler: see `EnteredFirst`.
         is_urgent: see there.
+        sharpness: of its pictures; None: they are always sharp.
     """
 
-    def __init__(self, scheduler: Any, is_urgent: Callable[[], bool]) -> None:
+    def __init__(self, scheduler: Any, is_urgent: Callable[[], bool], sharpness: SharpAtRest | None = None) -> None:
         super().__init__(scheduler, is_urgent, LONGEST_WAIT_3D_S)
+        self._sharpness = sharpness
+
+    def schedule_render(self) -> None:
+        """The view has changed."""
+        if self._sharpness is None or not self._sharpness.drawing:
+            super().schedule_render()
+
+    def draw(self) -> None:
+        """Have the view drawn at once."""
+        if self._sharpness is not None:
+            self._sharpness.change()
+        super().draw()
 
     def _on_changed_elsewhere(self) -> None:
         pass
@@ -144,19 +156,18 @@ class PatientThreeDViewFactory(RemoteThreeDViewFactory):
         created = super()._create_view(view, scene, app_logic)
         # As in Slicer. What is translucent would divide a volume's rays, of which structures and surroundings need the whole.
         created.slicer_view.renderer().SetUseDepthPeelingForVolumes(False)
-        self.strategies.append(AfterClicks(created.view_adapter, self._is_urgent))
+        self.strategies.append(AfterClicks(created.view_adapter, self._is_urgent, self._sharpness(created)))
         created.slicer_view.set_scheduled_render(self.strategies[-1])
-        _spare_the_processor(created)
         send_last_again(created.view_adapter)
         return created
 
-
-def _spare_the_processor(created: Any) -> None:
-    """Draw less where no graphics card does it."""
-    view = created.slicer_view
-    view.render_window().Render()
-    if draws_in_software(view.render_window()):
-        created.view_adapter.max_pixel_count = SOFTWARE_PIXELS
+    def _sharpness(self, created: Any) -> SharpAtRest | None:
+        """Draw less where no graphics card does it."""
+        view = created.slicer_view
+        view.render_window().Render()
+        if not draws_in_software(view.render_window()):
+            return None
         view.render_window().SetMultiSamples(0)
         # With a third of the steps; of our surfaces, the pictures are the same.
         view.get_view_node().SetVolumeRenderingQuality(slicer.vtkMRMLViewNode.Adaptive)
+        return SharpAtRest(view, created.view_adapter, self._is_urgent, QUALITY)

@@ -115,6 +115,25 @@ def test_a_3d_view_elsewhere_is_drawn_only_when_what_it_shows_has_settled() -> N
     run(journey)
 
 
+@pytest.mark.parametrize("entered", [True, False])
+def test_a_3d_view_tells_that_it_is_drawn_and_not_of_a_sharp_picture_of_the_same(entered: bool) -> None:
+    async def journey() -> None:
+        pictures, told = Pictures(entered), list[int]()
+        sharpness: Any = SimpleNamespace(drawing=True, change=lambda: told.append(pictures.drawn))
+        view = AfterClicks(pictures, lambda: False, sharpness)
+        view.schedule_render()
+        view.settle()
+        await turns_pass()
+        assert (pictures.drawn, told) == (0, [])
+        sharpness.drawing = False
+        view.schedule_render()
+        view.settle()
+        await pictures.next()
+        assert told == [0]
+
+    run(journey)
+
+
 def test_what_is_translucent_divides_no_rays_also_where_there_is_a_graphics_card(monkeypatch: pytest.MonkeyPatch) -> None:
     renderer = vtk.vtkRenderer()
     renderer.SetUseDepthPeelingForVolumes(True)
