@@ -11,6 +11,7 @@ import SimpleITK as sitk  # noqa: N813
 from ..core.system.errors import InputError
 from .dicom_folder import DicomSeries, read_content
 from .dicom_frames import frame_positions, with_frame_scales
+from .dicom_kind import instead_of_scan
 from .dicom_slice import ORIENTATION, PIXEL_SIZE, POSITION, DicomSlice, heights, turned, warn_of_inversion
 from .image_headers import DICOM_READER
 from .itk_errors import last_line
@@ -70,10 +71,18 @@ def read_series(folder: Path, on_warning: Callable[[str], None], series: str | N
 
 
 def _warn_of_unread_files(folder: Path, unread: Sequence[Path], on_warning: Callable[[str], None]) -> None:
-    """A slice that was cut off is passed over; at the end of a series, nothing else tells of it."""
-    if unread:
-        first = _name(unread[0], folder)
-        on_warning(f"{folder}: DICOM files without a slice that can be read: {len(unread)}, such as {first}.")
+    """A slice that was cut off is passed over; at the end of a series, nothing else tells of it.
+
+    Outlines and reports, which lie beside most scans that were planned on or read, are told apart from it.
+    """
+    others = [path for path in unread if instead_of_scan(path)]
+    if others:
+        such_as = f"{_name(others[0], folder)}, {instead_of_scan(others[0]).partition(';')[0]}"
+        on_warning(f"{folder}: DICOM files passed over, since they are no slices of a scan: {len(others)}, such as {such_as}.")
+    damaged = [path for path in unread if path not in others]
+    if damaged:
+        first = _name(damaged[0], folder)
+        on_warning(f"{folder}: DICOM files without a slice that can be read: {len(damaged)}, such as {first}.")
 
 
 def _warn_of_unsaid(folder: Path, slices: Sequence[DicomSlice], on_warning: Callable[[str], None]) -> None:

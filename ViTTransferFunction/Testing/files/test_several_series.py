@@ -121,13 +121,26 @@ def test_what_is_no_volume_does_not_stand_in_the_way(tmp_path: Path) -> None:
     for name, kind in (("report", REPORT), ("outlines", OUTLINES)):
         write_elements(tmp_path / name, kind, f"1.2.9.{len(name)}")
 
-    volume, (passed_over, unread) = read(tmp_path)
+    volume, (passed_over, no_slices) = read(tmp_path)
 
     assert len(volume.array) == 5
     assert "the series 3: Chest (MR, 7×6×5) is read; passed over, since they are no volumes: 1: Scout" in passed_over
     assert "4: Survey" in passed_over
     assert "5: Dose" in passed_over
-    assert "DICOM files without a slice that can be read: 2, such as outlines" in unread
+    assert "no slices of a scan: 2, such as outlines, a set of outlines, of a radiotherapy." in no_slices
+
+
+def test_outlines_beside_a_series_do_not_hide_that_a_slice_was_cut_off(tmp_path: Path) -> None:
+    write_series(tmp_path, "3", "Chest", 5)
+    last = max(tmp_path.iterdir())
+    last.write_bytes(last.read_bytes()[:600])
+    write_elements(tmp_path / "outlines", OUTLINES, "1.2.9.8")
+
+    volume, (no_slices, damaged) = read(tmp_path)
+
+    assert len(volume.array) == 4
+    assert "no slices of a scan: 1, such as outlines" in no_slices
+    assert f"DICOM files without a slice that can be read: 1, such as {last.name}." in damaged
 
 
 def test_scouts_among_the_slices_that_were_planned_on_them_are_passed_over(tmp_path: Path) -> None:
