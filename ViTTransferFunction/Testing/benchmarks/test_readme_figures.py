@@ -57,6 +57,25 @@ OWN_SCANS = {
     "the same (T2)": "thigh sarcoma MR T2",
 }
 """The names of scans that were not looked at before, in the README's table and in the results."""
+OTHER_KINDS = {
+    "foetal brain MR (T2), 28 weeks: 7 tissues and parts": "foetal brain MR",
+    "brain MR (T2) of a newborn: 7 structures": "newborn brain MR",
+    "lumbar spine MR (T2), a part: 3 vertebrae, discs, canal": "lumbar MR T2",
+    "neck MR (T1): spinal cord": "spinal cord MR T1",
+    "neck MR (T2): spinal cord": "spinal cord MR T2",
+    "neck MR (T2*), 11 slices of 7.5 mm: grey matter of the cord, 1.3 ml": "spinal cord MR T2-star",
+    "MR angiography, a part: aorta where it divides, 13 ml": "aorta MR angiography",
+    "prostate MR (T2)": "prostate MR T2",
+    "MR (T1): a sarcoma of 80 ml": "sarcoma MR T1",
+    "CT: a sarcoma of 53 ml": "sarcoma CT",
+    "lumbar spine CT, a part: 3 vertebrae with their processes": "vertebrae CT",
+    "whole-body PET: a tumour of the neck, 9 metastases": "neck PET",
+    "whole-body PET: a sarcoma of a thigh, its oedema": "thigh sarcoma PET",
+    "SPECT: 2 lesions in a liver": "liver SPECT",
+    "ultrasound: prostate": "prostate ultrasound",
+}
+"""The names of scans of other kinds in RESULTS, and in the results."""
+NO_CT_NOR_MR = ("neck PET", "thigh sarcoma PET", "liver SPECT", "prostate ultrasound")
 GESTURES = {
     "all structures of 21 scans and 3 parts of scans, whatever their shape": "",
     "a nodule of 2 ml in a lung": "lung nodule CT",
@@ -167,6 +186,36 @@ def test_readme_and_results_have_the_mean_of_the_scans_not_looked_at_before() ->
     assert f"the mean is {first} after one click, {third} after three and {fifth} after five" in readme
     assert f"the mean Dice is {first}, {third} and {fifth} after one, three and five clicks" in results
     assert f"is {first}, {second}, {third}, {fourth} and {fifth} after one to five clicks" in results
+
+
+def test_results_have_the_accuracy_on_scans_of_other_kinds() -> None:
+    cases = summary("other_kinds/own_scans")["cases"]
+    rows = list(rows_of("docs/RESULTS.md", "| scan of another kind | @1 | @3 | @5 | @5 with one size step |"))
+    assert {OTHER_KINDS[name] for name, *_ in rows} == cases.keys()
+    for name, *figures in rows:
+        of_case = cases[OTHER_KINDS[name]]
+        measured = [of_case["clicks alone"][n] for n in CLICKS] + [of_case["with one size step"]["5"]]
+        assert figures == [figure(*each["dice"]) for each in measured], name
+
+
+def test_readme_and_results_have_the_means_of_the_scans_of_other_kinds() -> None:
+    cases = summary("other_kinds/own_scans")["cases"]
+    readme, results = (" ".join((ROOT / name).read_text(encoding="utf-8").split()) for name in ("README.md", "docs/RESULTS.md"))
+    scans, others = ([case for case in cases if (case in NO_CT_NOR_MR) == other] for other in (False, True))
+
+    def means(of: list[str], clicks: str) -> list[str]:
+        return [f"{sum(cases[case]['clicks alone'][n]['dice'][0] for case in of) / len(of):.2f}" for n in clicks]
+
+    def listed(figures: list[str]) -> str:
+        return f"{', '.join(figures[:-1])} and {figures[-1]}"
+
+    assert f"eleven CTs and MRs is {listed(means(scans, '12345'))} after one to five clicks" in results
+    assert f"the four others is {listed(means(others, '12345'))}." in results
+    assert f"it is {listed(means(scans, '135'))}, on PET, SPECT and ultrasound {listed(means(others, '135'))}." in results
+    assert f"to a spinal cord, {listed(means(scans, '135'))}." in readme
+    *functional, ultrasound = NO_CT_NOR_MR
+    assert f"in two PETs and a SPECT the mean was {means(functional, '5')[0]} after five clicks" in readme
+    assert f"the one that was tried, with {means([ultrasound], '5')[0]}." in readme
 
 
 def test_results_have_what_a_first_gesture_is_worth() -> None:
