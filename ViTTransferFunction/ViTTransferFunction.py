@@ -183,7 +183,7 @@ def help_text() -> str:
         _("PyTorch, which the panel installs: a download of up to 3 GB"),
         _("the weights of a neural network: a download of {size} MB, once, or a file that you have").format(size=WEIGHTS_MB),
         # Benchmarks/results/memory.md.
-        _("memory beside Slicer: 1.2 GB for 512×512×300 voxels, 2.4 GB for 512×512×1200"),
+        _("memory beside Slicer: 1.6 GB for 512×512×300 voxels, 2.9 GB for 512×512×1200"),
         _("disk space for features, which are kept: up to {size} GB, and you can clear them").format(size=FEATURES_GB),
         # Benchmarks/results/features.md, seconds on AVX2.
         _("no graphics card: the features of 512×512×300 voxels took 7 seconds on two ordinary processor cores"),

@@ -1,4 +1,4 @@
-"""The tables of accuracy in README and RESULTS say what was measured last: they are copies, and easily forgotten."""
+"""Figures in README and RESULTS, and in the module's help, are those that were measured last: copies, and easily forgotten."""
 
 from __future__ import annotations
 
@@ -282,3 +282,14 @@ def test_readme_has_what_a_closer_look_that_begins_by_itself_is_worth() -> None:
         f"For {len(begins)} such outlines of {len(structures)} structures the mean Dice is {after['1']:.2f} instead of "
         f"{before['1']:.2f}, and after two clicks more {after['3']:.2f} instead of {before['3']:.2f}"
     ) in text
+
+
+def test_what_the_module_takes_beside_slicer_is_what_was_measured_last() -> None:
+    rows = json.loads((ROOT / "Benchmarks/results/memory.json").read_text(encoding="utf-8"))["rows"]
+    usual, large = (f"{row['panel_peak_gb']:.1f} GB" for row in rows if row["size"] in ("512×512×300", "512×512×1200"))
+    for path, told in (
+        ("README.md", f"{usual} for a scan of 512×512×300 voxels, {large} for 512×512×1200"),
+        ("ViTTransferFunction/ViTTransferFunction.py", f"{usual} for 512×512×300 voxels, {large} for 512×512×1200"),
+        ("CHANGELOG.md", f"512×512×1200 voxels take {large} beside Slicer"),
+    ):
+        assert told in (ROOT / path).read_text(encoding="utf-8"), path
