@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def test_a_crop_holds_all_of_the_map_that_matters(ramp: np.ndarray) -> None:
     whole = np.zeros_like(ramp)
     whole[crop.box] = crop.array / 255.0
     np.testing.assert_allclose(whole[ramp >= 0.25], ramp[ramp >= 0.25], atol=0.5 / 255.0)
-    assert crop.array.size < ramp.size
+    assert crop.box == (slice(2, 19), slice(0, 16), slice(0, 12)), "two voxels around what is at least 0.25"
 
 
 def test_a_crop_takes_little_more_than_its_bytes() -> None:
@@ -42,6 +43,23 @@ def test_a_restricted_crop_takes_little_more_than_its_bytes() -> None:
     crop = crop_map(VoxelMap.whole(np.ones((64, 128, 128), dtype=np.float32)), 0.5)
     labels = np.ones((64, 128, 128), dtype=np.uint8)
     assert peak_bytes(lambda: restricted(crop, labels, 1)) < 1.5 * labels.size
+
+
+def test_crops_keep_nothing_beyond_their_box_and_those_of_maps_go_one_by_one() -> None:
+    k, j, i = np.indices((64, 64, 64))
+    ball = (np.hypot(np.hypot(k - 32, j - 32), i - 32) < 16).astype(np.float32)
+    labels = ball.astype(np.uint8)
+    # All is looked through, since all is held.
+    full = SimpleNamespace(voxels=VoxelMap.whole(ball), iso=0.5)
+    kept_bytes = crop_map(full.voxels, full.iso).array.size
+
+    def show() -> None:
+        crops = SegmentCrops()
+        for _ in range(60):
+            crops.take(None, full)  # type: ignore[arg-type]
+        crops.of(labels)
+
+    assert peak_bytes(show) < 1.5 * 60 * kept_bytes
 
 
 def test_a_map_of_nothing_still_has_a_box() -> None:
