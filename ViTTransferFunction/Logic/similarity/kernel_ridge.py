@@ -248,24 +248,24 @@ class KernelRidge:
         annotated: _Annotated,
         points: Places,
         keys: Sequence[bytes],
-        between: np.ndarray,
+        joined: np.ndarray,
         share: np.ndarray,
         reach: Reach,
-        between_steps: Between,
+        between: Between,
     ) -> tuple[np.ndarray, np.ndarray]:
         """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
         targets = annotated.targets
-        joined = self._connected.at(keys, self._background_cells).T
-        to_points = place_kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined)
+        joined_to_background = self._connected.at(keys, self._background_cells).T
+        to_points = place_kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined_to_background)
         to_points *= reach.factors(points, self._background).T
-        of_points = place_kernel(points, points).astype(np.float64) * point_factors(between, share)
+        of_points = place_kernel(points, points).astype(np.float64) * point_factors(joined, share)
         of_points *= reach.factors_between(points)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
         background = np.zeros((len(to_points), targets.shape[1]))
         wanted = np.concatenate([targets, background])
         ridge = np.concatenate([_point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
         seen = ~np.isnan(wanted)
-        weights = solve_each(kernel, ridge, wanted, seen, between_steps)
+        weights = solve_each(kernel, ridge, wanted, seen, between)
         for _ in range(BACKGROUND_ROUNDS):
             scores = kernel[len(targets) :] @ weights
             # A cell that turns out to lie inside any of the classes is no background for the others either.
@@ -273,11 +273,11 @@ class KernelRidge:
             if np.array_equal(stays, seen[len(targets) :]):
                 break
             seen[len(targets) :] = stays
-            weights = solve_each(kernel, ridge, wanted, seen, between_steps)
+            weights = solve_each(kernel, ridge, wanted, seen, between)
         if annotated.positive.all():
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
-        return weights, solve_each(kernel, ridge, wanted, seen, between_steps)
+        return weights, solve_each(kernel, ridge, wanted, seen, between)
 
 
 def _point_ridge(annotated: _Annotated) -> np.ndarray:

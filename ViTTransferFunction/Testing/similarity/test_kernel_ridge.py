@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensitie
 from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
 from ViTTransferFunction.Logic.similarity.iso_value import prior_iso
 from ViTTransferFunction.Logic.similarity.kernel_ridge import KernelRidge
+from ViTTransferFunction.Logic.similarity.ridge_systems import solve_each
 from ViTTransferFunction.Logic.similarity.similarity_map import SimilarityMap
 
 CELLS = (12, 12, 12)
@@ -70,6 +72,26 @@ def test_a_duplicate_has_the_map_of_the_original_and_does_not_alter_it(similarit
     duplicated = maps_of(similarity, [original, a_class("a copy", IN_LEFT, negative=IN_RIGHT), other])
     for index, expected in ((0, alone[0]), (1, alone[0]), (2, alone[1])):
         np.testing.assert_allclose(duplicated[index], expected, atol=0.01)
+
+
+def test_a_click_can_be_given_up_whenever_systems_are_solved(similarity: KernelRidge, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a hundred structures, each time takes as long as all else."""
+    asked, while_solving = [0], list[int]()
+
+    def between() -> None:
+        asked[0] += 1
+
+    def counted(*arguments: Any) -> np.ndarray:
+        before = asked[0]
+        weights = solve_each(*arguments)
+        while_solving.append(asked[0] - before)
+        return weights
+
+    monkeypatch.setattr("ViTTransferFunction.Logic.similarity.kernel_ridge.solve_each", counted)
+    classes = [a_class("a", IN_LEFT, negative=IN_ABOVE), a_class("b", IN_RIGHT, negative=at_cell(0, 0, 0))]
+    list(similarity.maps(classes, between))
+    assert len(while_solving) > 2, "once, without cells of the background that are inside, and without negatives"
+    assert min(while_solving) > 0
 
 
 def test_one_click_finds_its_structure_and_not_the_others(similarity: KernelRidge) -> None:
