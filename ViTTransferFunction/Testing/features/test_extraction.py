@@ -149,7 +149,7 @@ def test_a_volume_that_is_stored_turned_has_the_same_cells() -> None:
         assert grid_shape(turned, settings) == grid_shape(straight, settings)
 
 
-@pytest.mark.parametrize("shape", [(170, 256, 256), (99, 128, 128), (100, 400, 512)])
+@pytest.mark.parametrize("shape", [(170, 256, 256), (99, 128, 128), (100, 400, 512), (48, 64, 512)])
 def test_an_edge_that_is_half_a_cell_longer_has_the_same_cells_however_it_is_turned_and_rounded(
     shape: tuple[int, int, int],
 ) -> None:

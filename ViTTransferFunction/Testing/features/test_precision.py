@@ -38,14 +38,19 @@ def test_a_processor_without_them_or_not_to_use_them_computes_in_float32(
 
 
 @pytest.mark.parametrize(
-    ("cpu_name", "amx", "precision"),
-    [("Intel Xeon", False, torch.float32), ("Intel Xeon", True, torch.bfloat16), ("AMD EPYC", False, torch.bfloat16)],
-    ids=["Xeon whose AMX is hidden", "Xeon", "EPYC"],
+    ("cpu_name", "made_for_amx", "amx", "precision"),
+    [
+        ("Intel Xeon", True, False, torch.float32),
+        ("Intel Xeon", True, True, torch.bfloat16),
+        ("Intel Xeon", False, False, torch.bfloat16),
+        ("AMD EPYC", True, False, torch.bfloat16),
+    ],
+    ids=["Xeon whose AMX is hidden", "Xeon", "older Xeon", "EPYC"],
 )
 def test_a_processor_whose_bfloat16_is_slow_without_amx_computes_in_float32_where_amx_is_hidden(
-    monkeypatch: pytest.MonkeyPatch, cpu_name: str, amx: bool, precision: torch.dtype
+    monkeypatch: pytest.MonkeyPatch, cpu_name: str, made_for_amx: bool, amx: bool, precision: torch.dtype
 ) -> None:
-    capability(monkeypatch, "AVX512", avx512_bf16=True, avx512_fp16=True, amx_bf16=amx, cpu_name=cpu_name)
+    capability(monkeypatch, "AVX512", avx512_bf16=True, avx512_fp16=made_for_amx, amx_bf16=amx, cpu_name=cpu_name)
     assert device_precision(CPU) == precision
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from ViTTransferFunction.Logic.core.classes.class_map import NEAR_SHARE_OF_ISO
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.features.settings import LARGEST_GRID
-from ViTTransferFunction.Logic.refinement import bilateral_grid
+from ViTTransferFunction.Logic.refinement import bilateral_grid, guided_filter
 from ViTTransferFunction.Logic.refinement.bilateral_grid import GridLayout
+from ViTTransferFunction.Logic.refinement.guided_filter import GuidedFilterSettings
 from ViTTransferFunction.Logic.refinement.intensity_likelihood import LARGEST_LOG_RATIO, TEMPER, weigh_by_intensity
 from ViTTransferFunction.Logic.refinement.refinement import (
     REFINEMENT_METHODS,
@@ -183,6 +185,23 @@ def test_what_is_a_millimetre_large_is_refined_as_a_body_of_as_many_voxels(metho
         for volume in (volume_of(intensities, (edge, edge, edge)) for edge in (5.0, 5.0 * scale))
     )
     np.testing.assert_allclose(of_speck.array, of_body.array, atol=1e-6)
+
+
+@pytest.mark.parametrize(("edge_mm", "radius_mm"), [(48.0, 3.0), (96.0, 6.0), (480.0, 6.0)])
+def test_in_scans_of_bodies_the_guided_filter_looks_as_far_however_large_they_are(
+    edge_mm: float, radius_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[float] = []
+
+    def guided(target: Any, luma: Any, spacing_mm: Any, settings: GuidedFilterSettings) -> Any:
+        used.append(settings.radius_mm)
+        return target
+
+    monkeypatch.setattr(guided_filter, "guided_filter", guided)
+    intensities, _, similarity = ball_and_its_map()
+    volume = volume_of(intensities, (edge_mm / 40,) * 3)
+    refine(coarse(similarity), volume, WINDOW, volume.geometry.ijk_to_ras_points(np.full((1, 3), 19.5)), 0.35, "guided")
+    assert used == [pytest.approx(radius_mm)]
 
 
 def test_an_unknown_method_is_refused_by_name() -> None:

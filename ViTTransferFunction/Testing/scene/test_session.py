@@ -360,6 +360,7 @@ def test_a_bent_volume_is_refused_with_advice(session: SceneSession, spheres: tu
     bend(session.annotations.points_node(id_, positive=True))
     session.poll()
     assert session.phase == "no volume"
+    assert session.volume_ml(id_) is None
     (error,) = session.errors
     assert "Harden" in error
     assert session.take_error() == error
