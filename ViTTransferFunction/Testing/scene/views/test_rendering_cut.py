@@ -10,8 +10,9 @@ import vtk
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from ViTTransferFunction.Logic.scene.interface.parameters import SceneParameters
-from ViTTransferFunction.Logic.scene.views.rendering_cut import shown_cut
+from ViTTransferFunction.Logic.scene.views.rendering_cut import cut_for_export, shown_cut
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
+from ViTTransferFunction.Testing.support.scenes import MOVED, put_under
 
 
 def test_the_box_is_made_around_the_volume_when_wanted_and_hidden_when_not(slicer_app: Any) -> None:
@@ -143,3 +144,21 @@ def test_the_plane_is_moved_by_handles_along_its_normal_and_tilted_and_hides_not
     assert list(display.GetRotationHandleComponentVisibility())[:3] == [True, True, False]
     assert not display.GetFillVisibility()
     assert not display.GetPropertiesLabelVisibility()
+
+
+@pytest.mark.parametrize("cut", ["box", "plane"])
+def test_what_cuts_an_exported_rendering_is_where_the_live_one_was_and_out_of_sight(slicer_app: Any, cut: str) -> None:
+    scene = slicer_app.scene
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    parameters.set("renderingCut", cut)
+    node = shown_cut(scene, parameters, volume)
+    put_under(node, MOVED)
+    node.SetCenterWorld([25.0, 5.0, 1.0])
+    own = cut_for_export(scene, node, "CT structures cut")
+    node.SetCenterWorld([0.0, 0.0, 0.0])
+    assert own.GetName() == "CT structures cut"
+    assert own.GetCenterWorld() == pytest.approx([25.0, 5.0, 1.0])
+    assert node.GetDisplayNode().GetVisibility()
+    assert not own.GetDisplayNode().GetVisibility()
