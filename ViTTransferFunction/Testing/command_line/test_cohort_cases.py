@@ -65,6 +65,14 @@ def test_a_line_for_excel_and_empty_ones_may_come_before_the_heading(tmp_path: P
         read_cases(path)
 
 
+@pytest.mark.parametrize("above", ["", "sep=;\n"])
+def test_columns_are_separated_as_in_the_heading_whatever_names_hold(tmp_path: Path, above: str) -> None:
+    path = tmp_path / "cases.csv"
+    path.write_text(f"{above}case;volume;annotations\n1,2,3,4;a,b,c.nrrd;a,b.json", encoding="utf-8")
+    (case,) = read_cases(path)
+    assert (case.name, case.volume.name, case.annotations.name) == ("1,2,3,4", "a,b,c.nrrd", "a,b.json")
+
+
 def test_of_a_table_that_is_not_there_the_path_is_to_be_checked(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"There is no file .*cases\.csv\. Check the path"):
         read_cases(tmp_path / "cases.csv")

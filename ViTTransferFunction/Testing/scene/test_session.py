@@ -402,6 +402,18 @@ def test_where_the_model_is_removed_that_it_was_damaged_is_over_and_its_download
 
 
 @pytest.mark.slow
+def test_where_features_are_there_they_stay_as_the_model_is_removed(session: SceneSession, a_cache_of_its_own: Path) -> None:
+    weights = a_cache_of_its_own / "weights" / "dinov2_vits14_pretrain.pth"
+    weights.parent.mkdir()
+    weights.write_bytes(b"as good as any")
+    before = session.estimate
+    session.remove_model()
+    assert not weights.exists()
+    assert (session.phase, session.estimate) == ("ready", before)
+    assert not session.busy
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("moment", ["at rest", "while maps are computed", "while segments are computed"])
 @pytest.mark.parametrize("deleted", ["volume", "positive", "negative", "segmentation", "parameter node"])
 def test_deleting_anything_at_any_moment_leaves_a_session_that_works(
