@@ -157,6 +157,14 @@ def test_scouts_among_the_slices_that_were_planned_on_them_are_passed_over(tmp_p
     assert "scout 901.dcm" in passed_over
 
 
+def test_a_stack_of_scouts_alone_is_a_volume(tmp_path: Path) -> None:
+    scan = stack(5)
+    write_dicom(tmp_path, scan, about={"0020|0011": "1", "0008|0008": "ORIGINAL\\PRIMARY\\LOCALIZER"})
+    volume, warnings = read(tmp_path)
+    np.testing.assert_array_equal(volume.array, scan.array)
+    assert warnings == []
+
+
 def test_where_no_series_is_a_volume_all_are_listed(tmp_path: Path) -> None:
     for number in "12":
         write_series(tmp_path, number, "Scout", 1)
