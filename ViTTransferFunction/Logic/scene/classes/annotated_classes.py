@@ -18,7 +18,7 @@ from ...core.volumes.geometry import Geometry, transform_points
 from ..mrml.point_lists import Point
 from ..mrml.transforms import matrix_to_world
 from .class_requests import ClassRequests
-from .class_state import ClassState, changed, new_class_state
+from .class_state import ClassState, changed, name_beside, new_class_state
 
 SAME_PLACE_MM = 1e-3
 """A transform there and back changes the digits behind."""
@@ -77,14 +77,16 @@ def class_states(
 def new_among(states: Sequence[ClassState], existing: Sequence[ClassState]) -> list[ClassState]:
     """Those of some classes that are not there already, with the same points and settings, as they are to be added.
 
-    Where another class has the name, a number follows; where one has the colour, it is another one, which none of them has.
+    Where another class has the name, a number follows; where one has the colour, it is another one. Neither is then of those
+    that come with it.
     """
     new: list[ClassState] = []
     for state in states:
         if not any(_are_alike(state, present) for present in existing):
-            name = new_class_state([*existing, *new], state.name).name
+            others = [*existing, *new, *(other for other in states if other is not state)]
+            name = name_beside(state.name, {other.name for other in others})
             is_taken = any(np.allclose(state.color, other.color, atol=SAME_COLOR) for other in existing)
-            color = new_class_state([*existing, *new, *states]).color if is_taken else state.color
+            color = new_class_state([*others, state]).color if is_taken else state.color
             new.append(changed(state, name=name, color=color))
     return new
 

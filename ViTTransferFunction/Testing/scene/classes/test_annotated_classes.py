@@ -156,6 +156,17 @@ def test_a_structure_whose_colour_is_taken_gets_none_of_those_that_come_with_it(
     assert [state.color for state in added][1] == spleen.color
 
 
+def test_a_structure_whose_name_is_taken_gets_none_of_those_that_come_with_it() -> None:
+    present = new_class_state([], "metastasis")
+    first, second = (
+        replace(new_class_state([], name), positive=((1.0, 2.0, number),))
+        for number, name in enumerate(("metastasis", "metastasis (2)"))
+    )
+    for together in ([first, second], [second, first]):
+        names = {state.positive: state.name for state in new_among(together, [present])}
+        assert names == {first.positive: "metastasis (3)", second.positive: "metastasis (2)"}
+
+
 def test_points_of_another_scan_are_refused_and_nothing_is_added(session: SceneSession, spheres: Spheres) -> None:
     good = AnnotatedClass(ClassRequest("good", centre_ras(spheres, 1)), RED)
     beyond = AnnotatedClass(ClassRequest("beyond", np.array([[1000.0, 0.0, 0.0]])), RED)
