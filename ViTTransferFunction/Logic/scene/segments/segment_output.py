@@ -142,7 +142,7 @@ class SegmentOutput:
         self._running = preparation, on_prepared
 
     def advance(self) -> None:
-        """Go on for some milliseconds. Raises InputError where segments can no longer be written there; that is then over."""
+        """Go on for some milliseconds. Raises InputError where segments can no longer be written there. What raises is over."""
         if self._running is None:
             return
         work, then = self._running
@@ -158,8 +158,8 @@ class SegmentOutput:
             return
         try:
             finished = work.advance()
-        except InputError:
-            self._running = None
+        except BaseException:
+            self._running = None  # What a defect raises is raised once.
             raise
         if finished:
             self._running = None

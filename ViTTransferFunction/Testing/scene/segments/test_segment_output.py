@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Iterator
 from typing import Any
 from weakref import ref
 
@@ -123,6 +124,27 @@ def test_cancelling_leaves_everything_as_it_was(desk: Desk) -> None:
     assert desk.finish() == 0
     assert desk.voxels() == {"bone": BONE}
     assert desk.scene.GetNumberOfNodes() == nodes
+
+
+@pytest.mark.parametrize("work", ["writing", "looking for corrections"])
+def test_what_fails_is_over_and_fails_once(desk: Desk, work: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For want of memory, say."""
+
+    def fails(*_: Any) -> Iterator[int]:
+        yield 1
+        raise MemoryError
+
+    for steps in ("prepare_segments", "corrected_segments"):
+        monkeypatch.setattr(f"ViTTransferFunction.Logic.scene.segments.segment_output.{steps}", fails)
+    with pytest.raises(MemoryError):  # noqa: PT012
+        if work == "writing":
+            desk.begin()
+        else:
+            desk.output.find_corrections(lambda: pytest.fail("nobody knows whether there are none"))
+        desk.finish()
+    assert not desk.output.busy
+    desk.output.advance()
+    assert desk.voxels() == {"bone": BONE}
 
 
 @pytest.mark.parametrize("end", ["written", "cancelled"])
