@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 import SimpleITK as sitk  # noqa: N813
 
 from Benchmarks.memory.run import summary
 from Benchmarks.memory.stretched_scan import NOISE_HU, write_points, write_stretched_scan
+from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 
 
 def test_a_stretched_scan_fills_the_same_box_and_points_lie_in_their_structures(tmp_path: Path) -> None:
@@ -40,3 +43,13 @@ def test_the_largest_volume_counts() -> None:
         {"volume_gb": 0.2, "peak_gb": 1.1, "panel_peak_gb": 1.5},
     ]
     assert summary(rows) == {"largest_volume_gb": 0.6, "peak_gb": 1.9, "panel_peak_gb": 2.8}
+
+
+def test_after_each_measurement_the_users_cache_and_weights_are_theirs_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("VITTF_CACHE", "of the user")
+    monkeypatch.setenv("VITTF_WEIGHTS", "of the user, too")
+    before = dict(os.environ)
+    with cache_of_its_own() as cache:
+        assert os.environ["VITTF_CACHE"] == str(cache)
+        assert "VITTF_WEIGHTS" not in os.environ
+    assert dict(os.environ) == before
