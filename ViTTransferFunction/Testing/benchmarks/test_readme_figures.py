@@ -1,4 +1,4 @@
-"""Figures in README and RESULTS, and in the module's help, are those that were measured last: copies, and easily forgotten."""
+"""Figures in the documents and in the module's help are those that were measured last: copies, and easily forgotten."""
 
 from __future__ import annotations
 
@@ -293,3 +293,15 @@ def test_what_the_module_takes_beside_slicer_is_what_was_measured_last() -> None
         ("CHANGELOG.md", f"512×512×1200 voxels take {large} beside Slicer"),
     ):
         assert told in (ROOT / path).read_text(encoding="utf-8"), path
+
+
+def test_results_and_method_have_the_times_of_the_solver_that_were_measured_last() -> None:
+    rows = json.loads((ROOT / "Benchmarks/results/solver.json").read_text(encoding="utf-8"))["speed"]
+    (of_256,) = (row for row in rows if row["size"] == 256)
+    nearest, ours = (f"{of_256[name]:.2f} s" for name in ("nearest_s", "multilinear_s"))
+    published = f"{of_256['published_s']:.1f} s"
+    for document, told in (
+        ("docs/RESULTS.md", f"| 256³ | {nearest} | {ours} | {published} |"),
+        ("docs/METHOD.md", f"At 256³ the solver takes {ours}, and the published algorithm {published} ("),
+    ):
+        assert told in " ".join((ROOT / document).read_text(encoding="utf-8").split()), document
