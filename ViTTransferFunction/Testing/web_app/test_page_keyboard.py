@@ -171,6 +171,25 @@ def test_tools_have_the_names_of_the_panel_and_of_its_guide(page: AppPage) -> No
     assert page["tool-pointOff"].get_attribute("title") == "Outside: place points outside the structure (N)"
 
 
+@pytest.mark.parametrize("control", ["tool-lassoOn", "tool-eraser", "save-session"])
+def test_a_hand_that_shakes_presses_what_it_is_on(page: AppPage, control: str) -> None:
+    page.page.evaluate("""window.pressed = [];
+        document.addEventListener("click", (event) => {
+            pressed.push(event.target.closest("[data-testid]").dataset.testid);
+            event.preventDefault();
+        })""")
+    page[control].scroll_into_view_if_needed()
+    box = page[control].bounding_box()
+    x, y = box["x"] + box["width"] / 2 - 5, box["y"] + box["height"] / 2
+    page.page.mouse.move(x, y)
+    page.page.mouse.down()
+    page.page.mouse.move(x + 10, y + 3, steps=5)
+    page.page.mouse.up()
+    page.page.wait_for_function(f"pressed.includes('{control}')")
+    page.page.keyboard.press("Escape")
+    page.wait_for_state("state.get('tool') === ''")
+
+
 def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) -> None:
     kept = {"points": 9, "when_ms": 0, "names": list("ABCDEFG")}
     page.page.evaluate("(kept) => window.trame.state.set('restorable', kept)", kept)

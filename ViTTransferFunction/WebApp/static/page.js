@@ -93,6 +93,11 @@
     if (summary && !summary.parentElement.open) unfolded.observe(summary.parentElement);
   });
 
+  // Browsers would drag the picture or the address of what a shaking hand presses, and take that for no click.
+  window.addEventListener("dragstart", (event) => {
+    if (event.target.closest && event.target.closest("img, a")) event.preventDefault();
+  });
+
   // A dialog has the keyboard while it is there, and gives it back.
   let dialog = null;
   let before = null;
