@@ -23,6 +23,7 @@ from ViTTransferFunction.CommandLine.output_paths import check_outputs
 from ViTTransferFunction.Logic.core.system.atomic_file import check_writable, replacing
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.system.file_names import file_stem
+from ViTTransferFunction.Logic.core.volumes.measures import millilitres_text
 
 if TYPE_CHECKING:
     from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
@@ -187,7 +188,8 @@ def _print_summary(segmentation: Segmentation, output: Path) -> None:
     for label, result in enumerate(segmentation.classes, start=1):
         # A label map keeps no names: nothing else says which number is which.
         of_label_map = "" if is_slicer_segmentation(output) else f"label {label}, "
-        print(f"  {result.name}: {of_label_map}{result.millilitres:.1f} ml, {result.voxels} voxels, iso {result.iso:.2f}")
+        size = f"{millilitres_text(result.millilitres)}, {result.voxels} voxels"
+        print(f"  {result.name}: {of_label_map}{size}, iso {result.iso:.2f}")
     print(f"Segmentation: {output}")
 
 

@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest, c
 from ViTTransferFunction.Logic.core.system.progress import Progress, no_progress
 from ViTTransferFunction.Logic.core.system.stopwatch import peak_memory_bytes
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.measures import decimals_of
 from ViTTransferFunction.Logic.core.volumes.missing_intensity import without_intensity, without_intensity_text
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.segmentation_files import Segment, write_segmentation
@@ -142,7 +143,7 @@ def segmentation_report(
                 "label": label,
                 "iso": round(c.iso, 4),
                 "voxels": c.voxels,
-                "millilitres": round(c.millilitres, 3),
+                "millilitres": round(c.millilitres, decimals_of(c.millilitres, 4, 3)),
             }
             for label, c in enumerate(segmentation.classes, start=1)
         ],

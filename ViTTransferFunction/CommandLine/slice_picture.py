@@ -23,6 +23,7 @@ from ViTTransferFunction.CommandLine.canvas import (
 )
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
+from ViTTransferFunction.Logic.core.volumes.measures import position_decimals
 from ViTTransferFunction.Logic.core.volumes.patient_sides import SIDES
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
@@ -206,7 +207,7 @@ def _draw_panel(
     for point in points:
         if panel.distance_mm(point.position_ras) <= volume.geometry.spacing_mm.max():
             _draw_point(canvas, *panel.pixel_of(point.position_ras), segments[point.segment], point.positive, text_size)
-    _draw_letters(canvas, panel, text_size)
+    _draw_letters(canvas, panel, text_size, position_decimals(float(volume.geometry.spacing_mm.min())))
     return canvas.pixels
 
 
@@ -267,8 +268,8 @@ def _draw_point(canvas: Canvas, x: float, y: float, segment: PictureSegment, pos
         canvas.bar(x, y, 1.5 * radius, 0.5 * radius, segment.color)
 
 
-def _draw_letters(canvas: Canvas, panel: _Panel, text_size: int) -> None:
-    """The patient's directions at the panel's edges, and which plane it is in the corner."""
+def _draw_letters(canvas: Canvas, panel: _Panel, text_size: int, decimals: int) -> None:
+    """The patient's directions at the panel's edges, and which plane it is in the corner, in millimetres with `decimals`."""
     plane, margin = panel.plane, 0.9 * text_size
     left, right = SIDES[plane.right[0]][:: plane.right[1]]
     bottom, top = SIDES[plane.up[0]][:: plane.up[1]]
@@ -277,6 +278,6 @@ def _draw_letters(canvas: Canvas, panel: _Panel, text_size: int) -> None:
     canvas.label(panel.width / 2, margin, top, text_size, anchor="center")
     canvas.label(panel.width / 2, panel.height - margin, bottom, text_size, anchor="center")
     position = panel.origin[plane.normal]
-    where = f"{SIDES[plane.normal][int(position > 0)]} {abs(position):.0f} mm"
+    where = f"{SIDES[plane.normal][int(position > 0)]} {abs(position):.{decimals}f} mm"
     canvas.label(0.6 * text_size, margin, plane.name, text_size)
     canvas.label(0.6 * text_size, 2.3 * margin, where, round(0.85 * text_size), FAINT_TEXT)

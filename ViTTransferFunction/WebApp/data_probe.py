@@ -9,13 +9,11 @@ import numpy as np
 from vtkmodules.vtkCommonCore import vtkCommand
 
 from ..Logic.core.system.errors import InputError
+from ..Logic.core.volumes.measures import position_decimals
 from ..Logic.core.volumes.patient_sides import position_text
 from ..Logic.scene.mrml.transforms import world_to_local
 from ..Logic.scene.tools.view_mouse import SliceMouse
 from ..Logic.scene.volumes.volume_nodes import array_from_node, geometry_from_node
-
-FINE_MM = 0.5
-"""Of voxels that are smaller, as those of a tooth or of a small animal, many lie within a millimetre: it gets a decimal."""
 
 
 class DataProbe:
@@ -67,7 +65,7 @@ def probe_text(volume: Any, point_ras: np.ndarray) -> str:
         geometry, local_ras = geometry_from_node(volume), world_to_local(volume, point_ras[None])
     except InputError:
         return position_text(point_ras)
-    position = position_text(point_ras, decimals=int(geometry.spacing_mm.min() < FINE_MM))
+    position = position_text(point_ras, position_decimals(float(geometry.spacing_mm.min())))
     if not geometry.contains(local_ras).all():
         return position
     k, j, i = geometry.nearest_voxels(local_ras)[0]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..Logic.core.volumes.measures import round_number
+
 LARGEST_SHARE = 0.25
 """Of the view's width."""
-_STEPS = (5, 2, 1)
 
 
 def scale_bar(view_mm: float) -> dict[str, Any]:
@@ -21,9 +22,7 @@ def scale_bar(view_mm: float) -> dict[str, Any]:
     """
     if not (math.isfinite(view_mm) and view_mm > 0.0):
         return {"share": 0.0, "text": ""}
-    largest_mm = LARGEST_SHARE * view_mm
-    power_mm = 10.0 ** math.floor(math.log10(largest_mm))
-    length_mm = next(step * power_mm for step in _STEPS if step * power_mm <= largest_mm or step == 1)
+    length_mm = round_number(LARGEST_SHARE * view_mm)
     return {"share": length_mm / view_mm, "text": _length_text(length_mm)}
 
 

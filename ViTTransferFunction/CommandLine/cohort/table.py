@@ -10,6 +10,7 @@ from pathlib import Path
 from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.volumes.measures import decimals_of
 
 logger = logging.getLogger(__name__)
 
@@ -51,7 +52,7 @@ class CohortTable:
 
 def _row(outcome: CaseOutcome, structures: list[str]) -> list[str]:
     millilitres = (outcome.millilitres.get(name) for name in structures)
-    figures = (_number(outcome.seconds, 1), *(_number(value, 3) for value in millilitres))
+    figures = (_number(outcome.seconds, 1), *(_number(value, decimals_of(value or 0.0, 4, 3)) for value in millilitres))
     return [outcome.case, outcome.status, *figures, " ".join(outcome.message.split())]
 
 

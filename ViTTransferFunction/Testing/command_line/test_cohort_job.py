@@ -353,3 +353,9 @@ def test_options_that_cannot_be_used_are_refused(
     assert main(["cohort", str(tmp_path / "cases.csv"), "-o", str(tmp_path / "out"), *options]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_what_is_small_has_a_volume_in_the_table_too(tmp_path: Path) -> None:
+    table = CohortTable(tmp_path / "t.csv", ["wasp"])
+    table.put(CaseOutcome("wasp", "done", 1.25, {"brain": 0.00012346, "body": 0.01412}))
+    assert table.path.read_text(encoding="utf-8-sig").splitlines()[1] == "wasp,done,1.2,0.0001235,0.01412,"

@@ -56,7 +56,7 @@ ARROWS: dict[str, tuple[str, ...]] = {
         "scene/volumes",
         "scene/classes",
     ),
-    "scene/tools": ("core/classes", "scene/mrml", "scene/classes"),
+    "scene/tools": ("core/volumes", "core/classes", "scene/mrml", "scene/classes"),
     "scene": ("core/system", "core/volumes", "session", "compute", *_UNDER_SCENE),
 }
 """Room → the rooms that its files may import."""

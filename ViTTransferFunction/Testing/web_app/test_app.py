@@ -728,13 +728,15 @@ def test_under_a_resting_mouse_what_is_told_is_of_the_scan_that_was_opened_last(
     opened(journey)
 
 
-def test_of_fine_voxels_positions_are_told_in_tenths_of_a_millimetre(opened: Callable[[Journey], None]) -> None:
+def test_the_finer_the_voxels_the_finer_positions_are_told(opened: Callable[[Journey], None]) -> None:
     async def journey(app: WebApp) -> None:
         volume = app.session.parameters.volume
         point = np.array([-1.26, -2.04, 0.04])
         assert probe_text(volume, point).startswith("L 1, P 2, S 0")
         volume.SetSpacing(0.1, 0.1, 0.1)
         assert probe_text(volume, point).startswith("L 1.3, P 2.0, S 0.0")
+        volume.SetSpacing(0.02, 0.02, 0.02)
+        assert probe_text(volume, point).startswith("L 1.26, P 2.04, S 0.04")
 
     opened(journey)
 

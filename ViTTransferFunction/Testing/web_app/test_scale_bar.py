@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import SimpleITK as sitk  # noqa: N813
 from hypothesis import given
 from hypothesis import strategies as st
 
 pytest.importorskip("trame_slicer")
 
+from ViTTransferFunction.Testing.support.web_app import AppPage, serving
 from ViTTransferFunction.WebApp.app import WebApp
 from ViTTransferFunction.WebApp.scale_bar import LARGEST_SHARE, scale_bar
 
@@ -68,3 +72,16 @@ def test_the_bar_of_a_view_follows_its_zoom_and_its_size(opened: Callable[[Journ
                 assert pixels_per_mm() == pytest.approx(100.0 / in_patient_mm, rel=1e-3)
 
     opened(journey)
+
+
+def test_slices_of_a_small_specimen_are_told_apart(new_page: Callable[[], AppPage], tmp_path: Path) -> None:
+    image = sitk.GetImageFromArray(np.random.default_rng(0).normal(0.0, 8.0, (20, 22, 24)))
+    image.SetSpacing([0.005] * 3)
+    sitk.WriteImage(image, str(tmp_path / "wasp.nrrd"))
+    with serving(tmp_path / "wasp.nrrd", "--device", "cpu", cache=tmp_path) as server:
+        page = new_page()
+        page.page.goto(server.address)
+        page.wait_for_state("volume_name === 'wasp' && opening === ''")
+        for mm in ("0.050", "0.055"):
+            page["slice-Red"].fill(mm)
+            page.page.wait_for_function("mm => document.querySelector('.offset').textContent.trim() === `S ${mm} mm`", arg=mm)

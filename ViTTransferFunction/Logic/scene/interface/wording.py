@@ -7,6 +7,7 @@ from typing import Literal
 
 from ...core.classes.close_up import EdgesMm
 from ...core.system.progress import WorkProgress
+from ...core.volumes.measures import SMALLEST_ML, millilitres_text, two_figures
 from ...rendering.appearance import STYLES
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
@@ -51,7 +52,7 @@ def close_up_text(edges_mm: EdgesMm | None) -> str:
     """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None)."""
     if edges_mm is None:
         return ""
-    edges = " × ".join(f"{edge:.0f}" if edge >= 9.95 else f"{edge:.1f}" for edge in edges_mm)
+    edges = " × ".join(two_figures(edge) for edge in edges_mm)
     return _("In a box of {edges} mm").format(edges=edges)
 
 
@@ -87,14 +88,15 @@ def threshold_text(iso: float | None, chosen: float | None) -> str:
 
 
 def volume_text(volume_ml: float | None) -> str:
-    """Millilitres: two figures of small structures, else a tenth as long as that is more than noise; None: not known."""
+    """Millilitres: two figures of small structures, else a tenth as long as that is more than noise; None: not known.
+
+    What is very small is told in mm³, with that unit.
+    """
     if volume_ml is None:
         return "–"
-    if 0.0 < volume_ml < 0.0005:
-        return "<0.001"
-    steps = ((99.95, 0), (0.995, 1), (0.0995, 2))
-    decimals = next((decimals for least, decimals in steps if volume_ml >= least), 3 if volume_ml else 1)
-    return f"{volume_ml:.{decimals}f}"
+    if 0.0 < volume_ml < SMALLEST_ML:
+        return millilitres_text(volume_ml)
+    return two_figures(volume_ml, least_decimals=0 if volume_ml >= 99.95 else 1)
 
 
 def empty_text(names: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ import slicer
 import vtk
 
 from ...core.classes.colors import Color
+from ...core.volumes.measures import two_figures
 from .drawn_outline import DrawnOutline
 from .view_mouse import PRESSES, SliceMouse
 
@@ -121,7 +122,7 @@ class DrawingTool:
         if self._shape != "line":
             return ""
         start, end = self._in_patient(self._corners())
-        return f"{np.linalg.norm(end - start):.1f} mm"
+        return f"{two_figures(float(np.linalg.norm(end - start)), least_decimals=1)} mm"
 
     def _in_patient(self, corners: np.ndarray) -> np.ndarray:
         return np.array([self._mouse.in_patient((x, y)) for x, y in corners.tolist()])

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from ViTTransferFunction.Logic.scene.interface.wording import duration, empty_text, size, size_in_steps, volume_text
+from ViTTransferFunction.Logic.scene.interface.wording import (
+    close_up_text,
+    duration,
+    empty_text,
+    size,
+    size_in_steps,
+    volume_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -12,7 +19,8 @@ from ViTTransferFunction.Logic.scene.interface.wording import duration, empty_te
     [
         (None, "–"),
         (0.0, "0.0"),
-        (0.0002, "<0.001"),
+        (0.0002, "0.20 mm³"),  # A part of an insect.
+        (0.0098, "9.8 mm³"),
         (0.0142, "0.014"),  # A nodule of 3 mm.
         (0.0996, "0.10"),
         (0.524, "0.52"),
@@ -69,3 +77,11 @@ def test_of_many_structures_a_message_names_as_many_as_one_reads() -> None:
     names = ["a", "b", "c", "d", "e", "f"]
     assert "of 'a', 'b', 'c', 'd', 'e' is empty" in empty_text(names[:5])
     assert "of 'a', 'b', 'c', 'd', 'e' … is empty" in empty_text(names)
+
+
+@pytest.mark.parametrize(
+    ("edges_mm", "text"), [((64.3, 80.0, 9.97), "64 × 80 × 10 mm"), ((6.43, 0.8, 0.052), "6.4 × 0.80 × 0.052 mm")]
+)
+def test_boxes_in_small_specimens_have_a_size_too(edges_mm: tuple[float, float, float], text: str) -> None:
+    assert close_up_text(edges_mm) == f"In a box of {text}"
+    assert close_up_text(None) == ""

@@ -245,3 +245,10 @@ def test_the_view_does_not_react_while_the_user_draws(stage: Stage) -> None:
     tool.deactivate()
     stage.drag((40, 40), (90, 45))
     assert len(reactions) == 4
+
+
+def test_a_line_across_a_small_specimen_has_a_length_too(stage: Stage) -> None:
+    stage.node.SetFieldOfView(*(np.array(stage.node.GetFieldOfView()) / 1000.0))
+    stage.tool("line")
+    stage.press_and_move((40, 50), (100, 90))
+    assert stage.text() == f"{np.hypot(60, 40) * stage.mm_per_pixel():.2g} mm"
