@@ -12,6 +12,7 @@ from Benchmarks.shared.regions import Voxel, largest_component
 from Benchmarks.shared.simulated_clicker import Click
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
+from ViTTransferFunction.Logic.core.volumes.geometry import body_scale
 
 HAND_MM, HAND_SHARE = 1.5, 0.06
 """Standard deviation of where a person draws around where they mean to: along each axis of where a line ends, across an
@@ -46,7 +47,8 @@ def drawn_diameter(structure: np.ndarray, spacing_mm: Sequence[float], *seed: in
     k, shown = _shown(structure, random)
     pixel_mm = np.asarray(spacing_mm)[1:]
     ends = _by_hand(_longest_within(shown, pixel_mm), random)
-    return _clicks(points_of_diameter(_in_volume(ends, k, spacing_mm)), structure.shape, spacing_mm)
+    points = points_of_diameter(_in_volume(ends, k, spacing_mm), _scale(structure, spacing_mm))
+    return _clicks(points, structure.shape, spacing_mm)
 
 
 def drawn_outline(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -> list[Click] | None:
@@ -61,7 +63,9 @@ def drawn_outline(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int
         Its points; what is beyond the volume is left out. None where the structure has a hole in the slice, as a ring has.
     """
     outline = outline_mm(structure, spacing_mm, *seed)
-    return None if outline is None else _clicks(points_of_outline(outline), structure.shape, spacing_mm)
+    if outline is None:
+        return None
+    return _clicks(points_of_outline(outline, _scale(structure, spacing_mm)), structure.shape, spacing_mm)
 
 
 def outline_mm(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -> np.ndarray | None:
@@ -71,6 +75,11 @@ def outline_mm(structure: np.ndarray, spacing_mm: Sequence[float], *seed: int) -
     if ndimage.binary_fill_holes(shown).sum() > (1.0 + LARGEST_HOLE) * shown.sum():
         return None
     return _in_volume(_outline_by_hand(shown, np.asarray(spacing_mm)[1:], random), k, spacing_mm)
+
+
+def _scale(structure: np.ndarray, spacing_mm: Sequence[float]) -> float:
+    """Of lengths that are meant for bodies, in the volume that a structure is of."""
+    return body_scale(float((np.asarray(spacing_mm) * structure.shape).max()))
 
 
 def _shown(structure: np.ndarray, random: np.random.Generator) -> tuple[int, np.ndarray]:

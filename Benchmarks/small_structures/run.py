@@ -99,7 +99,7 @@ def _small_outlines(labelled: LabelledVolume, paths: int) -> Iterator[tuple[Run,
                     continue
                 geometry = labelled.volume.geometry
                 outline_ras = geometry.ijk_to_ras_points(outline[:, ::-1] / geometry.spacing_mm)
-                if is_small(np.concatenate(points_of_outline(outline_ras)), _cell_mm(labelled)):
+                if is_small(np.concatenate(points_of_outline(outline_ras, geometry.body_scale)), _cell_mm(labelled)):
                     said: Run = {"structure": name, "slice": shows, "path": path}
                     yield said, alone, clicks, outline_ras, persons_aims(path, len(labelled.names))[index]
 
@@ -112,7 +112,9 @@ def _run(
     (shown,) = shown_maps(session, classes_of(alone.names, [clicks], alone.volume.geometry))
     run = {**said, "agreement": round(agreement(shown, outline_ras), 3)}
     for way in WAYS:
-        user = LookingUser(session, alone.names if way == CLOSELY else (), reach_mm(outline_ras))
+        user = LookingUser(
+            session, alone.names if way == CLOSELY else (), reach_mm(outline_ras, session.volume.geometry.body_scale)
+        )
         rounds, _ = run_with_own_clicks(alone, user, ROUNDS, True, [aim], [[clicks]])
         run[way] = {count: structures[alone.names[0]]["dice"] for count, structures in rounds.items()}
     return run

@@ -18,6 +18,7 @@ from ViTTransferFunction.Logic.core.classes.region_points import points_of_outli
 from ViTTransferFunction.Logic.core.classes.small_outlines import is_small, unasked_close_up
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.measures import two_figures
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session.map_crop import SegmentCrops
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
@@ -95,13 +96,13 @@ def _with_unasked_close_up(
     close_up = unasked_close_up(shown, outline_ras, request.positive, session.volume.geometry, _cell_mm(session))
     if close_up is None:
         return request
-    box = " × ".join(f"{edge:.0f}" for edge in close_up.size_mm)
+    box = " × ".join(two_figures(edge) for edge in close_up.size_mm)
     on_warning(f"{request.name}: small, and in the whole scan unlike its outline: looked at closely, in a box of {box} mm.")
     return replace(request, close_up=close_up)
 
 
 def _is_small(outline_ras: np.ndarray, session: SegmentationSession) -> bool:
-    return is_small(np.concatenate(points_of_outline(outline_ras)), _cell_mm(session))
+    return is_small(np.concatenate(points_of_outline(outline_ras, session.volume.geometry.body_scale)), _cell_mm(session))
 
 
 def _cell_mm(session: SegmentationSession) -> float:

@@ -116,8 +116,12 @@ class Markups(NamedTuple):
     outline: np.ndarray | None = None
 
 
-def read_markups(path: Path) -> Markups:
+def read_markups(path: Path, scale: float = 1.0) -> Markups:
     """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
+
+    Args:
+        path: of the file.
+        scale: of lengths that are meant for bodies (`body_scale`), in the volume that they were drawn in.
 
     Raises:
         InputError: unreadable, not a markups file, or of boxes or planes.
@@ -131,7 +135,7 @@ def read_markups(path: Path) -> Markups:
         )
     try:
         _check_points(content["markups"], path)
-        lists = [_points_of(markup, path) for markup in content["markups"]]
+        lists = [_points_of(markup, path, scale) for markup in content["markups"]]
     except (LookupError, TypeError, AttributeError) as error:
         raise InputError(
             f"{path} is not a Slicer markups file (.mrk.json), which has control points with their positions under 'markups'. "
@@ -143,7 +147,7 @@ def read_markups(path: Path) -> Markups:
     return Markups(np.concatenate(inside), np.concatenate(outside))
 
 
-def _points_of(markup: dict[str, Any], path: Path) -> Markups:
+def _points_of(markup: dict[str, Any], path: Path, scale: float) -> Markups:
     points = as_points(_placed(markup["controlPoints"]), f"points of {path}")
     points_ras = transform_points(_markups_to_ras(markup, path), points)
     kind, count = markup.get("type"), len(points_ras)
@@ -155,10 +159,10 @@ def _points_of(markup: dict[str, Any], path: Path) -> Markups:
         )
     try:
         if kind == _LINE:
-            return Markups(*points_of_diameter(points_ras))
+            return Markups(*points_of_diameter(points_ras, scale))
         if kind == _CURVE:
             outline = closed_curve_through(points_ras)
-            return Markups(*points_of_outline(outline), outline)
+            return Markups(*points_of_outline(outline, scale), outline)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return Markups(points_ras, no_points())
@@ -199,7 +203,7 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
         raise InputError(f"There are negative points for '{strangers[0]}' but no positive ones; give both for the class.")
     classes = []
     for index, (name, path) in enumerate(positive.items()):
-        inside, beyond, outline = read_markups(path)
+        inside, beyond, outline = read_markups(path, geometry.body_scale)
         off = _read_negative(negative[name]) if name in negative else no_points()
         outside = np.concatenate([off, beyond[geometry.contains(beyond)]])
         classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index), outline_ras=outline))

@@ -145,7 +145,9 @@ class SceneSession:
             self.parameters, self.annotations, self._volume, self._maps, self._proxy, self._problems, self._notices
         )
         self.close_up_hints = CloseUpHints(self.parameters, self.annotations, self._volume, self._maps, self._proxy)
-        self.regions = SceneRegions(scene, self.annotations, self._volume.contains, self.close_up_hints.note_outline)
+        self.regions = SceneRegions(
+            scene, self.annotations, self._volume.contains, lambda: self._volume.body_scale, self.close_up_hints.note_outline
+        )
         self._left_behind = LeftBehind(self.parameters, self.annotations, self._problems)
         self._look_due = True
         self._watch = SceneWatch(
@@ -161,6 +163,11 @@ class SceneSession:
     def add_observer(self, callback: Callable[[], None]) -> None:
         """Call `callback` after anything that a front end shows has changed."""
         self._notices.add_observer(callback)
+
+    @property
+    def body_scale(self) -> float:
+        """By what lengths in the scene that are meant for bodies are multiplied, less than 1 where the volume is small."""
+        return self._volume.body_scale
 
     @property
     def phase(self) -> Phase:

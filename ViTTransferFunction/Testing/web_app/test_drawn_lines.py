@@ -40,7 +40,7 @@ def test_a_line_drawn_in_the_app_gives_points_inside_and_outside_in_one_step(ope
         draw(app, "diameter", [[0.4, 0.5], [0.5, 0.4], [0.6, 0.5]])
         to_ras = view.get_view_node().GetXYToRAS()
         ends = np.array([to_ras.MultiplyPoint((share * 300, 100.0, 0.0, 1.0))[:3] for share in (0.4, 0.6)])
-        inside, outside = points_of_diameter(ends)
+        inside, outside = points_of_diameter(ends, app.session.body_scale)
         (structure,) = app.session.classes
         np.testing.assert_allclose(structure.positive, inside, atol=0.5)
         np.testing.assert_allclose(structure.negative, outside, atol=0.5)
@@ -59,7 +59,7 @@ def test_an_outline_drawn_in_the_app_gives_points_inside_and_around_in_one_step(
         draw(app, "outline", corners)
         to_ras = view.get_view_node().GetXYToRAS()
         outline = np.array([to_ras.MultiplyPoint((200 * x, 200 * (1 - y), 0.0, 1.0))[:3] for x, y in corners])
-        inside, outside = points_of_outline(outline)
+        inside, outside = points_of_outline(outline, app.session.body_scale)
         (structure,) = app.session.classes
         assert len(structure.positive) == len(inside)
         middle = outline.mean(axis=0)

@@ -46,23 +46,25 @@ def unasked_close_up(
         geometry: of the volume.
         cell_mm: as there.
     """
-    if not asks_for_close_up(shown, outline_ras, cell_mm):
+    scale = geometry.body_scale
+    if not asks_for_close_up(shown, outline_ras, cell_mm, scale):
         return None
     try:
-        return close_up_of(shown, points_ras, geometry, reach_mm(outline_ras))
+        return close_up_of(shown, points_ras, geometry, reach_mm(outline_ras, scale))
     except InputError:
         return None  # The box would show little else than the whole.
 
 
-def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float) -> bool:
+def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float, scale: float = 1.0) -> bool:
     """Whether a structure is to be looked at closely at once.
 
     Args:
         shown: the structure as the whole volume shows it, refined: cells are too large to be compared with what is small.
         outline_ras: (N, 3) RAS millimetres in the frame of the map, as for `points_of_outline`, which it begins with.
         cell_mm: the longest edge of the whole volume's cells.
+        scale: as for `points_of_outline`.
     """
-    points = np.concatenate(points_of_outline(outline_ras))
+    points = np.concatenate(points_of_outline(outline_ras, scale))
     return is_small(points, cell_mm) and agreement(shown, outline_ras) < LEAST_AGREEMENT
 
 
@@ -71,9 +73,9 @@ def is_small(points_ras: np.ndarray, cell_mm: float) -> bool:
     return _length_mm(points_ras) < SMALL_CELLS * cell_mm
 
 
-def reach_mm(outline_ras: np.ndarray) -> float:
+def reach_mm(outline_ras: np.ndarray, scale: float = 1.0) -> float:
     """How far a structure that begins with an outline (N, 3) and is shown as something else may reach (`close_up_of`)."""
-    return REACH * _length_mm(np.concatenate(points_of_outline(outline_ras)))
+    return REACH * _length_mm(np.concatenate(points_of_outline(outline_ras, scale)))
 
 
 def agreement(shown: ClassMap, outline_ras: np.ndarray) -> float:

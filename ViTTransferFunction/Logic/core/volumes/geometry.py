@@ -16,6 +16,10 @@ LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 FLATTEST_AXES = 1e-6
 """Volume between unit vectors along the axes: of less, nothing is left but what matrices lose in files of single precision."""
 
+SMALL_SCAN_MM = 96.0
+"""Where the longest edge of a scan is shorter, lengths that are meant for bodies are so, too, in proportion: they would be a
+large part of what is imaged by a microscope."""
+
 Box = tuple[slice, slice, slice]
 """A part of a grid: ranges of k, j and i, each with a start and an end."""
 
@@ -54,6 +58,11 @@ class Geometry:
         """Edge lengths of the grid's box, voxels' own width included, along (I, J, K), (3,) float64, millimetres."""
         extent: np.ndarray = self.spacing_mm * self.shape[::-1]
         return extent
+
+    @property
+    def body_scale(self) -> float:
+        """By what lengths that are meant for bodies are multiplied in this grid, all of a scan; see `body_scale`."""
+        return body_scale(float(self.extent_mm.max()))
 
     @property
     def voxel_volume_mm3(self) -> float:
@@ -106,6 +115,11 @@ class Geometry:
         shift[:3, 3] = [extent.start for extent in reversed(box)]
         k, j, i = (extent.stop - extent.start for extent in box)
         return Geometry((k, j, i), self.ijk_to_ras @ shift)
+
+
+def body_scale(longest_edge_mm: float) -> float:
+    """By what lengths that are meant for bodies are multiplied in a scan with this longest edge: 1, or less in a small one."""
+    return min(longest_edge_mm / SMALL_SCAN_MM, 1.0)
 
 
 def _are_in_one_plane(axes: np.ndarray) -> bool:

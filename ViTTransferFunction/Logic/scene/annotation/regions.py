@@ -27,6 +27,7 @@ class SceneRegions:
         scene: has the markups.
         annotations: get the points.
         in_volume: tells which of some points (N, 3), RAS millimetres in the scene, lie in the volume; the others are dropped.
+        body_scale: of lengths in the scene that are meant for bodies, in that volume.
         on_outline: is told of each outline whose points were added: the class's id, and (N, 3) RAS millimetres in the scene.
     """
 
@@ -35,11 +36,13 @@ class SceneRegions:
         scene: slicer.vtkMRMLScene,
         annotations: SceneAnnotations,
         in_volume: Callable[[np.ndarray], np.ndarray],
+        body_scale: Callable[[], float],
         on_outline: Callable[[str, np.ndarray], None],
     ) -> None:
         self._scene = scene
         self._annotations = annotations
         self._in_volume = in_volume
+        self._body_scale = body_scale
         self._on_outline = on_outline
 
     def markups(self, positive: bool) -> dict[str, str]:
@@ -62,7 +65,7 @@ class SceneRegions:
         Raises:
             InputError: none of them lies in the volume.
         """
-        self._add(id_, points_within_outline(border_ras), positive)
+        self._add(id_, points_within_outline(border_ras, self._body_scale()), positive)
 
     def add_outline(self, id_: str, outline_ras: np.ndarray) -> None:
         """Add points to a class whose structure ends where a closed outline goes, (N, 3) RAS millimetres in one plane.
@@ -72,7 +75,7 @@ class SceneRegions:
         Raises:
             InputError: it encloses no area, or no point within it lies in the volume.
         """
-        self._add_both(id_, *points_of_outline(outline_ras), what="outline")
+        self._add_both(id_, *points_of_outline(outline_ras, self._body_scale()), what="outline")
         self._on_outline(id_, outline_ras)
 
     def add_diameter(self, id_: str, ends_ras: np.ndarray) -> None:
@@ -83,7 +86,7 @@ class SceneRegions:
         Raises:
             InputError: no point along it lies in the volume, or it is too short.
         """
-        self._add_both(id_, *points_of_diameter(ends_ras), what="diameter")
+        self._add_both(id_, *points_of_diameter(ends_ras, self._body_scale()), what="diameter")
 
     def add_markup(self, id_: str, node_id: str, positive: bool) -> None:
         """Add the points of one of `markups` to a class; a curve is taken to lie in the plane nearest to it. The markup stays.
@@ -95,7 +98,7 @@ class SceneRegions:
         if node.IsA(_LINE):
             self.add_diameter(id_, _ends(node))
         elif node.IsA(_BOX):
-            self._add(id_, _points_within_box(node), positive)
+            self._add(id_, _points_within_box(node, self._body_scale()), positive)
         elif positive:
             self.add_outline(id_, _corners(node))
         else:
@@ -120,9 +123,9 @@ def _ends(node: slicer.vtkMRMLMarkupsLineNode) -> np.ndarray:
     return np.array([node.GetNthControlPointPositionWorld(index) for index in range(2)])
 
 
-def _points_within_box(node: slicer.vtkMRMLMarkupsROINode) -> np.ndarray:
+def _points_within_box(node: slicer.vtkMRMLMarkupsROINode, scale: float) -> np.ndarray:
     # Its own size: the matrix has the scale of the transforms that it is under.
-    return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(node.GetSize()))
+    return points_within_box(numpy_matrix(node.GetObjectToWorldMatrix()), np.array(node.GetSize()), scale)
 
 
 def _corners(node: slicer.vtkMRMLMarkupsClosedCurveNode) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from ...compute.proxy import SegmentationProxy
 from ...compute.requests import TakeVolume
 from ...core.system.errors import InputError
+from ...core.volumes.geometry import body_scale
 from ...session.settings import SessionSettings
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
@@ -58,6 +59,13 @@ class OpenedVolume:
         if node is None or self.content is None:
             return np.ones(len(points_ras), dtype=bool)
         return self.content.geometry.contains(world_to_local(node, points_ras))
+
+    @property
+    def body_scale(self) -> float:
+        """Of lengths in the scene that are meant for bodies, in the volume as it lies there; 1 where there is none."""
+        if self.content is None:
+            return 1.0
+        return body_scale(float(self.content.geometry.extent_mm.max() * np.cbrt(self.enlargement or 1.0)))
 
     @property
     def enlargement(self) -> float | None:

@@ -45,3 +45,16 @@ def test_drawn_the_other_way_round_it_stands_for_the_same_places() -> None:
 def test_a_line_across_nothing_is_refused_and_the_user_is_told_what_to_do(length_mm: float) -> None:
     with pytest.raises(InputError, match=r"mm long; at least 0\.5 mm were expected\. Drag from one edge"):
         points_of_diameter(diameter(length_mm))
+
+
+@pytest.mark.parametrize("length_mm", [4.0, 50.0])
+def test_across_a_small_specimen_a_line_stands_for_the_same_places_as_across_a_body(length_mm: float) -> None:
+    of_body, of_specimen = points_of_diameter(diameter(length_mm)), points_of_diameter(diameter(length_mm / 30.0), 1.0 / 30.0)
+    for one, other in zip(of_body, of_specimen, strict=True):
+        np.testing.assert_allclose(along_mm(other), along_mm(one) / 30.0, atol=1e-9)
+
+
+def test_what_is_too_short_across_a_body_is_long_enough_across_a_small_specimen_and_the_limit_is_told_as_it_is() -> None:
+    points_of_diameter(diameter(0.4), 0.1)
+    with pytest.raises(InputError, match=r"is 0\.04 mm long; at least 0\.05 mm were expected"):
+        points_of_diameter(diameter(0.04), 0.1)

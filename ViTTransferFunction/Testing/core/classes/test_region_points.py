@@ -158,3 +158,17 @@ def test_an_outline_without_an_area_has_no_points(outline: np.ndarray) -> None:
     assert points_within_outline(in_patient(outline)).shape == (0, 3)
     with pytest.raises(InputError, match=r"encloses nothing\. Drag once around the structure"):
         points_of_outline(in_patient(outline))
+
+
+@pytest.mark.parametrize("scale", [1 / 8, 1 / 32])
+@pytest.mark.parametrize("radius_mm", [2.0, 6.0, 30.0])
+def test_of_a_small_specimen_a_drawn_shape_stands_for_the_same_places_as_of_a_body(radius_mm: float, scale: float) -> None:
+    # By powers of two, and lopsided: else rounding would decide which of several places that are equally far is first.
+    outline = in_patient(circle(radius_mm) * np.linspace(1.0, 1.3, 60)[:, None])
+    size_mm = radius_mm * np.array([2.0, 2.1, 4.0])
+    for small, large in (
+        (points_within_outline(scale * outline, scale), points_within_outline(outline)),
+        (points_within_box(np.eye(4), scale * size_mm, scale), points_within_box(np.eye(4), size_mm)),
+        *zip(points_of_outline(scale * outline, scale), points_of_outline(outline), strict=True),
+    ):
+        np.testing.assert_allclose(small, scale * large, atol=1e-6)

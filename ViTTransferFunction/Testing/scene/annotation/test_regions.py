@@ -263,3 +263,47 @@ def test_a_line_whose_end_still_hangs_on_the_mouse_is_not_offered(slicer_app: An
     assert session.regions.markups(positive=True) == {line.GetID(): "in the making"}
     line.UnsetNthControlPointPosition(0)
     assert session.regions.markups(positive=True) == {}
+
+
+def test_in_a_small_specimen_what_is_drawn_is_the_same_points_as_in_a_body(slicer_app: Any, session: SceneSession) -> None:
+    scene, (state,) = slicer_app.scene, session.classes
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    # Lopsided, so that rounding does not decide which of several places is first.
+    outline = np.array([[40.0, 45.0, 50.0], [56.0, 45.0, 50.0], [58.0, 59.0, 50.0], [41.0, 58.0, 50.0]])
+    found: list[list[np.ndarray]] = []
+    for scale in (1.0, 1 / 32):
+        geometry = Geometry((22, 23, 24), np.diag([*[4.0 * scale] * 3, 1.0]))
+        voxels = np.arange(np.prod(geometry.shape), dtype=np.int16).reshape(geometry.shape)
+        set_image(volume, voxels, geometry.ijk_to_ras)
+        session.set_volume(None)
+        session.set_volume(volume)
+        box = scene.AddNewNodeByClass("vtkMRMLMarkupsROINode", "within")
+        box.SetCenterWorld(scale * np.array([60.0, 62.0, 64.0]))
+        box.SetSizeWorld(scale * np.array([20.0, 23.0, 27.0]))
+        markups = add_curve(scene, "around", *(scale * outline)), box
+        steps = [
+            lambda: session.regions.add_region(state.id, scale * outline, positive=True),  # noqa: B023
+            lambda: session.regions.add_outline(state.id, scale * outline),  # noqa: B023
+            lambda: session.regions.add_diameter(state.id, scale * outline[:2] * [1.0, 1.1, 1.0]),  # noqa: B023
+            *(lambda node=node: session.regions.add_markup(state.id, node.GetID(), positive=True) for node in markups),
+        ]
+        points = []
+        for step in steps:
+            step()
+            points.append(np.concatenate([points_of(session), points_of(session, positive=False)]) / scale)
+            session.annotations.undo()
+        found.append(points)
+    for body, specimen in zip(*found, strict=True):
+        assert len(body) > 3
+        np.testing.assert_allclose(specimen, body, atol=1e-4)
+
+
+def test_a_scan_is_as_small_as_it_lies_in_the_scene(slicer_app: Any, session: SceneSession) -> None:
+    assert session.body_scale == 1.0
+    geometry = Geometry((22, 23, 24), np.diag([4.0, 4.0, 4.0, 1.0]))
+    volume = slicer_app.scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.arange(np.prod(geometry.shape), dtype=np.int16).reshape(geometry.shape), geometry.ijk_to_ras)
+    session.set_volume(volume)
+    assert session.body_scale == 1.0
+    put_under(volume, np.diag([0.1, 0.1, 0.1, 1.0]))
+    assert session.body_scale == pytest.approx(0.1)
