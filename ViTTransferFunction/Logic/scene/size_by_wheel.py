@@ -31,9 +31,13 @@ def size_wheels(session_now: Callable[[], SceneSession | None]) -> MakeTool:
         session = session_now()
         return session is not None and session.shown.is_on_selected(point_ras)
 
+    def body_scale() -> float:
+        session = session_now()
+        return session.body_scale if session else 1.0
+
     def turn(notches: int) -> None:
         session, state = session_now(), selected()
         if session is not None and state is not None:
             session.annotations.turn_size(state.id, notches)
 
-    return lambda interactor, slice_node, draw: SizeWheel(interactor, slice_node, shown_class, is_over, turn)
+    return lambda interactor, slice_node, draw: SizeWheel(interactor, slice_node, shown_class, is_over, body_scale, turn)

@@ -15,7 +15,7 @@ from .selected_class import SelectedClass
 from .surface_points import moved_inside, placed_in_3d_view
 
 REACH_OF_STRUCTURE_MM = 3.0
-"""How far beyond its border one still points at a structure: about as well as people aim."""
+"""How far beyond its border one still points at a structure of a body: about as well as people aim."""
 
 
 class ShownStructures:
@@ -53,17 +53,19 @@ class ShownStructures:
         """Whether a point (3,), RAS millimetres, lies on the selected class's structure, or right beside it."""
         volume, selected = self._parameters.volume, self._selected.state
         class_map = self._proxy.maps.get(selected.id) if selected and selected.visible else None
-        if volume is None or class_map is None or self._volume.changed:
+        content = self._volume.content
+        if volume is None or class_map is None or content is None or self._volume.changed:
             return False
-        return is_near(class_map, world_to_local(volume, point_ras)[0], REACH_OF_STRUCTURE_MM)
+        return is_near(class_map, world_to_local(volume, point_ras)[0], content.geometry.body_scale * REACH_OF_STRUCTURE_MM)
 
     def settled(self, point_ras: np.ndarray) -> np.ndarray:
         """Where a point is to lie that was placed at `point_ras`, (3,) RAS millimetres: itself, or a place inside a structure.
 
         The latter if it was placed on a structure's surface, in a 3D view.
         """
-        volume = self._parameters.volume
-        if volume is None or self._volume.content is None or not placed_in_3d_view(self._scene, self._app_logic):
+        volume, content = self._parameters.volume, self._volume.content
+        if volume is None or content is None or not placed_in_3d_view(self._scene, self._app_logic):
             return point_ras
         visible = {state.id for state in self._annotations.classes if state.visible}
-        return moved_inside(point_ras, [m for id_, m in self._proxy.maps.items() if id_ in visible], matrix_to_world(volume))
+        maps = [class_map for id_, class_map in self._proxy.maps.items() if id_ in visible]
+        return moved_inside(point_ras, maps, matrix_to_world(volume), content.geometry.body_scale)

@@ -16,7 +16,7 @@ from ...core.classes.class_map import ClassMap, in_units_of
 from ...core.volumes.geometry import Box, transform_points
 
 REACH_MM = 6.0
-"""How far a point is moved at most; further where the map's cells are larger. About the size of a cell."""
+"""How far a point is moved at most in a body; further where the map's cells are larger. About the size of a cell."""
 REACH_VOXELS = 12
 """But no further than this in a fine scan, whose cells are smaller: the box that is looked at grows with the third power."""
 
@@ -31,30 +31,31 @@ def placed_in_3d_view(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLAppli
     return bool(crosshair.GetCursorPositionRAS(position)) and crosshair.GetCursorPositionXYZ(position) is None
 
 
-def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap], map_to_world: np.ndarray) -> np.ndarray:
+def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap], map_to_world: np.ndarray, scale: float = 1.0) -> np.ndarray:
     """A point on the surface of a class's map, moved to where the class is deepest nearby.
 
     Args:
         point_ras: (3,) RAS millimetres in the scene.
         maps: of the classes whose surfaces are seen.
         map_to_world: (4, 4), from the maps' frame to the scene's.
+        scale: of lengths that are meant for bodies (`body_scale`), in the maps' frame.
 
     Returns:
         (3,) RAS millimetres in the scene; `point_ras` itself where it lies on no surface.
     """
     local_ras = transform_points(np.linalg.inv(map_to_world), point_ras)[0]
-    nearby = [place for class_map in maps if (place := _deepest_nearby(local_ras, class_map)) is not None]
+    nearby = [place for class_map in maps if (place := _deepest_nearby(local_ras, class_map, scale)) is not None]
     if not nearby:
         return point_ras
     _, deepest_ras = min(nearby, key=lambda place: place[0])
     return transform_points(map_to_world, deepest_ras)[0]
 
 
-def _deepest_nearby(point_ras: np.ndarray, class_map: ClassMap) -> tuple[float, np.ndarray] | None:
+def _deepest_nearby(point_ras: np.ndarray, class_map: ClassMap, scale: float) -> tuple[float, np.ndarray] | None:
     """How far the class is from the point, and its deepest place within reach; None where its surface is out of reach."""
     geometry = class_map.geometry
     spacing_kji = geometry.spacing_mm[::-1]
-    reach_mm = max(min(REACH_MM, REACH_VOXELS * float(spacing_kji.min())), float(spacing_kji.max()))
+    reach_mm = max(min(scale * REACH_MM, REACH_VOXELS * float(spacing_kji.min())), float(spacing_kji.max()))
     point_kji = geometry.ras_to_ijk(point_ras[None])[0, ::-1]
     # Twice the reach, so that the depth of what is within reach is known.
     box = _box_around(point_kji, np.ceil(2.0 * reach_mm / spacing_kji), geometry.shape)

@@ -11,7 +11,7 @@ import vtk
 from .view_mouse import SliceMouse
 
 STILL_MM = 3.0
-"""Nearer than this, the mouse is where it was at the last notch: a hand on a wheel trembles."""
+"""Nearer than this, the mouse is where it was at the last notch in a scan of a body: a hand on a wheel trembles."""
 
 
 class SizeWheel:
@@ -25,6 +25,7 @@ class SizeWheel:
         slice_node: says where the view lies in the patient.
         selected: id of the class whose size can change now; None where there is none.
         is_over: whether a point (3,), RAS millimetres, lies on that class's structure.
+        body_scale: of lengths that are meant for bodies.
         on_notch: gets 1 for a notch away from the user, which is for larger, and −1 for one towards them.
     """
 
@@ -34,11 +35,13 @@ class SizeWheel:
         slice_node: slicer.vtkMRMLSliceNode,
         selected: Callable[[], str | None],
         is_over: Callable[[np.ndarray], bool],
+        body_scale: Callable[[], float],
         on_notch: Callable[[int], None],
     ) -> None:
         self._mouse = SliceMouse(interactor, slice_node)
         self._selected = selected
         self._is_over = is_over
+        self._body_scale = body_scale
         self._on_notch = on_notch
         self._last: tuple[str, np.ndarray] | None = None
 
@@ -71,4 +74,5 @@ class SizeWheel:
         if self._last is None:
             return False
         last_selected, last_ras = self._last
-        return selected == last_selected and float(np.linalg.norm(point_ras - last_ras)) <= STILL_MM
+        still = float(np.linalg.norm(point_ras - last_ras)) <= self._body_scale() * STILL_MM
+        return selected == last_selected and still

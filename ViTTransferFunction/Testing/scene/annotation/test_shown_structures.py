@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ViTTransferFunction.Logic.core.volumes.geometry import transform_points
+from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
 from ViTTransferFunction.Logic.scene.annotation.shown_structures import REACH_OF_STRUCTURE_MM, ShownStructures
 from ViTTransferFunction.Logic.scene.classes.class_state import new_class_state
 from ViTTransferFunction.Testing.support.corrected import CELLS, MIDDLE, RADIUS_MM, sphere
@@ -25,7 +25,8 @@ class Parts:
     def __init__(self, volume: Any) -> None:
         state = new_class_state(())
         self.selected: Any = SimpleNamespace(state=state)
-        self.volume: Any = SimpleNamespace(changed=False)
+        geometry = sphere(CELLS, in_bytes=False).geometry
+        self.volume: Any = SimpleNamespace(changed=False, content=SimpleNamespace(geometry=geometry))
         self.parameters: Any = SimpleNamespace(volume=volume)
         self.proxy: Any = SimpleNamespace(maps={state.id: sphere(CELLS, in_bytes=False)})
 
@@ -45,6 +46,11 @@ def test_one_points_at_a_structure_inside_it_and_right_beside_it(parts: Parts, t
     put_under(parts.parameters.volume, to_scene)
     points = transform_points(to_scene, np.array([MIDDLE, INSIDE, BESIDE, BEYOND]))
     assert [parts.is_on_selected(point) for point in points] == [True, True, True, False]
+
+
+def test_in_a_small_specimen_one_points_at_a_structure_from_less_far(parts: Parts) -> None:
+    parts.volume.content.geometry = Geometry((10, 10, 10), np.diag([0.96, 0.96, 0.96, 1.0]))
+    assert [parts.is_on_selected(point) for point in (INSIDE, BESIDE)] == [True, False]
 
 
 @pytest.mark.parametrize("missing", ["class", "map", "volume", "hidden", "stale"])

@@ -52,6 +52,12 @@ def test_in_a_fine_scan_a_point_goes_no_further_than_a_dozen_voxels() -> None:
     assert 0.8 < np.linalg.norm(moved - placed) <= REACH_VOXELS * 0.1 + 1e-6
 
 
+def test_in_a_small_specimen_a_point_goes_as_much_less_far() -> None:
+    placed = beside_middle(RADIUS_VOXELS - 0.3)
+    moved = moved_inside(placed, [A_BALL], np.eye(4), 0.5)
+    assert 1.0 < np.linalg.norm(moved - placed) <= 0.5 * REACH_MM
+
+
 def test_a_point_on_a_vessel_goes_to_its_middle_and_not_beyond() -> None:
     kji = np.indices(GRID.shape, dtype=np.float32)
     # A tube of 4.5 mm along I, whose axis is at K = 15 and J = 15.

@@ -26,7 +26,10 @@ class Hand:
         node = view.get_view_node()
         self.pixels_per_mm = SLICE_PIXELS / node.GetFieldOfView()[0]
         self._centre = np.array(node.GetXYToRAS().MultiplyPoint((MIDDLE, MIDDLE, 0.0, 1.0))[:3])
-        self.tool = SizeWheel(view.interactor(), node, lambda: self.selected, self._is_over, self.notches.append)
+        self.body_scale = 1.0
+        self.tool = SizeWheel(
+            view.interactor(), node, lambda: self.selected, self._is_over, lambda: self.body_scale, self.notches.append
+        )
         self.tool.activate()
 
     def _is_over(self, point_ras: np.ndarray) -> bool:
@@ -95,3 +98,10 @@ def test_the_wheel_is_the_views_again_when_the_tool_is_put_down(hand: Hand) -> N
     hand.tool.deactivate()
     assert hand.turn(FORWARD)
     assert hand.notches == []
+
+
+def test_in_a_small_specimen_the_mouse_is_moved_as_soon_as_in_a_body(hand: Hand) -> None:
+    hand.turn(BACKWARD)
+    hand.radius_mm, hand.body_scale = -1.0, 0.1
+    assert hand.turn(BACKWARD, beside_mm=0.5 * STILL_MM), "the view zooms"
+    assert hand.notches == [-1]
