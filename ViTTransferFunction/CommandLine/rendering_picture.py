@@ -47,6 +47,7 @@ BONE_HU = 250.0
 CONTEXT_COLOR: Color = (0.93, 0.90, 0.82)
 CONTEXT_OPACITY = 0.3
 SMALLEST_CONTEXT_MM3 = 5000.0
+"""In a scan of a body."""
 
 
 def render_3d(
@@ -183,7 +184,7 @@ def _context(volume: Volume, segments: Sequence[PictureSegment], threshold: floa
     pieces, _ = label(bright, structure=np.ones((3, 3, 3)))
     sizes_mm3 = np.bincount(pieces.ravel()) * volume.geometry.voxel_volume_mm3
     sizes_mm3[0] = 0.0
-    mask = (sizes_mm3 >= SMALLEST_CONTEXT_MM3)[pieces]
+    mask = (sizes_mm3 >= volume.geometry.body_scale**3 * SMALLEST_CONTEXT_MM3)[pieces]
     return PictureSegment("context", CONTEXT_COLOR, CONTEXT_OPACITY, mask, similarity=intensities, iso=threshold)
 
 

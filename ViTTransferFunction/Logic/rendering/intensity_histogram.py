@@ -15,7 +15,7 @@ from .structure_volume import StructureVolume
 BINS = 64
 
 NEIGHBOURHOOD_MM = 10.0
-"""What is no further from a structure, along each axis of the volume, is what it is to be told from."""
+"""What is no further from a structure of a body, along each axis of the volume, is what it is to be told from."""
 
 SAMPLED_VOXELS = 200_000
 """As many voxels give the same picture as all of them, in some milliseconds."""
@@ -80,7 +80,7 @@ def _level_counts(structures: StructureVolume, number: int) -> tuple[np.ndarray,
     box = _box_of(voxels, number)
     if box is None:
         return np.zeros(256), np.zeros(256)
-    reach = np.ceil(NEIGHBOURHOOD_MM / np.array(structures.geometry.spacing_mm)[::-1]).astype(int)
+    reach = np.ceil(structures.body_scale * NEIGHBOURHOOD_MM / np.array(structures.geometry.spacing_mm)[::-1]).astype(int)
     around = grown(box, reach.tolist(), whole_box(voxels.shape[:3]))
     step = _step(voxels[around])
     sample = voxels[around][::step, ::step, ::step]

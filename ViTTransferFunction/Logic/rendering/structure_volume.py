@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.volumes.geometry import Geometry
+from ..core.volumes.geometry import Geometry, body_scale
 from .appearance import Appearance, appearance_rows, window_levels
 from .composition import own_levels
 from .shader import CONTEXT, SCENE, STRUCTURES
@@ -36,6 +36,11 @@ class StructureVolume:
     hounsfield: bool
     unit_voxels: float
     geometry: Geometry
+
+    @property
+    def body_scale(self) -> float:
+        """By what lengths that are meant for bodies are multiplied in the scan that it is of (`body_scale`)."""
+        return body_scale(UNITS * self.unit_voxels * float(np.cbrt(np.prod(self.geometry.spacing_mm))))
 
     def window(self, index: int, look: Appearance) -> tuple[float, float]:
         """The intensities between which the structure of an index, from 0, gets brighter and more opaque."""

@@ -127,9 +127,12 @@ def test_a_single_voxel_is_visible(opengl: None, geometry: Geometry) -> None:
     assert place_of(picture, RED) == pytest.approx([0.5, 0.5], abs=0.2)
 
 
-def test_bright_surroundings_appear_only_when_asked_for(opengl: None, aligned: Geometry) -> None:
+@pytest.mark.parametrize("size", [1.0, 0.1])
+def test_bright_surroundings_appear_only_when_asked_for(opengl: None, aligned: Geometry, size: float) -> None:
     bone = distance_mm(aligned, (0, 0, 25)) < 15.0
-    volume = Volume(np.where(bone, 1000.0, 0.0), aligned)
+    # A body, or a small animal.
+    scanned = Geometry(aligned.shape, np.diag([size, size, size, 1.0]) @ aligned.ijk_to_ras)
+    volume = Volume(np.where(bone, 1000.0, 0.0), scanned)
     segments = [ball(aligned, "organ", RED, (0, 0, -25))]
 
     alone = render_3d(volume, segments, height=HEIGHT)[:HEIGHT]
