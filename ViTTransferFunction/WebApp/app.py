@@ -22,6 +22,7 @@ from ..Logic.scene.interface.choices import choices, make_possible
 from ..Logic.scene.interface.messages import Messages
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.size_by_wheel import size_wheels
+from ..Logic.scene.tools.brush_size import brush_scale, brush_size
 from ..Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
 from ..Logic.scene.volumes.offered_volume import offered_volume
 from ..Logic.scene.volumes.volume_window import set_window
@@ -32,6 +33,7 @@ from .films import Films
 from .opening import Opening
 from .page import build_page
 from .page_requests import PageRequests
+from .panel_form import panel_form
 from .panel_state import session_state, shown_window, window_ends
 from .routes import Routes
 from .scene_files import import_scene, parameter_node
@@ -93,7 +95,10 @@ class WebApp:
         self._downloads_when_written = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._stopped = asyncio.Event()
-        self.server.state.update({"brush_mm": BRUSH_MM, "theme": "dark", "corrected": [], "consent": ""})
+        self._brush_scale = 1.0
+        brush_range = panel_form()["brushSizeSlider"]["range"]
+        self.server.state.update({"brush_mm": BRUSH_MM, "brush_range": brush_range, "theme": "dark"})
+        self.server.state.update({"corrected": [], "consent": ""})
         self.server.state.update({"saving": None, "film": None, "film_ready": False, "download_due": False})
         self.views = SlicerViews(self.server, self._slicer, lambda: self.session.awaits_maps, self._delays_3d)
         self.tool = AnnotationTool(
@@ -206,6 +211,7 @@ class WebApp:
         """Bring the page to what the session is now."""
         self._stale = False
         self.tool.session = self.session
+        self._fit_brush()
         self.tool.follow_selection()
         self.extraction.go_on()
         while error := self.session.take_error():
@@ -393,6 +399,16 @@ class WebApp:
     def _delays_3d(self) -> bool:
         """Whether what is under way comes before the 3D view: not while somebody changes how that looks."""
         return self.session.busy and not self.session.views.drawing_quickly
+
+    def _fit_brush(self) -> None:
+        """Offer brushes that suit the volume's size, and keep the one that is chosen in proportion."""
+        scale, before = brush_scale(self.session.body_scale), self._brush_scale
+        if scale != before:
+            self._brush_scale = scale
+            with self.server.state as state:
+                ends = panel_form()["brushSizeSlider"]["range"]
+                state.brush_range = {end: brush_size(size_mm, scale) for end, size_mm in ends.items()}
+                state.brush_mm = brush_size(state.brush_mm / before, scale)
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)

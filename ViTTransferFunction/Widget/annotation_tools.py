@@ -7,10 +7,12 @@ from typing import Any
 import qt
 import slicer
 
+from ViTTransferFunction.Logic.core.volumes.measures import decimals_of
 from ViTTransferFunction.Logic.scene.annotation_tool import AnnotationTool, Tool
 from ViTTransferFunction.Logic.scene.interface.wording import not_in_slices_text
+from ViTTransferFunction.Logic.scene.tools.brush_size import STEP_MM, brush_scale, brush_size
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import is_in_slices
-from ViTTransferFunction.Widget.section import Report, Section
+from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.slice_tools import LayoutSliceTools
 from ViTTransferFunction.Widget.views import tell_of_resting_mouse
 
@@ -36,14 +38,15 @@ class AnnotationTools(Section):
             "diameter": ui.diameterButton,
             "eraser": ui.eraserButton,
         }
-        size_mm = ui.brushSizeSlider
+        brush = ui.brushSizeSlider
+        self._brush_ends, self._brush_scale = (brush.minimum, brush.maximum), 1.0
         app_logic = slicer.app.applicationLogic()
-        self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: size_mm.value, report, self._on_tool)
+        self._in_hand = AnnotationTool(app_logic, LayoutSliceTools(), lambda: brush.value, report, self._on_tool)
         self._told_of_other_scans = False
         self._watches_colours = False
         for tool, button in self._buttons.items():
             self._connect(tool, button)
-        ui.brushSizeSlider.valueChanged.connect(self._in_hand.follow_brush_size)
+        brush.valueChanged.connect(self._in_hand.follow_brush_size)
         ui.undoButton.clicked.connect(self.undo)
         ui.redoButton.clicked.connect(self.redo)
         ui.removeLastButton.clicked.connect(self.remove_last)
@@ -57,6 +60,7 @@ class AnnotationTools(Section):
         """Enable what can work now, and have the tool in hand work on the selected class."""
         selected, annotations = self.selected, self.session.annotations if self.session else None
         self._in_hand.session = self.session
+        self._fit_brush()
         self._in_hand.follow_selection()
         for button in self._buttons.values():
             button.enabled = selected is not None
@@ -136,6 +140,23 @@ class AnnotationTools(Section):
             style = IN_HAND if tool == self.tool else ""
             if button.styleSheet != style:
                 button.styleSheet = style
+
+    def _fit_brush(self) -> None:
+        """Offer brushes that suit the volume's size, and keep the one that is chosen in proportion."""
+        scale = brush_scale(self.session.body_scale) if self.session else self._brush_scale
+        if scale == self._brush_scale:
+            return
+        brush, (smallest, largest) = self.ui.brushSizeSlider, self._brush_ends
+        size_mm = brush_size(brush.value / self._brush_scale, scale)
+        self._brush_scale = scale
+        with signals_blocked(brush):
+            step = brush_size(STEP_MM, scale)
+            # The largest first, since it takes the smallest along; the step afterwards, since CTK refuses one beyond the ends.
+            brush.decimals = decimals_of(step, 1, least_decimals=1)
+            brush.maximum, brush.minimum = brush_size(largest, scale), brush_size(smallest, scale)
+            brush.singleStep, brush.pageStep = step, 10.0 * step
+            brush.value = size_mm
+        self._in_hand.follow_brush_size()
 
     def _on_palette(self, *_: Any) -> None:
         # Its buttons have not got the colours yet.

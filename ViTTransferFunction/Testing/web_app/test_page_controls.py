@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import SimpleITK as sitk  # noqa: N813
 
 pytest.importorskip("trame_slicer")
 
@@ -171,5 +172,31 @@ def test_a_setting_of_another_version_becomes_its_default_and_the_page_says_so(
         assert why in app.server.state.message
         assert "The saved setting was replaced by the default." in app.server.state.message
         assert app.session.parameters.get(name) == default
+
+    opened(journey)
+
+
+def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_proportion(
+    opened: Callable[[Journey], None], file: Path, tmp_path: Path
+) -> None:
+    image = sitk.ReadImage(str(file))
+    image.SetSpacing([0.01 * mm for mm in image.GetSpacing()])
+    sitk.WriteImage(image, str(tmp_path / "specimen.nrrd"))
+
+    async def journey(app: WebApp) -> None:
+        state, before = app.server.state, app.server.state.brush_mm
+        await app.opening.open([file])
+        app.refresh()
+        body = state.brush_mm, state.brush_range
+        state.brush_mm = 2.0 * body[0]
+        await app.opening.open([tmp_path / "specimen.nrrd"])
+        app.refresh()
+        # The form's sizes, times what makes a round number of its step.
+        share = state.brush_range["step"] / body[1]["step"]
+        assert state.brush_range == pytest.approx({end: share * mm for end, mm in body[1].items()})
+        assert state.brush_mm == pytest.approx(2.0 * share * body[0])
+        assert f"{state.brush_range['step']:.0e}"[0] in "125"
+        assert 0.004 < share < 0.02
+        state.brush_mm = before
 
     opened(journey)

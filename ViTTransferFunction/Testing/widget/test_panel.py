@@ -32,7 +32,10 @@ from PySide6.QtWidgets import (
 
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
+from ViTTransferFunction.Logic.scene.tools.brush_size import STEP_MM
 from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
+from ViTTransferFunction.Testing.support.scenes import add_volume
+from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.standin import ctk
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
@@ -646,3 +649,31 @@ def test_after_a_closed_scene_the_session_is_asked_for_news_again(widget: Any, m
     asked: list[bool] = []
     monkeypatch.setattr(widget.panel.session, "poll", lambda: asked.append(True))
     wait_until(lambda: bool(asked))
+
+
+def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_proportion(
+    widget: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    brush, body = widget.ui.brushSizeSlider, add_volume(slicer_app.scene, spheres[0])
+    specimen = add_volume(slicer_app.scene, spheres[0])
+    specimen.SetSpacing(*(0.05 * np.array(specimen.GetSpacing())))
+
+    def offered() -> list[float]:
+        return [brush.minimum, brush.maximum, brush.singleStep, brush.value, brush.decimals]
+
+    widget.ui.volumeSelector.setCurrentNode(body)
+    add_class(widget)
+    before = offered()
+    assert before[2] == STEP_MM, "as the form says it"
+    brush.value = 10.0
+    widget.ui.volumeSelector.setCurrentNode(specimen)
+    wait_until(lambda: brush.maximum < before[1])
+    assert offered() == pytest.approx([0.02, 1.6, 0.02, 0.4, 2])
+    add_class(widget)
+    widget.ui.brushOnButton.click()
+    brush.value = 0.2
+    drag("Red", (50, 100), (150, 100))
+    assert len(widget.panel.session.selected_class.positive) > 1, "the next point is a brush's size away"
+    widget.ui.volumeSelector.setCurrentNode(body)
+    wait_until(lambda: brush.maximum == before[1])
+    assert offered() == pytest.approx(before)
