@@ -40,8 +40,10 @@ from .straightening import straightened
 
 logger = logging.getLogger(__name__)
 
-SMALLEST_EXTENT_MM = 2.0
-"""A whole body in metres is shorter; what is imaged at one micrometre is longer."""
+SMALLEST_EXTENT_MM = 0.05
+"""No body is so short in metres, nor what is imaged by X-rays in millimetres."""
+LIKELY_EXTENT_MM = 2.0
+"""A whole body in metres is shorter, and so is what is imaged at voxels of less than a micrometre."""
 
 LARGEST_EXTENT_MM = 1e5
 """A mouse in micrometres is about as long."""
@@ -68,7 +70,8 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
     Args:
         path: an image file, or a folder that holds a DICOM series, itself or in folders below.
         on_warning: is told where slices were put on a straight grid, and where some seem to be missing; which other series of
-            the folder were passed over, since they are no volumes; and where an image looks like a map of labels.
+            the folder were passed over, since they are no volumes; where an image may be in metres; and where it looks like a
+            map of labels.
         series: which of the folder's series, as `choose_series` takes it; None: the only one that can be a volume.
 
     Raises:
@@ -97,7 +100,7 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
             "exchanged: check the sides, or save it again from its source."
         )
     geometry = _geometry(image, path)
-    _check_millimetres(geometry, path)
+    _check_millimetres(geometry, path, on_warning)
     _check_near(geometry, path)
     array = _voxels(image)
     if not is_folder(path) and (stored := locate_voxels(path)):
@@ -181,13 +184,19 @@ def _says_labels(image: sitk.Image) -> bool:
     return image.HasMetaDataKey("intent_code") and image.GetMetaData("intent_code") == LABEL_INTENT
 
 
-def _check_millimetres(geometry: Geometry, path: Path) -> None:
+def _check_millimetres(geometry: Geometry, path: Path, on_warning: Callable[[str], None]) -> None:
     """Other units would be taken for millimetres: distances between points, and millilitres, would all be wrong."""
     longest_mm = float(geometry.extent_mm.max())
-    if SMALLEST_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
+    if LIKELY_EXTENT_MM <= longest_mm <= LARGEST_EXTENT_MM:
+        return
+    spacing = " × ".join(f"{mm:g}" for mm in geometry.spacing_mm)
+    if SMALLEST_EXTENT_MM <= longest_mm < LIKELY_EXTENT_MM:
+        on_warning(
+            f"{path.name} is {longest_mm:.3g} mm long, with a spacing of {spacing} mm. If it was saved in metres, all volumes "
+            "and distances are wrong: save it in millimetres."
+        )
         return
     unit = "metres" if longest_mm < SMALLEST_EXTENT_MM else "micrometres"
-    spacing = " × ".join(f"{mm:g}" for mm in geometry.spacing_mm)
     raise InputError(
         f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
         f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."

@@ -32,7 +32,7 @@ META_TYPES = {
 }  # fmt: skip
 
 SMALLEST_EDGE_MM = 3.0
-"""Shorter scans are taken for ones in metres."""
+"""Of shorter scans it is warned, since they may be in metres."""
 
 
 @dataclass(frozen=True, eq=False)

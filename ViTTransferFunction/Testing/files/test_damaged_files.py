@@ -231,6 +231,20 @@ def test_a_volume_that_is_not_in_millimetres_is_refused(tmp_path: Path, ending: 
         read_volume(tmp_path / f"scan{ending}")
 
 
+@pytest.mark.parametrize(("spacing", "warned"), [(0.01, True), (0.1, True), (0.2, False)])
+def test_a_specimen_under_a_microscope_is_read_and_where_it_may_be_a_body_in_metres_one_is_told(
+    tmp_path: Path, spacing: float, warned: bool
+) -> None:
+    image = sitk.GetImageFromArray(VOXELS)
+    image.SetSpacing([spacing] * 3)
+    sitk.WriteImage(image, str(tmp_path / "scan.nrrd"))
+    warnings: list[str] = []
+    volume = read_volume(tmp_path / "scan.nrrd", warnings.append)
+    assert volume.geometry.spacing_mm == pytest.approx([spacing] * 3)
+    told = [f"scan.nrrd is {11 * spacing:.3g} mm long" in text and "If it was saved in metres" in text for text in warnings]
+    assert told == [True] * warned
+
+
 @pytest.mark.parametrize(
     "vectors",
     ["(nan,0,0) (0,1,0) (0,0,1)", "(0,0,0) (0,1,0) (0,0,1)", "(1,0,0) (1,0,0) (0,0,1)", "(1e400,0,0) (0,1,0) (0,0,1)"],
