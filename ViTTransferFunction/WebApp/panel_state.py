@@ -19,6 +19,7 @@ from ..Logic.scene.interface.wording import (
     size_in_steps,
     threshold_text,
     volume_text,
+    volume_unit,
 )
 from ..Logic.scene.session import SceneSession
 from ..Logic.scene.views.exported_renderings import exported_renderings
@@ -67,6 +68,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "progress": _progress(session),
         "looks_closer": session.looks_closer,
         "classes": [_class(session, state) for state in session.classes],
+        "volume_unit": volume_unit(session.body_scale),
         "selected": selected.id if selected else "",
         "settings": _settings(session, selected),
         "can_undo": session.annotations.can_undo,
@@ -128,7 +130,7 @@ def _class(session: SceneSession, state: ClassState) -> dict[str, Any]:
         "positive": len(state.positive),
         "negative": len(state.negative),
         "threshold": threshold_text(state.iso, session.chosen_iso(state.id)),
-        "volume": volume_text(session.volume_ml(state.id)),
+        "volume": volume_text(session.volume_ml(state.id), volume_unit(session.body_scale)),
     }
 
 

@@ -10,7 +10,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.scene.classes.class_state import ClassState, Polarity
-from ViTTransferFunction.Logic.scene.interface.wording import threshold_text, volume_text
+from ViTTransferFunction.Logic.scene.interface.wording import threshold_text, volume_text, volume_unit
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
@@ -49,6 +49,7 @@ class ClassTable(Section):
         classes = session.classes if session else ()
         selected = session.selected_class if session else None
         with signals_blocked(self._table):
+            _set_text(self._table.horizontalHeaderItem(VOLUME), self._volume_unit)
             self._table.rowCount = len(classes)
             for row, state in enumerate(classes):
                 self._fill(row, state)
@@ -68,6 +69,10 @@ class ClassTable(Section):
         if self.session is not None and self.session.classes:
             row = (self._table.currentRow() + step) % len(self.session.classes)
             self.session.select_class(self.session.classes[row].id)
+
+    @property
+    def _volume_unit(self) -> str:
+        return volume_unit(self.session.body_scale if self.session else 1.0)
 
     def _select(self, row: int) -> None:
         if self._table.currentRow() != row:
@@ -92,7 +97,9 @@ class ClassTable(Section):
             _set_text(self._item(row, column), str(len(getattr(state, polarity))))
         chosen = self.session.chosen_iso(state.id) if self.session else None
         _set_text(self._item(row, THRESHOLD), threshold_text(state.iso, chosen))
-        _set_text(self._item(row, VOLUME), volume_text(self.session.volume_ml(state.id) if self.session else None))
+        _set_text(
+            self._item(row, VOLUME), volume_text(self.session.volume_ml(state.id) if self.session else None, self._volume_unit)
+        )
 
     def _item(self, row: int, column: int, ability: Any = None) -> Any:
         """The cell's item, which is made the first time."""
@@ -143,8 +150,8 @@ def _tips() -> dict[int, str]:
         POSITIVE: tour,
         NEGATIVE: tour,
         VOLUME: _(
-            "Volume in millilitres, by the points as they are: roughly at once, exactly a moment later. What the segment "
-            "leaves to other segments is not taken off."
+            "Volume in millilitres, or in mm³ where the scan is small, by the points as they are: roughly at once, exactly a "
+            "moment later. What the segment leaves to other segments is not taken off."
         ),
     }
 

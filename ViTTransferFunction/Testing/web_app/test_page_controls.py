@@ -176,7 +176,7 @@ def test_a_setting_of_another_version_becomes_its_default_and_the_page_says_so(
     opened(journey)
 
 
-def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_proportion(
+def test_brushes_and_the_unit_of_volumes_suit_the_size_of_the_scan(
     opened: Callable[[Journey], None], file: Path, tmp_path: Path
 ) -> None:
     image = sitk.ReadImage(str(file))
@@ -197,6 +197,7 @@ def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_p
         assert state.brush_mm == pytest.approx(2.0 * share * body[0])
         assert f"{state.brush_range['step']:.0e}"[0] in "125"
         assert 0.004 < share < 0.02
+        assert state.volume_unit == "mm³"
         state.brush_mm = before
 
     opened(journey)

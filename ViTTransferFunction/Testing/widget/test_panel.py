@@ -651,9 +651,7 @@ def test_after_a_closed_scene_the_session_is_asked_for_news_again(widget: Any, m
     wait_until(lambda: bool(asked))
 
 
-def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_proportion(
-    widget: Any, slicer_app: Any, spheres: Spheres
-) -> None:
+def test_brushes_and_the_unit_of_volumes_suit_the_size_of_the_scan(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
     brush, body = widget.ui.brushSizeSlider, add_volume(slicer_app.scene, spheres[0])
     specimen = add_volume(slicer_app.scene, spheres[0])
     specimen.SetSpacing(*(0.05 * np.array(specimen.GetSpacing())))
@@ -669,6 +667,7 @@ def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_p
     widget.ui.volumeSelector.setCurrentNode(specimen)
     wait_until(lambda: brush.maximum < before[1])
     assert offered() == pytest.approx([0.02, 1.6, 0.02, 0.4, 2])
+    assert widget.ui.classTable.horizontalHeaderItem(6).text() == "mm³"
     add_class(widget)
     widget.ui.brushOnButton.click()
     brush.value = 0.2
@@ -677,3 +676,4 @@ def test_brushes_suit_the_size_of_the_scan_and_the_one_that_is_chosen_stays_in_p
     widget.ui.volumeSelector.setCurrentNode(body)
     wait_until(lambda: brush.maximum == before[1])
     assert offered() == pytest.approx(before)
+    assert widget.ui.classTable.horizontalHeaderItem(6).text() == "ml"

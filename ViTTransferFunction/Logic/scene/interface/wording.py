@@ -7,7 +7,7 @@ from typing import Literal
 
 from ...core.classes.close_up import EdgesMm
 from ...core.system.progress import WorkProgress
-from ...core.volumes.measures import SMALLEST_ML, millilitres_text, two_figures
+from ...core.volumes.measures import decimals_of, two_figures
 from ...rendering.appearance import STYLES
 from .shortcuts import SHORTCUTS
 from .translation import tr as _
@@ -15,6 +15,8 @@ from .translation import tr as _
 CloserLookReason = Literal["large corrections", "small drawing", "small outline"]
 """Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
 
+_SMALL_SPECIMEN = 0.5
+"""Of a body's size (`body_scale`): organs of what is shorter than 48 mm are mere thousandths of millilitres."""
 _MOST_NAMES = 5
 """In one message."""
 
@@ -87,16 +89,29 @@ def threshold_text(iso: float | None, chosen: float | None) -> str:
     return "–" if chosen is None else f"({chosen:.2f})"
 
 
-def volume_text(volume_ml: float | None) -> str:
-    """Millilitres: two figures of small structures, else a tenth as long as that is more than noise; None: not known.
+def volume_unit(body_scale: float) -> str:
+    """In what volumes of structures are told: "ml", and "mm³" in scans of small specimens.
 
-    What is very small is told in mm³, with that unit.
+    Args:
+        body_scale: of lengths that are meant for bodies, in the scan.
+    """
+    return "mm³" if body_scale < _SMALL_SPECIMEN else "ml"
+
+
+def volume_text(volume_ml: float | None, unit: str = "ml") -> str:
+    """A volume in one of `volume_unit`: two figures of small structures, else a tenth as long as that is more than noise.
+
+    Args:
+        volume_ml: millilitres; None: not known.
+        unit: which; it is not written.
     """
     if volume_ml is None:
         return "–"
-    if 0.0 < volume_ml < SMALLEST_ML:
-        return millilitres_text(volume_ml)
-    return two_figures(volume_ml, least_decimals=0 if volume_ml >= 99.95 else 1)
+    volume, most_decimals = (1000.0 * volume_ml, 4) if unit == "mm³" else (volume_ml, 3)
+    if 0.0 < volume < 0.5 * 10.0**-most_decimals:
+        return f"<{10.0**-most_decimals:.{most_decimals}f}"
+    decimals = 0 if volume >= 99.95 else decimals_of(volume, 2, least_decimals=1)
+    return f"{volume:.{min(decimals, most_decimals)}f}"
 
 
 def empty_text(names: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from ViTTransferFunction.Logic.scene.interface.wording import (
     size,
     size_in_steps,
     volume_text,
+    volume_unit,
 )
 
 
@@ -19,8 +20,7 @@ from ViTTransferFunction.Logic.scene.interface.wording import (
     [
         (None, "–"),
         (0.0, "0.0"),
-        (0.0002, "0.20 mm³"),  # A part of an insect.
-        (0.0098, "9.8 mm³"),
+        (0.0002, "<0.001"),
         (0.0142, "0.014"),  # A nodule of 3 mm.
         (0.0996, "0.10"),
         (0.524, "0.52"),
@@ -31,7 +31,16 @@ from ViTTransferFunction.Logic.scene.interface.wording import (
     ],
 )
 def test_small_structures_have_a_volume_too(volume_ml: float | None, text: str) -> None:
-    assert volume_text(volume_ml) == text
+    assert volume_text(volume_ml, volume_unit(1.0)) == text
+
+
+@pytest.mark.parametrize(
+    ("volume_ml", "text"),
+    [(None, "–"), (0.0, "0.0"), (2e-8, "<0.0001"), (2.5e-7, "0.0003"), (3.14e-5, "0.031"), (0.0002, "0.20"), (0.35, "350")],
+)
+def test_in_small_specimens_volumes_are_told_in_cubic_millimetres(volume_ml: float | None, text: str) -> None:
+    assert (volume_unit(0.51), volume_unit(0.05)) == ("ml", "mm³")
+    assert volume_text(volume_ml, volume_unit(0.05)) == text
 
 
 @pytest.mark.parametrize(
