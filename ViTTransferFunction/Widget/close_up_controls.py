@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import qt
+
 from ViTTransferFunction.Logic.scene.interface.wording import close_up_text, closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
-
-SUGGESTED = "font-weight: bold"
-"""Of the button that is suggested: a style that leaves it as large and as native as the platform has it."""
 
 
 class CloseUpControls(Section):
@@ -44,7 +43,11 @@ class CloseUpControls(Section):
         ui, suggested = self.ui, bool(words) and press
         if suggested != self._suggested:
             self._suggested = suggested
-            ui.lookCloserButton.styleSheet = SUGGESTED if suggested else ""
+            # No style sheet: when Slicer goes from its light style to its dark one, text under one stays black.
+            font = qt.QFont()
+            if suggested:
+                font.setBold(True)
+            ui.lookCloserButton.font = font
         ui.closeUpHintLabel.visible = bool(words)
         ui.closeUpHintLabel.text = words
 

@@ -12,7 +12,9 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPalette
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
 
 from ViTTransferFunction.Logic.core.classes import close_up_choice
 from ViTTransferFunction.Logic.core.system.progress import WorkProgress
@@ -173,6 +175,24 @@ def test_a_close_up_that_began_unasked_says_so_and_one_press_leads_back(
     assert enabled(clicked) == (True, True)
     ui.lookAtWholeButton.click()
     assert (close_up(clicked), suggestion(clicked), ui.closeUpLabel.text()) == (None, "", WHOLE)
+
+
+def test_the_suggested_button_follows_when_slicer_goes_from_its_light_style_to_its_dark_one(
+    clicked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Text under a style sheet would stay black."""
+    monkeypatch.setattr(type(clicked.panel.session.close_up_hints), "of", lambda hints, state: "large corrections")
+    clicked.panel.refresh()
+    button, light, dark = clicked.ui.lookCloserButton, QApplication.palette(), QApplication.palette()
+    assert button.font().bold()
+    dark.setColor(QPalette.ColorRole.ButtonText, QColor("white"))
+    QApplication.setPalette(dark)
+    QApplication.processEvents()
+    try:
+        assert button.palette().buttonText().color().name() == "#ffffff"
+        assert button.font().bold()
+    finally:
+        QApplication.setPalette(light)
 
 
 def add_row(widget: Any) -> int:
