@@ -82,6 +82,8 @@ def test_intensities_are_the_structures_own_until_they_are_set(widget: Any, monk
     ui.lookAutomaticCheckBox.click()
     assert [(state.look.low, state.look.high) for state in session.classes] == [(None, None)]
     assert ui.lookLowSpinBox.value() == 0.0
+    ui.lookAutomaticCheckBox.click()
+    assert [(state.look.low, state.look.high) for state in session.classes] == [(0.0, 200.0)]
 
 
 def test_the_histogram_has_handles_at_the_ends_of_the_window(shown: Any) -> None:

@@ -169,6 +169,17 @@ def test_the_threshold_that_results_is_shown_at_once(clicked: Any) -> None:
     assert clicked.ui.thresholdSlider.value == pytest.approx(before, abs=1e-3)
 
 
+def test_without_automatic_the_threshold_stays_as_it_was_chosen(clicked: Any) -> None:
+    ui, session = clicked.ui, clicked.panel.session
+    chosen = session.chosen_iso(session.selected_class.id)
+    ui.thresholdAutomaticCheckBox.click()
+    assert session.selected_class.iso == pytest.approx(chosen, abs=1e-3)
+    assert ui.sizeLabel.text() == "set by hand"
+    ui.thresholdAutomaticCheckBox.click()
+    assert session.selected_class.iso is None
+    assert ui.thresholdSlider.value == pytest.approx(chosen, abs=1e-3)
+
+
 def test_a_saved_scene_brings_the_size_back(widget: Any, tmp_path: Any) -> None:
     add_class(widget, "liver")
     widget.ui.smallerButton.click()

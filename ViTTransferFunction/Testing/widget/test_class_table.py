@@ -135,6 +135,17 @@ def test_delete_removes_the_selected_structure_where_the_table_has_the_keyboard(
     assert names(widget) == ["liver", "spleen"]
 
 
+def test_keys_select_the_structure_above_and_below_and_the_tables_ends_meet(widget: Any, host: Host) -> None:
+    host.window.activateWindow()
+    QTest.qWait(10)
+    QTest.keyClick(host.window, Qt.Key.Key_W)
+    for name in ("liver", "spleen", "aorta"):
+        add_class(widget, name)
+    for key, name in (("Q", "spleen"), ("Q", "liver"), ("Q", "aorta"), ("W", "liver"), ("W", "spleen")):
+        QTest.keyClick(host.window, Qt.Key[f"Key_{key}"])
+        assert widget.panel.session.selected_class.name == selected_name(widget) == name
+
+
 def test_f2_renames_and_delete_then_deletes_a_letter(widget: Any, host: Host) -> None:
     add_class(widget, "liver")
     table = focus(widget, host)
@@ -230,6 +241,20 @@ def test_a_line_of_markups_gives_the_points_of_a_diameter_and_is_none_of_what_li
     inside, outside = points_of_diameter(np.array([[-20.0, 1.0, 2.0], [20.0, 1.0, 2.0]]))
     np.testing.assert_allclose(state.positive, inside)
     np.testing.assert_allclose(state.negative, outside)
+
+
+def test_why_a_markup_gives_no_points_is_told(widget: Any, volume: Any) -> None:
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    add_class(widget)
+    box = slicer.mrmlScene.AddNewNodeByClass("vtkMRMLMarkupsROINode", "elsewhere")
+    box.SetCenter(1000.0, 0.0, 0.0)
+    box.SetSize(30.0, 30.0, 30.0)
+    menu = next(action.menu() for action in widget.ui.classTable.actions() if action.menu())
+    menu.aboutToShow.emit()
+    (entry,) = menu.actions()
+    entry.trigger()
+    assert "no points were added" in widget.ui.messageLabel.text()
+    assert widget.panel.session.classes[0].positive == ()
 
 
 def test_the_volume_is_shown_in_millilitres_as_soon_as_there_is_a_map(ready: Any, spheres: Spheres) -> None:

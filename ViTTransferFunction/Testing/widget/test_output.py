@@ -124,6 +124,20 @@ def test_segments_that_are_not_those_of_the_structures_are_said_to_be_so(ready: 
     assert not ui.writeSegmentsButton.isEnabled()
 
 
+def test_segments_that_are_being_made_are_given_up_by_the_button_beside_their_progress(ready: Any, spheres: Spheres) -> None:
+    ui, session = ready.ui, ready.panel.session
+    add_class(ready, "sphere 1")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    wait_until(lambda: not session.busy)
+    ui.writeSegmentsButton.click()
+    assert (ui.writeSegmentsButton.isHidden(), ui.segmentationProgressRow.isHidden()) == (True, False)
+    ui.segmentationCancelButton.click()
+    wait_until(lambda: not session.busy)
+    assert (ui.writeSegmentsButton.isHidden(), ui.segmentationProgressRow.isHidden()) == (False, True)
+    assert not session.segments.exist
+    assert not ui.messageLabel.text()
+
+
 @pytest.mark.parametrize(
     ("pressed", "answer"),
     [("Keep corrections", "keep"), ("Overwrite corrections", "overwrite"), ("Cancel", None), ("", "keep")],
@@ -193,6 +207,18 @@ def test_segments_are_edited_by_hand_with_volume_and_segmentation_chosen(
     parameters = slicer.modules.segmenteditor.parameterSetNode
     assert parameters.GetSegmentationNode() is segmentation
     assert parameters.GetSourceVolumeNode() is volume
+
+
+def test_the_segment_of_the_selected_structure_is_in_hand_in_the_segment_editor(ready: Any, spheres: Spheres) -> None:
+    ui, session = ready.ui, ready.panel.session
+    for label in (1, 2):
+        add_class(ready, f"sphere {label}")
+        place(ready, tuple(centre_ras(spheres, label)[0]))
+    ui.writeSegmentsButton.click()
+    wait_until(lambda: session.segments.exist and not session.busy)
+    ui.editSegmentsButton.click()
+    chosen = slicer.modules.segmenteditor.parameterSetNode.GetSelectedSegmentID()
+    assert session.parameters.segmentation.GetSegmentation().GetSegment(chosen).GetName() == "sphere 2"
 
 
 def test_a_structure_begins_from_a_segment_of_the_menu(widget: Any, volume: Any, segmentation: Any, spheres: Spheres) -> None:

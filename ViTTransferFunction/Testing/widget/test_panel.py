@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
@@ -160,6 +161,25 @@ def test_a_double_click_on_the_colour_asks_for_another(widget: Any, monkeypatch:
     widget.ui.classTable.cellDoubleClicked.emit(0, class_table.COLOR)
     assert widget.panel.session.classes[0].color == (0.0, 0.5, 1.0)
     assert swatch(widget, 0).blue() == 255
+
+
+@pytest.mark.parametrize("chosen", [QColor.fromRgbF(0.0, 0.5, 1.0), QColor()], ids=["chosen", "cancelled"])
+def test_a_colour_is_chosen_beginning_with_the_one_before(widget: Any, monkeypatch: pytest.MonkeyPatch, chosen: QColor) -> None:
+    from ViTTransferFunction.Widget import class_table
+
+    state, asked = add_class(widget, "liver"), []
+
+    def ask(*arguments: Any) -> QColor:
+        asked.append(arguments)
+        return chosen
+
+    dialogs = SimpleNamespace(getColor=ask)
+    monkeypatch.setattr(class_table, "qt", SimpleNamespace(QColor=QColor, QColorDialog=dialogs))
+    color = class_table.ask_color(state.color, state.name, widget.ui.classTable)
+    (shown, parent, title) = asked[0]
+    assert shown.getRgbF()[:3] == pytest.approx(state.color, abs=1e-4)
+    assert (parent, title) == (widget.ui.classTable, "Colour of liver")
+    assert color == (pytest.approx((0.0, 0.5, 1.0), abs=1e-4) if chosen.isValid() else None)
 
 
 def test_the_selected_row_shows_its_colour_as_it_is(widget: Any) -> None:
