@@ -100,6 +100,7 @@ class AdvancedSection(Section):
                 self.session.parameters.set("weightsPath", folder)
 
     def _on_clear_weights(self) -> None:
+        self._typing.stop()
         if self.session is not None:
             self.session.parameters.set("weightsPath", "")
 

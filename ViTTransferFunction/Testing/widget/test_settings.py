@@ -158,6 +158,15 @@ def test_a_path_that_is_typed_is_taken_when_it_is_complete(widget: Any, tmp_path
     assert set(taken) == {path}
 
 
+def test_what_was_being_typed_is_cleared_with_the_path_that_was_taken(widget: Any, tmp_path: Path) -> None:
+    ui, parameters = widget.ui, widget.panel.session.parameters
+    ui.advancedCollapsibleButton.click()
+    parameters.set("weightsPath", str(tmp_path / "mine.pt"))
+    ui.weightsPathLineEdit.currentPath = str(tmp_path / "mine")
+    ui.clearWeightsButton.click()
+    assert ui.weightsPathLineEdit.currentPath == parameters.get("weightsPath") == ""
+
+
 def test_a_folder_of_weights_is_chosen_by_its_own_button(widget: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ViTTransferFunction.Widget import advanced_section
 
