@@ -140,6 +140,10 @@ class ClassTable(Section):
         row = self._table.currentRow()
         if self.session is not None and 0 <= row < len(self.session.classes):
             self.session.select_class(self.session.classes[row].id)
+            if not self._table.item(row, NAME).isSelected():
+                # A click with Ctrl on the selected row would leave none marked, and points would go to it all the same.
+                with signals_blocked(self._table):
+                    self._table.selectRow(row)
 
 
 def _tips() -> dict[int, str]:

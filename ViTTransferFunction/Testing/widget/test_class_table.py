@@ -171,6 +171,18 @@ def test_a_key_after_a_click_on_the_selected_structure_is_no_new_name(widget: An
     assert table.findChild(QLineEdit) is not None
 
 
+def test_a_click_with_ctrl_leaves_the_selected_structure_marked(widget: Any) -> None:
+    """The next point is still its own."""
+    add_class(widget, "liver")
+    add_class(widget, "spleen")
+    table = widget.ui.classTable
+    for row, name in ((1, "spleen"), (0, "liver"), (0, "liver")):
+        middle = table.visualItemRect(table.item(row, POSITIVE)).center()
+        QTest.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, Qt.KeyboardModifier.ControlModifier, middle)
+        assert widget.panel.session.selected_class.name == name
+        assert {index.row() for index in table.selectedIndexes()} == {row}
+
+
 def test_the_selected_structure_is_in_sight_when_a_scene_of_many_is_opened(
     widget: Any, slicer_app: Any, tmp_path: Path
 ) -> None:
