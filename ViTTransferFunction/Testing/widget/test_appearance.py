@@ -100,6 +100,10 @@ def test_the_histogram_has_handles_at_the_ends_of_the_window(shown: Any) -> None
     assert image(ui) != drawn
     slider.maximumValue = 120.0
     assert [(state.look.low, state.look.high) for state in session.classes] == [(80.0, 120.0)]
+    add_class(shown)
+    assert ui.lookHistogramLabel.pixmap().isNull(), "not the histogram of another structure"
+    session.select_class(session.classes[0].id)
+    assert image(ui)
 
 
 def test_a_window_beyond_the_histogram_stays_when_the_other_end_is_moved(shown: Any) -> None:
