@@ -14,6 +14,8 @@ from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 
 TYPING_MS = 700
 """A path is taken when nobody has typed for so long."""
+LARGEST_INTENSITY = 1e9
+"""Becquerels per millilitre, in PET, go beyond a million."""
 
 
 class AdvancedSection(Section):
@@ -32,8 +34,9 @@ class AdvancedSection(Section):
         ui.windowAutomaticCheckBox.toggled.connect(self._on_window_automatic)
         for spin_box in (ui.windowLowSpinBox, ui.windowHighSpinBox):
             spin_box.valueChanged.connect(self._on_window)
-            # With more decimals it would ask for more room than numbers take, and the panel would be wider.
+            # With more decimals or digits it would ask for more room than numbers take, and the panel would be wider.
             spin_box.minimumWidth = spin_box.minimumSizeHint.width()
+            spin_box.minimum, spin_box.maximum = -LARGEST_INTENSITY, LARGEST_INTENSITY
         ui.clearFeaturesButton.clicked.connect(self._on_clear_features)
         ui.removeModelButton.clicked.connect(self._on_remove_model)
         ui.advancedCollapsibleButton.contentsCollapsed.connect(self.refresh)

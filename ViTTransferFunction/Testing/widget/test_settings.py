@@ -121,6 +121,18 @@ def test_the_window_of_a_map_of_small_numbers_is_not_rounded_to_nothing(widget: 
     assert widget.panel.session.parameters.window == pytest.approx((0.0004, 0.0021), abs=1e-6)
 
 
+def test_the_window_of_a_scan_of_large_numbers_is_not_cut_off(widget: Any, volume: Any) -> None:
+    """As of PET in Bq/ml."""
+    widget.ui.advancedCollapsibleButton.collapsed = False
+    volume.GetScalarVolumeDisplayNode().SetAutoWindowLevel(False)
+    volume.GetScalarVolumeDisplayNode().SetWindowLevelMinMax(0.0, 5e6)
+    widget.ui.volumeSelector.setCurrentNode(volume)
+    widget.ui.windowAutomaticCheckBox.click()
+    assert widget.panel.session.parameters.window == (0.0, 5e6)
+    widget.ui.windowHighSpinBox.setValue(8e6)
+    assert widget.panel.session.parameters.window == (0.0, 8e6)
+
+
 def test_an_inverted_window_is_reported_in_the_panel(widget: Any, volume: Any) -> None:
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.advancedCollapsibleButton.click()

@@ -55,7 +55,7 @@ def test_a_window_of_small_numbers_makes_no_wider_panel(widget: Any, host: Host,
     widget.panel.session.parameters.set_window(0.0004, 0.0025, automatic=False)
     widget.panel.refresh()
     assert widget.ui.windowLowSpinBox.text() == "0.000400"
-    assert width(host) <= before
+    assert width(host) <= before < PANEL_WIDTH
 
 
 @pytest.mark.parametrize("name", [LONG_NAME, ONE_LONG_WORD])
@@ -109,6 +109,10 @@ def copy(label: QLabel) -> None:
 
 def test_what_is_copied_out_of_a_message_is_what_it_says(widget: Any, host: Host) -> None:
     said, clipboard = f"'{WINDOWS_PATH}' cannot be read.", QGuiApplication.clipboard()
+    widget.panel._messages.show("Choose another file.", lambda: False)
+    copy(widget.ui.messageLabel)
+    assert clipboard.text() == "⚠ Choose another file."
+    widget.ui.messageCloseButton.click()
     widget.panel._messages.show(said, lambda: False)
     widget.panel._messages.show("Choose another file.", lambda: False)
     copy(widget.ui.messageLabel)
