@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,14 +20,19 @@ from ViTTransferFunction.Testing.support.widgets import wait_until
 
 
 @pytest.fixture
-def host(slicer_app: Any) -> Iterator[Host]:
+def host(slicer_app: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Host]:
     """Slicer with our module, not opened yet."""
+    failed: list[BaseException] = []
+    # What Qt and VTK call back may raise: they say so, and go on.
+    monkeypatch.setattr(sys, "excepthook", lambda kind, error, trace: failed.append(error))
     host = Host(slicer_app)
     yield host
     # Qt goes on holding the last key's Ctrl or Shift, and a button that was not let go of, for all tests that follow.
     QTest.keyRelease(host.window, Qt.Key.Key_Shift)
     held = QApplication.mouseButtons()
     host.close()
+    for error in failed:
+        raise error
     assert held == Qt.MouseButton.NoButton, "let go of the mouse button"
 
 

@@ -228,7 +228,8 @@ def test_a_structure_begins_from_a_segment_of_the_menu(widget: Any, volume: Any,
     session.set_segmentation(segmentation)
     assert ui.continueSegmentButton.isEnabled()
     menu = ui.continueSegmentButton.menu()
-    menu.aboutToShow.emit()
+    for _ in range(2):
+        menu.aboutToShow.emit()
     (action,) = menu.actions()
     assert action.text() == "sphere && more"
     action.trigger()

@@ -455,6 +455,13 @@ def test_undo_and_redo_are_on_the_keys_of_other_programs_too(widget: Any, host: 
         assert len(widget.panel.session.classes) == count
 
 
+def test_keys_without_a_structure_do_nothing(widget: Any) -> None:
+    for shortcut in widget.panel.shortcuts.installed:
+        shortcut.activated.emit()
+    assert widget.panel.session.classes == ()
+    assert widget.panel.tools.tool is None
+
+
 def in_front(window: QWidget) -> None:
     window.activateWindow()
     QTest.qWait(10)

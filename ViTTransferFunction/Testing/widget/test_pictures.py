@@ -208,6 +208,8 @@ def test_a_film_that_cannot_be_made_says_why(
     files["write"] = str(tmp_path / "turn.gif")
     widget.ui.filmButton.click()
     wait_until(lambda: "is a folder" in widget.ui.messageLabel.text())
+    slicer.app.processEvents()
+    assert "is a folder" in widget.ui.messageLabel.text()
     assert widget.ui.filmButton.isEnabled()
 
 

@@ -77,7 +77,8 @@ def test_points_of_another_scan_are_added_by_a_menu_that_is_there_when_there_are
     ui.volumeSelector.setCurrentNode(add_volume(slicer_app.scene, Volume(spheres[0].array, spheres[0].geometry, "part")))
     assert not ui.takeOverButton.isHidden()
     menu = ui.takeOverButton.menu()
-    menu.aboutToShow.emit()
+    for _ in range(2):
+        menu.aboutToShow.emit()
     (action,) = menu.actions()
     assert action.text() == "CT && contrast"
     action.trigger()

@@ -77,13 +77,15 @@ def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_there(
     widget: Any, slicer_app: Any, spheres: Spheres
 ) -> None:
     """Slicer's selector does not list it, and says nothing."""
-    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", "picture")
-    image = vtkImageData()
-    image.SetDimensions(4, 5, 6)
-    image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
-    node.SetAndObserveImageData(image)
-    show(node)
-    assert "'picture' has 3 numbers in each voxel" in widget.ui.messageLabel.text()
+    for name in ("photograph", "picture"):
+        node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", name)
+        image = vtkImageData()
+        image.SetDimensions(4, 5, 6)
+        image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
+        node.SetAndObserveImageData(image)
+        show(node)
+        assert f"'{name}' has 3 numbers in each voxel" in widget.ui.messageLabel.text()
+    assert "photograph" not in widget.ui.messageLabel.text(), "it is not in the views any more"
     assert widget.ui.volumeSelector.currentNode() is None
     widget.panel.refresh()
     assert widget.ui.messageFrame.isVisible()
@@ -91,7 +93,8 @@ def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_there(
     assert not widget.ui.messageFrame.isVisible()
 
 
-def test_why_a_label_map_cannot_be_chosen_is_told_until_a_scan_is_there(widget: Any, slicer_app: Any, spheres: Spheres) -> None:
+@pytest.mark.parametrize("until", ["a scan is there", "the scene is closed"])
+def test_why_a_label_map_cannot_be_chosen_is_told_until(widget: Any, slicer_app: Any, spheres: Spheres, until: str) -> None:
     """Slicer has another place for the label map in the views (`qSlicerVolumesReader`)."""
     node = slicer_app.scene.AddNewNodeByClass("vtkMRMLLabelMapVolumeNode", "liver labels")
     image = vtkImageData()
@@ -102,7 +105,10 @@ def test_why_a_label_map_cannot_be_chosen_is_told_until_a_scan_is_there(widget: 
     QTest.qWait(1)
     assert "'liver labels' is a label map" in widget.ui.messageLabel.text()
     assert widget.panel.session.parameters.volume is None
-    show(add_volume(slicer_app.scene, spheres[0]))
+    if until == "a scan is there":
+        show(add_volume(slicer_app.scene, spheres[0]))
+    else:
+        slicer_app.scene.Clear(False)
     assert not widget.ui.messageFrame.isVisible()
 
 
