@@ -21,7 +21,13 @@ pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
 
 @pytest.fixture
-def shown(widget: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+def unit() -> float:
+    """Of the intensities."""
+    return 1.0
+
+
+@pytest.fixture
+def shown(widget: Any, unit: float, monkeypatch: pytest.MonkeyPatch) -> Any:
     """The panel with a structure that is in 3D: intensities 40 to 160, and 20 around it."""
     add_class(widget)
     session = widget.panel.session
@@ -30,7 +36,7 @@ def shown(widget: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     voxels[5:15, 5:15, 5:15, INTENSITY] = np.linspace(40, 160, 10).astype(np.uint8)
     voxels[5:15, 5:15, 5:15, NUMBER], voxels[5:15, 5:15, 5:15, DEPTH] = 1, 255
     grid = Geometry((20, 20, 20), np.eye(4))
-    rendering = StructureVolume(voxels, np.array([[50.0, 150.0]]), np.arange(256.0), False, 1.0, grid)
+    rendering = StructureVolume(voxels, np.array([[50.0, 150.0]]), unit * np.arange(256.0), False, 1.0, grid)
     monkeypatch.setattr(session._proxy, "rendering", rendering)
     monkeypatch.setattr(session._proxy, "rendered", (session.classes[0].id,))
     widget.panel.refresh()
@@ -104,6 +110,16 @@ def test_the_histogram_has_handles_at_the_ends_of_the_window(shown: Any) -> None
     assert ui.lookHistogramLabel.pixmap().isNull(), "not the histogram of another structure"
     session.select_class(session.classes[0].id)
     assert image(ui)
+
+
+@pytest.mark.parametrize("unit", [1e-5])
+def test_intensities_of_a_map_of_small_numbers_are_not_rounded_to_nothing(shown: Any) -> None:
+    ui = shown.ui
+    ui.appearanceCollapsibleButton.click()
+    assert (ui.lookLowSpinBox.value(), ui.lookHighSpinBox.value()) == pytest.approx((50e-5, 150e-5), abs=1e-6)
+    ui.lookLowSpinBox.setValue(60e-5)
+    look = shown.panel.session.classes[0].look
+    assert (look.low, look.high) == pytest.approx((60e-5, 150e-5), abs=1e-6)
 
 
 def test_a_window_beyond_the_histogram_stays_when_the_other_end_is_moved(shown: Any) -> None:

@@ -623,16 +623,17 @@ def test_the_tool_in_hand_is_seen_in_dark_colours_as_well(in_dark_colours: Any) 
     buttons = in_dark_colours.ui.brushOnButton, in_dark_colours.ui.brushOffButton
     height = buttons[0].sizeHint().height()
 
-    def are_framed() -> list[bool]:
-        pictures = [button.grab().toImage() for button in buttons]
-        return [image.pixelColor(0, image.height() // 2) == QColor("#3ca4ff") for image in pictures]
-
-    assert are_framed() == [False, False]
+    assert [is_framed(button) for button in buttons] == [False, False]
     buttons[0].click()
-    assert are_framed() == [True, False]
+    assert [is_framed(button) for button in buttons] == [True, False]
     assert buttons[0].sizeHint().height() == height
     buttons[1].click()
-    assert are_framed() == [False, True]
+    assert [is_framed(button) for button in buttons] == [False, True]
+
+
+def is_framed(button: QAbstractButton) -> bool:
+    image = button.grab().toImage()
+    return image.pixelColor(0, image.height() // 2) == QApplication.palette().highlight().color()
 
 
 def test_the_tools_follow_when_slicer_goes_from_its_light_style_to_its_dark_one(widget: Any) -> None:
@@ -649,6 +650,7 @@ def test_the_tools_follow_when_slicer_goes_from_its_light_style_to_its_dark_one(
     try:
         assert ui.undoButton.palette().buttonText().color().name() == "#ffffff"
         assert [button.palette().buttonText().color().name() for button in buttons] == 3 * ["#ffffff"]
+        assert [is_framed(button) for button in buttons] == [False, False, True]
     finally:
         QApplication.setPalette(light)
 

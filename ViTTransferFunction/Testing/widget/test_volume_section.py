@@ -39,6 +39,16 @@ def show(volume: Any) -> None:
     QTest.qWait(1)
 
 
+def add_picture(slicer_app: Any, name: str) -> None:
+    """A volume in colour, which the views show."""
+    node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", name)
+    image = vtkImageData()
+    image.SetDimensions(4, 5, 6)
+    image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
+    node.SetAndObserveImageData(image)
+    show(node)
+
+
 def test_the_volume_in_the_views_is_chosen_from_the_start(host: Host, volume: Any, slicer_app: Any, spheres: Spheres) -> None:
     add_volume(slicer_app.scene, spheres[0])
     show(volume)
@@ -78,12 +88,7 @@ def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_there(
 ) -> None:
     """Slicer's selector does not list it, and says nothing."""
     for name in ("photograph", "picture"):
-        node = slicer_app.scene.AddNewNodeByClass("vtkMRMLVectorVolumeNode", name)
-        image = vtkImageData()
-        image.SetDimensions(4, 5, 6)
-        image.AllocateScalars(VTK_UNSIGNED_CHAR, 3)
-        node.SetAndObserveImageData(image)
-        show(node)
+        add_picture(slicer_app, name)
         assert f"'{name}' has 3 numbers in each voxel" in widget.ui.messageLabel.text()
     assert "photograph" not in widget.ui.messageLabel.text(), "it is not in the views any more"
     assert widget.ui.volumeSelector.currentNode() is None
@@ -109,6 +114,16 @@ def test_why_a_label_map_cannot_be_chosen_is_told_until(widget: Any, slicer_app:
         show(add_volume(slicer_app.scene, spheres[0]))
     else:
         slicer_app.scene.Clear(False)
+    assert not widget.ui.messageFrame.isVisible()
+
+
+def test_why_a_colour_volume_cannot_be_chosen_is_told_until_a_scan_is_chosen_in_its_place(
+    widget: Any, volume: Any, slicer_app: Any, spheres: Spheres
+) -> None:
+    add_volume(slicer_app.scene, spheres[0])
+    add_picture(slicer_app, "picture")
+    assert widget.ui.messageFrame.isVisible()
+    widget.ui.volumeSelector.setCurrentNode(volume)
     assert not widget.ui.messageFrame.isVisible()
 
 
