@@ -14,7 +14,7 @@ from ViTTransferFunction.CommandLine.segmenting import segment_classes
 from ViTTransferFunction.CommandLine.vittf import main
 from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClass
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
-from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
+from ViTTransferFunction.Logic.core.volumes.geometry import SMALL_SCAN_MM, Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.files.annotation_files import classes_from_markups, write_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import write_image
@@ -37,6 +37,11 @@ def drawn(path: Path, kind: str, middle_ras: np.ndarray, radius_mm: float, scale
     placed = [{"position": point} for point in (scale * points).tolist()]
     path.write_text(json.dumps({"markups": [{"type": kind, "coordinateSystem": "RAS", "controlPoints": placed}]}))
     return path
+
+
+def _body(spheres: Spheres) -> float:
+    """The scale at which the volume is the smallest one in which lengths are those of bodies."""
+    return SMALL_SCAN_MM / float(spheres[0].geometry.extent_mm.max())
 
 
 def _session(spheres: Spheres, scale: float) -> SegmentationSession:
@@ -65,7 +70,7 @@ def test_the_same_drawing_gives_the_same_segments_in_a_scan_that_is_many_times_s
             "bilateral",
             only_annotated_components=True,
         ).labels
-        for size in (1.0, scale)
+        for size in (_body(spheres), scale * _body(spheres))
     )
     assert np.count_nonzero(body) > 1000
     # Voxels that are as likely either may turn over by rounding.
@@ -75,7 +80,7 @@ def test_the_same_drawing_gives_the_same_segments_in_a_scan_that_is_many_times_s
 def test_a_small_outline_is_looked_at_as_closely_in_a_scan_that_is_many_times_smaller(spheres: Spheres, tmp_path: Path) -> None:
     sizes: list[list[tuple[float, float, float]]] = []
     warnings: list[str] = []
-    for scale in (1.0, 0.03):
+    for scale in (_body(spheres), 0.03 * _body(spheres)):
         session = _session(spheres, scale)
         session.load_features()
         classes = _drawn_classes(spheres, tmp_path, "ClosedCurve", 4.0, scale)
@@ -84,8 +89,8 @@ def test_a_small_outline_is_looked_at_as_closely_in_a_scan_that_is_many_times_sm
     body, specimen = sizes
     assert len(body) == 2
     np.testing.assert_allclose(specimen, 0.03 * np.array(body))
-    assert warnings[0].endswith("in a box of 34 × 34 × 51 mm.")
-    assert warnings[2].endswith("in a box of 1.0 × 1.0 × 1.5 mm.")
+    assert warnings[0].endswith("in a box of 23 × 23 × 34 mm.")
+    assert warnings[2].endswith("in a box of 0.68 × 0.68 × 1.0 mm.")
 
 
 def test_the_report_and_what_is_printed_say_how_large_a_small_structure_is(

@@ -106,6 +106,6 @@ def test_a_structure_without_voxels_has_an_empty_histogram() -> None:
 
 def test_around_a_structure_of_a_small_specimen_is_as_much_of_it_as_of_a_body() -> None:
     body, specimen = volume((60, 60, 60), 1.0, 0.5 * NEIGHBOURHOOD_MM), volume((60, 60, 60), 0.1, 0.05 * NEIGHBOURHOOD_MM)
-    # A 200th of the scan's longest edge, which is 90 mm and 9 mm.
-    of_body, of_specimen = (intensity_histogram(replace(shown, unit_voxels=0.45), 1) for shown in (body, specimen))
+    # A 200th of the scan's longest edge, which is 60 mm and 6 mm.
+    of_body, of_specimen = (intensity_histogram(replace(shown, unit_voxels=0.3), 1) for shown in (body, specimen))
     np.testing.assert_array_equal(of_specimen.outside, of_body.outside)

@@ -16,9 +16,9 @@ LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 FLATTEST_AXES = 1e-6
 """Volume between unit vectors along the axes: of less, nothing is left but what matrices lose in files of single precision."""
 
-SMALL_SCAN_MM = 96.0
+SMALL_SCAN_MM = 64.0
 """Where the longest edge of a scan is shorter, lengths that are meant for bodies are so, too, in proportion: they would be a
-large part of what is imaged by a microscope."""
+large part of what is imaged by a microscope. Parts of bodies, such as a breast of 80 mm, are to keep them."""
 
 Box = tuple[slice, slice, slice]
 """A part of a grid: ranges of k, j and i, each with a start and an end."""

@@ -15,7 +15,7 @@ from .translation import tr as _
 CloserLookReason = Literal["large corrections", "small drawing", "small outline"]
 """Why a closer look may help, or, the last, is being had without having been asked for; see `CloseUpHints`."""
 
-_SMALL_SPECIMEN = 0.5
+_SMALL_SPECIMEN = 0.75
 """Of a body's size (`body_scale`): organs of what is shorter than 48 mm are mere thousandths of millilitres."""
 _MOST_NAMES = 5
 """In one message."""

@@ -12,7 +12,7 @@ import vtk
 from ViTTransferFunction.Logic.core.classes.diameter_points import points_of_diameter
 from ViTTransferFunction.Logic.core.classes.region_points import points_of_outline
 from ViTTransferFunction.Logic.core.system.errors import InputError
-from ViTTransferFunction.Logic.core.volumes.geometry import Geometry, transform_points
+from ViTTransferFunction.Logic.core.volumes.geometry import SMALL_SCAN_MM, Geometry, transform_points
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, OBLIQUE, add_hanging_point, add_parameter_node, put_under
@@ -271,7 +271,8 @@ def test_in_a_small_specimen_what_is_drawn_is_the_same_points_as_in_a_body(slice
     # Lopsided, so that rounding does not decide which of several places is first.
     outline = np.array([[40.0, 45.0, 50.0], [56.0, 45.0, 50.0], [58.0, 59.0, 50.0], [41.0, 58.0, 50.0]])
     found: list[list[np.ndarray]] = []
-    for scale in (1.0, 1 / 32):
+    # The smallest scan in which lengths are those of bodies, and one that is 32 times smaller.
+    for scale in (SMALL_SCAN_MM / 96.0, SMALL_SCAN_MM / 96.0 / 32.0):
         geometry = Geometry((22, 23, 24), np.diag([*[4.0 * scale] * 3, 1.0]))
         voxels = np.arange(np.prod(geometry.shape), dtype=np.int16).reshape(geometry.shape)
         set_image(volume, voxels, geometry.ijk_to_ras)
@@ -306,4 +307,4 @@ def test_a_scan_is_as_small_as_it_lies_in_the_scene(slicer_app: Any, session: Sc
     session.set_volume(volume)
     assert session.body_scale == 1.0
     put_under(volume, np.diag([0.1, 0.1, 0.1, 1.0]))
-    assert session.body_scale == pytest.approx(0.1)
+    assert session.body_scale == pytest.approx(0.1 * 96.0 / SMALL_SCAN_MM)

@@ -39,7 +39,7 @@ def test_small_structures_have_a_volume_too(volume_ml: float | None, text: str) 
     [(None, "–"), (0.0, "0.0"), (2e-8, "<0.0001"), (2.5e-7, "0.0003"), (3.14e-5, "0.031"), (0.0002, "0.20"), (0.35, "350")],
 )
 def test_in_small_specimens_volumes_are_told_in_cubic_millimetres(volume_ml: float | None, text: str) -> None:
-    assert (volume_unit(0.51), volume_unit(0.05)) == ("ml", "mm³")
+    assert (volume_unit(0.76), volume_unit(0.05)) == ("ml", "mm³")
     assert volume_text(volume_ml, volume_unit(0.05)) == text
 
 
