@@ -31,6 +31,10 @@ SIGMA_SHARE_OF_CELL = 0.6
 SURROUNDINGS_CELLS = 2.0
 """What a structure's intensities are told apart from lies within so many feature cells of its box (`settling`)."""
 
+FILTER_BODY_MM = 96.0
+"""Where the longest edge is shorter, the guided filter looks less far, in proportion: its millimetres are of bodies, and more
+than all of what is imaged by a microscope. By `body_scale` it would look too far there."""
+
 
 def refine(
     similarity: np.ndarray,
@@ -166,7 +170,7 @@ def _refine_part(
         # It solves for deviations from a mean, and adding that may round to a hair below 0.
         np.clip(target, 0.0, 1.0, out=target)
     else:
-        target[...] = _filtered(target, intensities, window, spacing_mm, volume.whole.geometry.body_scale)
+        target[...] = _filtered(target, intensities, window, spacing_mm, volume.longest_edge_mm)
 
 
 def active_box(active: np.ndarray, shape: tuple[int, ...]) -> Box | None:
@@ -201,7 +205,7 @@ def _solve(
 
 
 def _filtered(
-    target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray, scale: float
+    target: np.ndarray, intensities: np.ndarray, window: IntensityWindow, spacing_mm: np.ndarray, longest_edge_mm: float
 ) -> np.ndarray:
     from .guided_filter import GuidedFilterSettings, guided_filter
 
@@ -209,7 +213,7 @@ def _filtered(
     luma = tensor_of(np.empty(intensities.shape, dtype=np.float32))
     for plane, of_volume in zip(array_of(luma), intensities, strict=True):
         plane[...] = window.apply(of_volume)
-    settings = GuidedFilterSettings(GuidedFilterSettings.radius_mm * scale)
+    settings = GuidedFilterSettings(GuidedFilterSettings.radius_mm * min(longest_edge_mm / FILTER_BODY_MM, 1.0))
     return array_of(guided_filter(tensor_of(target), luma, tuple(spacing_mm.tolist()), settings))
 
 

@@ -129,7 +129,7 @@ def test_a_single_voxel_is_visible(opengl: None, geometry: Geometry) -> None:
 
 @pytest.mark.parametrize("size", [1.0, 0.1])
 def test_bright_surroundings_appear_only_when_asked_for(opengl: None, aligned: Geometry, size: float) -> None:
-    bone = distance_mm(aligned, (0, 0, 25)) < 15.0
+    bone = distance_mm(aligned, (0, 0, 25)) < 18.0
     # A body, or a small animal.
     scanned = Geometry(aligned.shape, np.diag([size, size, size, 1.0]) @ aligned.ijk_to_ras)
     volume = Volume(np.where(bone, 1000.0, 0.0), scanned)

@@ -187,7 +187,7 @@ def test_what_is_a_millimetre_large_is_refined_as_a_body_of_as_many_voxels(metho
     np.testing.assert_allclose(of_speck.array, of_body.array, atol=1e-6)
 
 
-@pytest.mark.parametrize(("edge_mm", "radius_mm"), [(32.0, 3.0), (64.0, 6.0), (480.0, 6.0)])
+@pytest.mark.parametrize(("edge_mm", "radius_mm"), [(48.0, 3.0), (96.0, 6.0), (480.0, 6.0)])
 def test_in_scans_of_bodies_the_guided_filter_looks_as_far_however_large_they_are(
     edge_mm: float, radius_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
