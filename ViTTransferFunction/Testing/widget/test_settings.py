@@ -110,12 +110,17 @@ def test_the_window_is_the_views_until_it_is_touched(widget: Any, volume: Any) -
     assert not ui.messageFrame.isVisible()
 
 
-def test_the_window_of_a_map_of_small_numbers_is_not_rounded_to_nothing(widget: Any, volume: Any) -> None:
+def see_by_its_window(widget: Any, volume: Any, low: float, high: float) -> None:
+    """Choose a volume that is displayed between two intensities, and have the network see it so."""
     widget.ui.advancedCollapsibleButton.collapsed = False
     volume.GetScalarVolumeDisplayNode().SetAutoWindowLevel(False)
-    volume.GetScalarVolumeDisplayNode().SetWindowLevelMinMax(0.0004, 0.0025)
+    volume.GetScalarVolumeDisplayNode().SetWindowLevelMinMax(low, high)
     widget.ui.volumeSelector.setCurrentNode(volume)
     widget.ui.windowAutomaticCheckBox.click()
+
+
+def test_the_window_of_a_map_of_small_numbers_is_not_rounded_to_nothing(widget: Any, volume: Any) -> None:
+    see_by_its_window(widget, volume, 0.0004, 0.0025)
     assert widget.panel.session.parameters.window == pytest.approx((0.0004, 0.0025), abs=1e-6)
     widget.ui.windowHighSpinBox.setValue(0.0021)
     assert widget.panel.session.parameters.window == pytest.approx((0.0004, 0.0021), abs=1e-6)
@@ -123,11 +128,7 @@ def test_the_window_of_a_map_of_small_numbers_is_not_rounded_to_nothing(widget: 
 
 def test_the_window_of_a_scan_of_large_numbers_is_not_cut_off(widget: Any, volume: Any) -> None:
     """As of PET in Bq/ml."""
-    widget.ui.advancedCollapsibleButton.collapsed = False
-    volume.GetScalarVolumeDisplayNode().SetAutoWindowLevel(False)
-    volume.GetScalarVolumeDisplayNode().SetWindowLevelMinMax(0.0, 5e6)
-    widget.ui.volumeSelector.setCurrentNode(volume)
-    widget.ui.windowAutomaticCheckBox.click()
+    see_by_its_window(widget, volume, 0.0, 5e6)
     assert widget.panel.session.parameters.window == (0.0, 5e6)
     widget.ui.windowHighSpinBox.setValue(8e6)
     assert widget.panel.session.parameters.window == (0.0, 8e6)

@@ -15,6 +15,15 @@ from ViTTransferFunction.Logic.scene.volumes.volume_nodes import set_image
 from ViTTransferFunction.Testing.support.scenes import MOVED, put_under
 
 
+def cut_by(scene: Any, name: str) -> tuple[SceneParameters, Any]:
+    """Parameters by which renderings are cut by what is called so, and a volume."""
+    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
+    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
+    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
+    parameters.set("renderingCut", name)
+    return parameters, volume
+
+
 def test_the_box_is_made_around_the_volume_when_wanted_and_hidden_when_not(slicer_app: Any) -> None:
     scene = slicer_app.scene
     parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
@@ -62,10 +71,7 @@ def test_the_plane_goes_through_the_middle_and_gives_way_to_the_box_and_back(sli
 @pytest.mark.parametrize("name", ["box", "plane"])
 def test_what_the_user_hides_stays_hidden_and_cuts_until_it_is_chosen_again(slicer_app: Any, name: str) -> None:
     scene = slicer_app.scene
-    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
-    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
-    parameters.set("renderingCut", name)
+    parameters, volume = cut_by(scene, name)
     cut = shown_cut(scene, parameters, volume)
     assert cut.GetDisplayNode().GetVisibility()
     cut.GetDisplayNode().SetVisibility(False)
@@ -80,10 +86,7 @@ def test_what_the_user_hides_stays_hidden_and_cuts_until_it_is_chosen_again(slic
 
 def test_without_a_rendering_there_is_nothing_that_would_cut_it(slicer_app: Any) -> None:
     scene = slicer_app.scene
-    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
-    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
-    parameters.set("renderingCut", "box")
+    parameters, volume = cut_by(scene, "box")
     box: Any = shown_cut(scene, parameters, volume)
     parameters.set("rendering", "off")
     assert shown_cut(scene, parameters, volume) is None
@@ -131,10 +134,7 @@ def test_what_cuts_stays_where_it_is_when_its_middle_lies_in_the_next_volume_too
 
 def test_the_plane_is_moved_by_handles_along_its_normal_and_tilted_and_hides_nothing(slicer_app: Any) -> None:
     scene = slicer_app.scene
-    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
-    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
-    parameters.set("renderingCut", "plane")
+    parameters, volume = cut_by(scene, "plane")
     display = shown_cut(scene, parameters, volume).GetDisplayNode()
     assert display.GetHandlesInteractive()
     assert display.GetTranslationHandleVisibility()
@@ -149,10 +149,7 @@ def test_the_plane_is_moved_by_handles_along_its_normal_and_tilted_and_hides_not
 @pytest.mark.parametrize("cut", ["box", "plane"])
 def test_what_cuts_an_exported_rendering_is_where_the_live_one_was_and_out_of_sight(slicer_app: Any, cut: str) -> None:
     scene = slicer_app.scene
-    parameters = SceneParameters(scene.AddNewNodeByClass("vtkMRMLScriptedModuleNode"))
-    volume = scene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", "CT")
-    set_image(volume, np.zeros((10, 20, 30), dtype=np.int16), np.eye(4))
-    parameters.set("renderingCut", cut)
+    parameters, volume = cut_by(scene, cut)
     node = shown_cut(scene, parameters, volume)
     put_under(node, MOVED)
     node.SetCenterWorld([25.0, 5.0, 1.0])
