@@ -41,7 +41,7 @@ IN_MEMORY = Path("/dev/shm")
 ROOM_BYTES = 2 * 2**30
 """A large volume and its label map take half of that."""
 _LAST_WORDS_BYTES = 64_000
-_FATAL = ("Fatal Python error: ", "Windows fatal exception: ")
+_FATAL, _WINDOWS_FATAL = "Fatal Python error: ", "Windows fatal exception: "
 """How Python begins to say where it was when a library stopped the process; on Windows also of exceptions that a library lives
 through."""
 _LAUNCHER_S_LINE = re.compile(r"exit abnormally")
@@ -120,7 +120,7 @@ class ComputeProcess:
         self._errors.seek(max(0, self._errors.tell() - _LAST_WORDS_BYTES))
         lines = self._errors.read().decode(errors="replace").splitlines()
         said = [line.strip() for line in lines if line.strip() and not _LAUNCHER_S_LINE.search(line)]
-        fatal = next((index for index in reversed(range(len(said))) if said[index].startswith(_FATAL)), None)
+        fatal = _line_of_the_fatal(said)
         if fatal is not None:
             thrown = [line for line in said[max(0, fatal - 1) : fatal] if line.startswith("what():")]
             return "; ".join([*thrown, said[fatal]])
@@ -161,6 +161,16 @@ class ComputeProcess:
         else:
             with suppress(OSError):
                 os.killpg(self._process.pid, signal.SIGKILL)
+
+
+def _line_of_the_fatal(said: list[str]) -> int | None:
+    """Which line says what stopped the process; None where a library did not."""
+    # The first one: Python may crash once more while it says where the other threads are, since they go on meanwhile.
+    errors = [index for index, line in enumerate(said) if line.startswith(_FATAL)]
+    if errors:
+        return errors[0]
+    exceptions = [index for index, line in enumerate(said) if line.startswith(_WINDOWS_FATAL)]
+    return exceptions[-1] if exceptions else None
 
 
 def _executable(given: str | Path | None) -> str:

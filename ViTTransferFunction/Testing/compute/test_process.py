@@ -169,6 +169,21 @@ def test_what_windows_says_of_a_library_that_stopped_the_process_is_the_reason(
     assert client.last_words() == "Windows fatal exception: access violation"
 
 
+CRASHES_ONCE_MORE = """
+import sys
+for what in ("Aborted", "Segmentation fault"):
+    print(f"Fatal Python error: {what}\\n\\nThread 0x00007f381252a6c0 (most recent call first):", file=sys.stderr)
+"""
+
+
+def test_a_crash_while_python_says_where_it_was_does_not_pass_for_the_reason(
+    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+) -> None:
+    client = start(executable(CRASHES_ONCE_MORE))
+    polls_until(lambda: bool(client.replies() or not client.alive))
+    assert client.last_words() == "Fatal Python error: Aborted"
+
+
 @pytest.mark.parametrize("python", ["", "/nowhere/PythonSlicer"])
 def test_where_python_is_missing_one_sentence_says_so(python: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", python)
