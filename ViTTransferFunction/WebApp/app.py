@@ -51,6 +51,8 @@ PICTURE_S = 0.05
 """How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
+UNEXPECTED = "Something unexpected went wrong beside what the page asked for"
+"""What the console says of it, before the traceback."""
 BRUSH_MM = 6.0
 OF_THIS_COMPUTER = ("device", "weightsPath")
 """Parameters that a session from elsewhere does not decide."""
@@ -305,9 +307,9 @@ class WebApp:
         self.session.start_computing()
         while True:
             awaited_maps = self.session.awaits_maps
-            self.session.poll()
+            self._go_on_after(self.session.poll)
             if self._stale:
-                self.refresh()
+                self._go_on_after(self.refresh)
             if awaited_maps and not self.session.awaits_maps:
                 await asyncio.sleep(PICTURE_S)
             pace_s = CLICK_POLL_S if self.session.awaits_maps else POLL_S if self.session.busy else IDLE_POLL_S
@@ -316,6 +318,15 @@ class WebApp:
             if self._news.is_set():
                 self._news.clear()
                 await asyncio.sleep(0)  # The loop's other work first: pictures, say.
+
+    def _go_on_after(self, step: Callable[[], None]) -> None:
+        """Do a step; what it raises is told, and the traceback printed, once: the app goes on, with the user's work."""
+        session = self.session
+        try:
+            step()
+        except Exception as error:
+            if session.tell_of_defect(error):
+                asyncio.get_running_loop().call_exception_handler({"message": UNEXPECTED, "exception": error})
 
     def _expect_page(self) -> None:
         """A page is being loaded; in the one before, a button may have been held."""

@@ -188,14 +188,22 @@ class Panel:
             self._timer.start()
 
     def _on_timer(self) -> None:
-        if self.session is not None:
+        session = self.session
+        if session is None:
+            return
+        try:
             self._start_computing()
-            self.session.poll()
-            self._set_pace()
-            if not self.session.busy:
+            session.poll()
+            if not session.busy:
                 # The session is not told of what views show: of a scan, say, that is dropped on them.
                 self.tools.tell_of_other_scans()
                 self._messages.refresh()
+        except Exception as error:
+            # The timer goes on, a hundred times a second; Slicer's console gets the traceback once.
+            if session.tell_of_defect(error):
+                raise
+        finally:
+            self._set_pace()
 
     def _start_computing(self) -> None:
         """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""

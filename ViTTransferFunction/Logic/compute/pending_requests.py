@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -20,6 +21,7 @@ class PendingRequests:
         self._start_client = start_client
         self._client: ComputeClient | None = None
         self._by_number: dict[int, Any] = {}
+        self._arrived: deque[tuple[int, Any]] = deque()
 
     def __bool__(self) -> bool:
         return bool(self._by_number)
@@ -69,8 +71,14 @@ class PendingRequests:
             del self._by_number[number]
 
     def replies(self) -> Iterator[tuple[Any, Any]]:
-        """What has come since the last call, oldest first: a request that was not given up since, and a reply to it."""
-        for number, reply in self._client.replies() if self._client else ():
+        """What has come since the last call, oldest first: a request that was not given up since, and a reply to it.
+
+        Where whoever takes one in raises, the next call goes on with those behind it.
+        """
+        if self._client is not None:
+            self._arrived.extend(self._client.replies())
+        while self._arrived:
+            number, reply = self._arrived.popleft()
             if number in self._by_number:
                 unfinished = isinstance(reply, UNFINISHED)
                 yield self._by_number[number] if unfinished else self._by_number.pop(number), reply
@@ -88,6 +96,7 @@ class PendingRequests:
         if self._client is not None:
             self._client.close()
             self._client = None
+        self._arrived.clear()
         self.forget()
 
     def _numbers(self, kinds: tuple[type, ...]) -> list[int]:

@@ -37,7 +37,7 @@ from .interface.cache_contents import CacheContents
 from .interface.notices import Notices
 from .interface.parameters import SceneParameters
 from .interface.problems import Problems
-from .interface.wording import nothing_hit_text
+from .interface.wording import nothing_hit_text, unexpected_text
 from .mrml.drawn_together import drawn_together
 from .scan_change import ScanChange
 from .scene_watch import SceneWatch
@@ -357,6 +357,18 @@ class SceneSession:
         if events - {"first map"} or writing or segments_changed or left_behind or came_to_rest:
             self._notices.tell()
 
+    def tell_of_defect(self, error: Exception) -> bool:
+        """Tell the user of what `poll` raised, once until they go on: it may raise the same at each call.
+
+        Returns:
+            Whether it was told now; then the front end lets the error be logged, too.
+        """
+        if self._problems.stands("defect"):
+            return False
+        self._problems.put("defect", unexpected_text(error))
+        self._notices.tell()
+        return True
+
     def wait(self, timeout_s: float = 600.0) -> None:
         """Poll until nothing is under way: for scripts and tests. Raises TimeoutError."""
         until = time.monotonic() + timeout_s
@@ -416,6 +428,7 @@ class SceneSession:
         self._problems.solve("older segments")
         self._problems.solve("close-up")
         self._problems.solve("placing")
+        self._problems.solve("defect")
         self.close_up_hints.note()
         self._follow()
 

@@ -442,3 +442,20 @@ def test_nothing_is_said_of_a_process_that_was_started_ahead_and_was_not_needed_
     client.alive = False
     proxy.poll()
     assert (proxy.take_error(), proxy.pid, proxy.phase) == (None, None, "no volume")
+
+
+def test_a_reply_whose_taking_in_raises_does_not_cost_those_behind_it(
+    proxy: SegmentationProxy, client: StubClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("a defect")
+
+    proxy.open(VOLUME, SETTINGS)
+    monkeypatch.setitem(proxy._handlers, (TakeVolume, Taken), fail)
+    client.answer(TakeVolume, Taken("0f"))
+    client.answer(Prepare, COSTLY)
+    with pytest.raises(RuntimeError, match="a defect"):
+        proxy.poll()
+    assert proxy.poll() == {"state"}
+    assert proxy.estimate == COSTLY
+    assert not proxy.busy

@@ -124,6 +124,8 @@ def serving(*arguments: str | Path, cache: Path, **options: Any) -> Iterator[Ser
     server = Server(*arguments, cache=cache, **options)
     try:
         yield server
+        # A defect that the app goes on after.
+        assert "Something unexpected went wrong" not in server.log()
     finally:
         server.close()
 

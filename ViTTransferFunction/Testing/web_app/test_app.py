@@ -771,3 +771,30 @@ def test_colours_come_back_from_the_page_as_they_went() -> None:
     for text in ("red", "#12345", "#gg0000", ""):
         with pytest.raises(ValueError, match=r"colour|literal"):
             color_of_hex(text)
+
+
+def test_what_a_poll_raises_is_told_once_and_the_app_goes_on(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def journey(app: WebApp) -> None:
+        polls = 0
+
+        def fail(*_: object) -> None:
+            nonlocal polls
+            polls += 1
+            raise RuntimeError("shapes do not fit")
+
+        with monkeypatch.context() as patched:
+            patched.setattr(app.session, "_take_in", fail)
+            following = asyncio.create_task(app._follow())
+            while polls < 20 and not following.done():
+                app._on_changed()
+                await asyncio.sleep(0.001)
+            assert not following.done()
+        assert app.server.state.message.startswith("Something unexpected went wrong (RuntimeError: shapes do not fit)")
+        app.actions("addClass")
+        assert app.server.state.message == ""
+        following.cancel()
+
+    opened(journey)
+    assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -302,3 +303,32 @@ def beats_while_extracting(widget: Any, beats: Beats, cells: int) -> list[float]
         measured.append(beats.quick_for_each_slow())
     # The last one went on when they were there.
     return measured[:-1]
+
+
+def test_what_a_poll_raises_is_told_once_until_the_user_goes_on_and_polls_go_on(
+    widget: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: list[BaseException] = []
+    monkeypatch.setattr(sys, "excepthook", lambda kind, error, trace: logged.append(error))
+    panel, polls = widget.panel, list[object]()
+
+    def fail(events: object) -> None:
+        polls.append(events)
+        raise RuntimeError("shapes do not fit")
+
+    add_class(widget)
+    wait_until(lambda: not panel.session.busy)
+    monkeypatch.setattr(panel.session, "_take_in", fail)
+    wait_until(lambda: len(polls) >= 3)
+    assert [str(error) for error in logged] == ["shapes do not fit"]
+    assert "unexpected went wrong (RuntimeError: shapes do not fit)" in widget.ui.messageLabel.text()
+    widget.ui.messageCloseButton.click()
+    before = len(polls)
+    wait_until(lambda: len(polls) >= before + 2)
+    assert not widget.ui.messageFrame.isVisible()
+    add_class(widget)
+    wait_until(lambda: len(logged) == 2)
+    assert widget.ui.messageFrame.isVisible()
+    monkeypatch.undo()
+    add_class(widget)
+    assert not widget.ui.messageFrame.isVisible()

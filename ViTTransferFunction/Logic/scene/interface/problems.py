@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-Cause = Literal["volume", "computing", "segments", "older segments", "views", "close-up", "left behind", "model", "placing"]
+Cause = Literal[
+    "volume", "computing", "segments", "older segments", "views", "close-up", "left behind", "model", "placing", "defect"
+]
 """The volume or a setting; the compute process, or what it was asked for; segments that could not be written; those of a
 frame that users come back to; what cannot be shown; a structure that cannot be looked at more closely; points that the volume
 was moved away from; the model that structures were made with, which is not to be had; a point that was to be placed on
-nothing."""
+nothing; what a poll raised."""
 
 
 class Problems:
@@ -34,6 +36,10 @@ class Problems:
     def take(self) -> str | None:
         """The next problem that still stands and was not taken yet, in the order in which they came; None after the last."""
         return self._standing[self._untold.pop(0)] if self._untold else None
+
+    def stands(self, cause: Cause) -> bool:
+        """Whether there is a problem of this cause."""
+        return cause in self._standing
 
     @property
     def standing(self) -> tuple[str, ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from typing import Literal
 
 from ...core.classes.close_up import EdgesMm
+from ...core.system.out_of_memory import OUT_OF_MEMORY, is_out_of_memory
 from ...core.system.progress import WorkProgress
 from ...core.volumes.measures import decimals_of, two_figures
 from ...rendering.appearance import STYLES
@@ -19,6 +21,8 @@ _SMALL_SPECIMEN = 0.75
 """Of a body's size (`body_scale`): organs of what is shorter than 48 mm are mere thousandths of millilitres."""
 _MOST_NAMES = 5
 """In one message."""
+_LONGEST_REASON = 200
+"""Characters of an error that nobody foresaw: some libraries' are pages."""
 
 
 def duration(seconds: float) -> str:
@@ -200,6 +204,16 @@ def no_structure_text(has_volume: bool) -> str:
 def nothing_hit_text() -> str:
     """Why a click in a 3D view placed no point."""
     return _("Nothing is shown there in the 3D view, so no point was placed: click on what is shown, or in a slice.")
+
+
+def unexpected_text(error: Exception) -> str:
+    """Of an error that nobody foresaw, in what goes on beside what users do."""
+    if is_out_of_memory(error):
+        return OUT_OF_MEMORY
+    return _(
+        "Something unexpected went wrong ({error}), and the views may not be up to date. Your structures and points are kept. "
+        "If it happens again, save your work, start the program anew, and report this message."
+    ).format(error=textwrap.shorten(f"{type(error).__name__}: {error}", _LONGEST_REASON, placeholder="…"))
 
 
 def choice_words() -> dict[str, str]:
