@@ -19,7 +19,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
-from .image_headers import DICOM_START_BYTES
+from .dicom_encoding import BIG_ENDIAN, DEFLATED, data_set
 from .straightening import warn_of_gaps
 
 SAME_DISTANCE = 0.01
@@ -169,23 +169,15 @@ _INTERCEPT = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x52\x10")
 # Before it is the intercept.
 _SLOPE = _in_sequence(b"\x28\x00\x45\x91", b"\x28\x00\x53\x10", behind=32)
 
-_META = re.compile(rb"\x02\x00\x00\x00UL\x04\x00(.{4})", re.DOTALL)
-"""How long what describes the file itself is, which is always in little-endian order and never deflated (DICOM PS3.10, 7.1)."""
-_TRANSFER_SYNTAX = re.compile(rb"\x02\x00\x10\x00UI..([0-9.]+)", re.DOTALL)
-_DEFLATED, _BIG_ENDIAN = b"1.2.840.10008.1.2.1.99", b"1.2.840.10008.1.2.2"
-
 
 def _numbers(path: Path, element: _Element, count: int, most: int) -> np.ndarray:
     """The values of an element wherever it occurs, (N, `count`), N at most `most`; (0, `count`) where one is no such value."""
     values = []
     try:
         with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as written:
-            meta = _META.match(written, DICOM_START_BYTES)
-            start = meta.end() + int.from_bytes(meta[1], "little") if meta else 0
-            found = _TRANSFER_SYNTAX.search(written, 0, start)
-            syntax = found[1] if found else b""
-            content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(written[start:]) if syntax == _DEFLATED else written
-            pattern = element.big_endian if syntax == _BIG_ENDIAN else element.little_endian
+            start, syntax = data_set(written)
+            content = zlib.decompressobj(-zlib.MAX_WBITS).decompress(written[start:]) if syntax == DEFLATED else written
+            pattern = element.big_endian if syntax == BIG_ENDIAN else element.little_endian
             for match in islice(pattern.finditer(content), most):
                 length = ord(match[match.lastindex or 0])
                 values.append([float(number) for number in content[match.end() : match.end() + length].split(b"\\")])

@@ -11,6 +11,7 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813
 
 from ..core.system.errors import InputError
+from .dicom_encoding import require_memory_to_unpack
 from .dicom_frames import LARGEST_TURN
 from .dicom_kind import instead_of_scan
 from .image_headers import DICOM_READER
@@ -74,7 +75,9 @@ def read_slice(path: Path, traits: Sequence[str] = ()) -> DicomSlice:
 
     Raises:
         RuntimeError: of ITK, where the file is cut off, is no DICOM, or holds no image, as reports and outlines do.
+        InputError: it cannot be read, or memory has no room for what is packed in it.
     """
+    require_memory_to_unpack(path)
     reader = sitk.ImageFileReader()
     reader.SetImageIO(DICOM_READER)
     reader.SetFileName(str(path))

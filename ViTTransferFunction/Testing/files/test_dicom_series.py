@@ -409,6 +409,16 @@ def test_frames_are_understood_in_every_encoding(tmp_path: Path, encoding: str) 
         read_volume(file)
 
 
+@pytest.mark.parametrize("as_folder", [False, True])
+def test_a_deflated_file_that_memory_has_no_room_for_is_refused_before_itk_unpacks_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, as_folder: bool
+) -> None:
+    file = recoded(write_frames(tmp_path / "scan" / "1.dcm", ASCENDING), DEFLATED)
+    monkeypatch.setattr("ViTTransferFunction.Logic.core.system.available_memory.available_memory_bytes", lambda: 1000)
+    with pytest.raises(InputError, match=r"Unpacking .*1\.dcm takes at least"):
+        read_volume(file.parent if as_folder else file)
+
+
 def recoded(file: Path, encoding: str) -> Path:
     """A file that was written in little-endian order, in another encoding."""
     content = file.read_bytes()

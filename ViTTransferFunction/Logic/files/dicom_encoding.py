@@ -1,0 +1,60 @@
+"""In which encoding a DICOM file's elements are, and whether memory has room for those that are deflated.
+
+ITK unpacks them whatever comes: a megabyte can become a gigabyte.
+"""
+
+from __future__ import annotations
+
+import mmap
+import re
+import zlib
+from pathlib import Path
+
+from ..core.system.available_memory import require_memory
+from ..core.system.errors import InputError
+from .image_headers import DICOM_START_BYTES
+from .stored_voxels import CHUNK_BYTES
+
+DEFLATED, BIG_ENDIAN = b"1.2.840.10008.1.2.1.99", b"1.2.840.10008.1.2.2"
+"""Transfer syntaxes; those that are left are little-endian and not packed, but for the pixels."""
+
+_META = re.compile(rb"\x02\x00\x00\x00UL\x04\x00(.{4})", re.DOTALL)
+"""How long what describes the file itself is, which is always in little-endian order and never deflated (DICOM PS3.10, 7.1)."""
+_TRANSFER_SYNTAX = re.compile(rb"\x02\x00\x10\x00UI..([0-9.]+)", re.DOTALL)
+
+_COPIES = 2
+"""Of the unpacked elements: ITK's, and that in which places and scales of frames are looked for."""
+
+
+def data_set(written: mmap.mmap) -> tuple[int, bytes]:
+    """At which byte of a file its elements begin, and their transfer syntax; b"" where the file does not say."""
+    meta = _META.match(written, DICOM_START_BYTES)
+    start = meta.end() + int.from_bytes(meta[1], "little") if meta else 0
+    found = _TRANSFER_SYNTAX.search(written, 0, start)
+    return start, found[1] if found else b""
+
+
+def require_memory_to_unpack(path: Path) -> None:
+    """Raise InputError where a file's elements are deflated and memory has no room for them; or where it cannot be read."""
+    try:
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as written:
+            start, syntax = data_set(written)
+            if syntax == DEFLATED:
+                _require_memory(written, start, path)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"Cannot read {path}: {error.strerror or error}.") from error
+    except (ValueError, zlib.error):
+        return  # An empty or damaged file, of which ITK says more.
+
+
+def _require_memory(written: mmap.mmap, start: int, path: Path) -> None:
+    unpacker, unpacked_bytes = zlib.decompressobj(-zlib.MAX_WBITS), 0
+    advice = "Close other programs, or export the file again without compression."
+    for begin in range(start, len(written), CHUNK_BYTES):
+        packed = written[begin : begin + CHUNK_BYTES]
+        while packed and not unpacker.eof:
+            unpacked_bytes += len(unpacker.decompress(packed, 16 * CHUNK_BYTES))
+            packed = unpacker.unconsumed_tail
+            require_memory(_COPIES * unpacked_bytes, f"Unpacking {path}", advice)
