@@ -117,6 +117,8 @@ def quick_compute_processes(request: pytest.FixtureRequest) -> Iterator[None]:
 def slicer_app(quick_compute_processes: None) -> Iterator[Any]:
     """Slicer's scene and module logics as its application has them, without its windows."""
     app = pytest.importorskip("trame_slicer.core").SlicerApp()
+    # As the app does: tests that are killed would leave it.
+    app.io_manager.cache_dir.cleanup()
     yield app
     views = app.view_manager.get_views()
     for view in views:

@@ -88,6 +88,8 @@ class WebApp:
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
         self._slicer = SlicerApp()
+        # For what scenes load from other computers, which none does here; an app that is killed would leave it.
+        self._slicer.io_manager.cache_dir.cleanup()
         self.scene = self._slicer.scene
         self._settings = dict(settings or {})
         self._messages = Messages()

@@ -18,6 +18,7 @@ pytest.importorskip("trame_slicer")
 pytest.importorskip("psutil")
 
 from ViTTransferFunction.Logic.core.system.atomic_file import TEMPORARY
+from ViTTransferFunction.Logic.core.system.private_folder import PREFIX
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.files.annotation_files import read_annotations
 from ViTTransferFunction.Logic.scene.volumes.volume_nodes import array_from_node
@@ -404,9 +405,11 @@ def test_where_they_cannot_be_kept_the_user_is_told_once_until_they_can(
 
 @pytest.mark.slow
 def test_an_app_that_was_killed_offers_the_points_in_the_browser_when_it_is_started_again(
-    new_page: Callable[[], Any], folder: Path, tmp_path: Path
+    new_page: Callable[[], Any], folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    scan = tmp_path / "noise.nrrd"
+    scan, temporary = tmp_path / "noise.nrrd", tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
     sitk.WriteImage(sitk.GetImageFromArray(np.random.default_rng(1).normal(0.0, 8.0, (20, 22, 24))), str(scan))
 
     def opened_in(server: Server) -> Any:
@@ -433,6 +436,8 @@ def test_an_app_that_was_killed_offers_the_points_in_the_browser_when_it_is_star
             assert time.monotonic() < end, "what was clicked was not kept"
             time.sleep(0.05)
         server.process.kill()
+    # Private folders go when they are next looked for.
+    assert not [left.name for left in temporary.iterdir() if not left.name.startswith(PREFIX)]
     with serving(scan, "--device", "cpu", cache=tmp_path) as server:
         page = opened_in(server)
         page["restorable"].wait_for()
