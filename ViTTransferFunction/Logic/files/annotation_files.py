@@ -116,7 +116,7 @@ class Markups(NamedTuple):
     outline: np.ndarray | None = None
 
 
-def read_markups(path: Path, scale: float = 1.0) -> Markups:
+def read_markups(path: Path, scale: float) -> Markups:
     """What a Slicer markups file (`.mrk.json`) gives: only control points that were placed count.
 
     Args:
@@ -204,14 +204,14 @@ def classes_from_markups(positive: dict[str, Path], negative: dict[str, Path], g
     classes = []
     for index, (name, path) in enumerate(positive.items()):
         inside, beyond, outline = read_markups(path, geometry.body_scale)
-        off = _read_negative(negative[name]) if name in negative else no_points()
+        off = _read_negative(negative[name], geometry.body_scale) if name in negative else no_points()
         outside = np.concatenate([off, beyond[geometry.contains(beyond)]])
         classes.append(AnnotatedClass(ClassRequest(name, inside, outside), default_color(index), outline_ras=outline))
     return classes
 
 
-def _read_negative(path: Path) -> np.ndarray:
-    points, beyond, _ = read_markups(path)
+def _read_negative(path: Path, scale: float) -> np.ndarray:
+    points, beyond, _ = read_markups(path, scale)
     if len(beyond):
         raise InputError(
             f"{path} holds a line or a closed curve, which is the diameter or the outline of a structure; expected a point "

@@ -132,7 +132,7 @@ def outlined(spheres: Spheres, share: float) -> AnnotatedClass:
     angles = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
     in_slice = np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1) * share * radius_mm / volume.geometry.spacing_mm
     outline = volume.geometry.ijk_to_ras_points(volume.geometry.ras_to_ijk(middle) + in_slice)
-    return AnnotatedClass(ClassRequest("outlined", *points_of_outline(outline)), RED, outline_ras=outline)
+    return AnnotatedClass(ClassRequest("outlined", *points_of_outline(outline, 1.0)), RED, outline_ras=outline)
 
 
 @pytest.mark.parametrize(

@@ -249,7 +249,7 @@ def test_broken_json_and_a_missing_file_are_refused(tmp_path: Path) -> None:
 
 def test_an_annotation_file_in_place_of_a_point_list_is_told_where_it_goes(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"takes it by --annotations a\.json"):
-        read_markups(write(tmp_path / "a.json", {"coordinate_system": "RAS", "classes": []}))
+        read_markups(write(tmp_path / "a.json", {"coordinate_system": "RAS", "classes": []}), 1.0)
 
 
 def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
@@ -278,14 +278,14 @@ def test_an_image_in_place_of_points_is_called_one(tmp_path: Path) -> None:
         (b'{"coordinate_system": "RAS", "classes": [{"name": "a", "positive": [[1e400, 2, 3]]}]}', "not a list of finite"),
     ],
 )
-@pytest.mark.parametrize("read", [lambda path: read_annotations(path, GEOMETRY), read_markups])
+@pytest.mark.parametrize(("read", "about"), [(read_annotations, GEOMETRY), (read_markups, 1.0)])
 def test_text_that_holds_no_annotations_is_refused_in_a_short_sentence(
-    tmp_path: Path, text: bytes, message: str, read: Callable[[Path], Any]
+    tmp_path: Path, text: bytes, message: str, read: Callable[[Path, Any], Any], about: Any
 ) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(text)
     with pytest.raises(InputError) as refused:
-        read(path)
+        read(path, about)
     assert re.search(message, str(refused.value)) or read is read_markups
     assert len(str(refused.value)) < 300 + len(str(path))
 
@@ -326,9 +326,9 @@ def test_slicer_point_lists_give_their_placed_points_in_ras(tmp_path: Path) -> N
         {"position": [9.0, 9.0, 9.0], "positionStatus": "preview"},
     ]
     lps = write(tmp_path / "lps.mrk.json", markups(points, coordinateSystem="LPS"))
-    np.testing.assert_array_equal(read_markups(lps)[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(lps, 1.0)[0], [[1.0, 2.0, 3.0]])
     ras = write(tmp_path / "ras.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateSystem="RAS"))
-    np.testing.assert_array_equal(read_markups(ras)[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(ras, 1.0)[0], [[1.0, 2.0, 3.0]])
 
 
 def test_classes_from_point_lists_join_polarities_by_name(tmp_path: Path) -> None:
@@ -349,7 +349,7 @@ def line(tmp_path: Path, *ends_ras: np.ndarray) -> Path:
 def test_a_line_that_was_measured_with_is_a_diameter(tmp_path: Path) -> None:
     ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
     (found,) = classes_from_markups({"lesion": line(tmp_path, *ends)}, {}, GEOMETRY)
-    inside, outside = points_of_diameter(ends)
+    inside, outside = points_of_diameter(ends, 1.0)
     np.testing.assert_allclose(found.request.positive, inside)
     np.testing.assert_allclose(found.request.negative, outside)
 
@@ -363,12 +363,19 @@ def test_what_lies_beyond_a_line_and_the_volume_is_left_out(tmp_path: Path) -> N
 def test_half_a_line_and_a_line_off_a_structure_are_refused(tmp_path: Path) -> None:
     ends = GEOMETRY.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]]))
     with pytest.raises(InputError, match=r"line\.mrk\.json holds a line with 1 of its ends placed; expected 2\."):
-        read_markups(line(tmp_path, ends[0]))
+        read_markups(line(tmp_path, ends[0]), 1.0)
     with pytest.raises(InputError, match=r"line\.mrk\.json: The diameter is 0 mm long"):
-        read_markups(line(tmp_path, ends[0], ends[0]))
+        read_markups(line(tmp_path, ends[0], ends[0]), 1.0)
     path = line(tmp_path, *ends)
     with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
+
+
+def test_a_line_off_a_structure_is_refused_as_such_in_small_specimens_too(tmp_path: Path) -> None:
+    specimen = Geometry(GEOMETRY.shape, np.diag([0.005, 0.005, 0.005, 1.0]) @ GEOMETRY.ijk_to_ras)
+    path = line(tmp_path, *specimen.ijk_to_ras_points(np.array([[10.0, 15.0, 10.0], [30.0, 15.0, 10.0]])))
+    with pytest.raises(InputError, match="holds a line or a closed curve"):
+        classes_from_markups({"lesion": path}, {"lesion": path}, specimen)
 
 
 def curve(tmp_path: Path, radius: float, count: int) -> tuple[Path, np.ndarray]:
@@ -383,7 +390,7 @@ def curve(tmp_path: Path, radius: float, count: int) -> tuple[Path, np.ndarray]:
 def test_a_closed_curve_around_a_structure_is_its_outline(tmp_path: Path) -> None:
     path, circle = curve(tmp_path, 8.0, 6)
     (found,) = classes_from_markups({"lesion": path}, {}, GEOMETRY)
-    inside, outside = points_of_outline(circle)
+    inside, outside = points_of_outline(circle, 1.0)
     middle = circle.mean(axis=0)
     assert found.outline_ras is not None
     np.testing.assert_allclose(found.outline_ras[::10], circle[::20])
@@ -396,7 +403,7 @@ def test_a_closed_curve_around_a_structure_is_its_outline(tmp_path: Path) -> Non
 
 def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"curve\.mrk\.json holds a closed curve with 2 points placed; expected 3 or more\."):
-        read_markups(curve(tmp_path, 8.0, 2)[0])
+        read_markups(curve(tmp_path, 8.0, 2)[0], 1.0)
     path, _ = curve(tmp_path, 8.0, 6)
     with pytest.raises(InputError, match=r"holds a line or a closed curve, .* Give it by --positive"):
         classes_from_markups({"lesion": path}, {"lesion": path}, GEOMETRY)
@@ -406,10 +413,10 @@ def test_a_curve_of_two_points_and_one_off_a_structure_are_refused(tmp_path: Pat
 def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [-1.0, -2.0, 3.0]}], type=kind))
     if kind in ("Fiducial", "Curve"):
-        np.testing.assert_array_equal(read_markups(path)[0], [[1.0, 2.0, 3.0]])
+        np.testing.assert_array_equal(read_markups(path, 1.0)[0], [[1.0, 2.0, 3.0]])
     else:
         with pytest.raises(InputError, match=f"markups of the type {kind}, .* expected a point list, a line"):
-            read_markups(path)
+            read_markups(path, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -436,7 +443,7 @@ def test_what_encloses_a_structure_is_not_taken_for_points_on_it(tmp_path: Path,
 )
 def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
     with pytest.raises(InputError, match=r"not a Slicer markups file|not a list of finite|unknown coordinate system"):
-        read_markups(write(tmp_path / "l.mrk.json", content))
+        read_markups(write(tmp_path / "l.mrk.json", content), 1.0)
 
 
 def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Path) -> None:
@@ -448,17 +455,17 @@ def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Pa
 def test_a_point_list_of_an_older_slicer_is_told_how_to_become_one_of_today(tmp_path: Path) -> None:
     (tmp_path / "F.fcsv").write_text("# Markups fiducial file version = 4.11\n")
     with pytest.raises(InputError, match=r"save it as \.mrk\.json"):
-        read_markups(tmp_path / "F.fcsv")
+        read_markups(tmp_path / "F.fcsv", 1.0)
 
 
 @pytest.mark.parametrize("units", ["mm", ["mm", "UCUM", "millimeter"], "", None])
 def test_a_point_list_in_millimetres_is_read_however_it_says_so(tmp_path: Path, units: Any) -> None:
     points = markups([{"position": [-1.0, -2.0, 3.0]}], coordinateUnits=units)
-    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points))[0], [[1.0, 2.0, 3.0]])
+    np.testing.assert_array_equal(read_markups(write(tmp_path / "l.mrk.json", points), 1.0)[0], [[1.0, 2.0, 3.0]])
 
 
 @pytest.mark.parametrize("units", ["um", ["um", "UCUM", "micrometer"], "cm", 5])
 def test_a_point_list_in_another_unit_is_refused(tmp_path: Path, units: Any) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [1.0, 2.0, 3.0]}], coordinateUnits=units))
     with pytest.raises(InputError, match=r"gives its positions in the unit .*; expected millimetres"):
-        read_markups(path)
+        read_markups(path, 1.0)

@@ -93,7 +93,7 @@ class Corrected:
     def draw(self, length_mm: float, middle_ras: np.ndarray = MIDDLE) -> None:
         """Draw a diameter where nothing was shown."""
         half = 0.5 * length_mm * np.array([0.0, 0.6, 0.8])
-        self.draw_points(*points_of_diameter(np.stack([middle_ras - half, middle_ras + half])))
+        self.draw_points(*points_of_diameter(np.stack([middle_ras - half, middle_ras + half]), 1.0))
 
     def draw_points(self, inside_ras: np.ndarray, outside_ras: np.ndarray) -> None:
         """Draw what stands for these points where nothing was shown."""
@@ -112,7 +112,7 @@ class Corrected:
 
     def outline(self, id_: str, radius_mm: float) -> None:
         outline = circle(radius_mm)
-        self.annotations.add_points_of_both(id_, *points_of_outline(outline))
+        self.annotations.add_points_of_both(id_, *points_of_outline(outline, 1.0))
         self.hints.note_outline(id_, outline)
 
     def unasked(self) -> list[str]:

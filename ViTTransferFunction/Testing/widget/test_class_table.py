@@ -249,7 +249,7 @@ def test_a_line_of_markups_gives_the_points_of_a_diameter_and_is_none_of_what_li
     assert entry.text() == "longest"
     entry.trigger()
     state = widget.panel.session.classes[0]
-    inside, outside = points_of_diameter(np.array([[-20.0, 1.0, 2.0], [20.0, 1.0, 2.0]]))
+    inside, outside = points_of_diameter(np.array([[-20.0, 1.0, 2.0], [20.0, 1.0, 2.0]]), 1.0)
     np.testing.assert_allclose(state.positive, inside)
     np.testing.assert_allclose(state.negative, outside)
 

@@ -307,7 +307,7 @@ def test_a_line_across_a_structure_in_any_slice_view_becomes_points_inside_and_o
     drag("Red", (60, 100), (90, 120), (140, 100))
     state = widget.panel.session.classes[0]
     # The view has pixels of 1 mm.
-    inside, outside = points_of_diameter(np.array([[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]]))
+    inside, outside = points_of_diameter(np.array([[40.0, 0.0, 0.0], [-40.0, 0.0, 0.0]]), 1.0)
     np.testing.assert_allclose(np.abs(state.positive), np.abs(inside), atol=1.0)
     np.testing.assert_allclose(np.abs(state.negative), np.abs(outside), atol=1.0)
     drag("Green", (100, 60), (100, 140))

@@ -16,7 +16,7 @@ SHORTEST_MM = 0.5
 """What is shorter was not drawn across anything in a scan of a body."""
 
 
-def points_of_diameter(ends_ras: np.ndarray, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+def points_of_diameter(ends_ras: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Points inside a structure, along a line across it, and points outside, beyond both ends of the line.
 
     Args:

@@ -25,7 +25,7 @@ _CANDIDATES_3D = 12
 """Along each edge of a region: in the plane fine enough for narrow loops, and done in a few milliseconds."""
 
 
-def points_within_outline(outline_ras: np.ndarray, scale: float = 1.0) -> np.ndarray:
+def points_within_outline(outline_ras: np.ndarray, scale: float) -> np.ndarray:
     """Points well inside a closed outline.
 
     Args:
@@ -41,7 +41,7 @@ def points_within_outline(outline_ras: np.ndarray, scale: float = 1.0) -> np.nda
     return within
 
 
-def points_of_outline(outline_ras: np.ndarray, scale: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+def points_of_outline(outline_ras: np.ndarray, scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Points inside a structure and around it, in the plane in which its outline was drawn, along its edge.
 
     Those around it are as far from it as those beyond the ends of a diameter (`points_of_diameter`) of the largest circle
@@ -69,7 +69,7 @@ def points_of_outline(outline_ras: np.ndarray, scale: float = 1.0) -> tuple[np.n
     return within, outside
 
 
-def points_within_box(box_to_ras: np.ndarray, size_mm: np.ndarray, scale: float = 1.0) -> np.ndarray:
+def points_within_box(box_to_ras: np.ndarray, size_mm: np.ndarray, scale: float) -> np.ndarray:
     """Points well inside a box.
 
     Args:

@@ -55,7 +55,7 @@ def unasked_close_up(
         return None  # The box would show little else than the whole.
 
 
-def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float, scale: float = 1.0) -> bool:
+def asks_for_close_up(shown: ClassMap, outline_ras: np.ndarray, cell_mm: float, scale: float) -> bool:
     """Whether a structure is to be looked at closely at once.
 
     Args:
@@ -73,7 +73,7 @@ def is_small(points_ras: np.ndarray, cell_mm: float) -> bool:
     return _length_mm(points_ras) < SMALL_CELLS * cell_mm
 
 
-def reach_mm(outline_ras: np.ndarray, scale: float = 1.0) -> float:
+def reach_mm(outline_ras: np.ndarray, scale: float) -> float:
     """How far a structure that begins with an outline (N, 3) and is shown as something else may reach (`close_up_of`)."""
     return REACH * _length_mm(np.concatenate(points_of_outline(outline_ras, scale)))
 

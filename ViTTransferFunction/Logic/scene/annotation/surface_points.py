@@ -31,7 +31,7 @@ def placed_in_3d_view(scene: slicer.vtkMRMLScene, app_logic: slicer.vtkMRMLAppli
     return bool(crosshair.GetCursorPositionRAS(position)) and crosshair.GetCursorPositionXYZ(position) is None
 
 
-def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap], map_to_world: np.ndarray, scale: float = 1.0) -> np.ndarray:
+def moved_inside(point_ras: np.ndarray, maps: Iterable[ClassMap], map_to_world: np.ndarray, scale: float) -> np.ndarray:
     """A point on the surface of a class's map, moved to where the class is deepest nearby.
 
     Args:

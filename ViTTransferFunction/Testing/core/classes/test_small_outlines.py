@@ -62,8 +62,8 @@ def test_what_is_shown_elsewhere_in_the_plane_counts_and_what_is_beside_it_does_
 def test_small_and_shown_as_something_else_asks_for_a_close_up_and_neither_alone_does(
     radius_mm: float, cell_mm: float, asks: bool
 ) -> None:
-    assert asks_for_close_up(ball(12.0), circle(radius_mm), cell_mm) == asks
+    assert asks_for_close_up(ball(12.0), circle(radius_mm), cell_mm, 1.0) == asks
 
 
 def test_a_structure_may_reach_half_its_outlines_length_beyond() -> None:
-    assert reach_mm(circle(12.0)) == pytest.approx(12.0, rel=0.1)
+    assert reach_mm(circle(12.0), 1.0) == pytest.approx(12.0, rel=0.1)

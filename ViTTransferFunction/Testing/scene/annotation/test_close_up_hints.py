@@ -345,7 +345,7 @@ def test_what_was_drawn_is_small_no_longer_when_a_point_of_it_was_moved(correcte
 def test_an_outline_is_as_small_as_it_is_long(
     corrected: Corrected, length_mm: float, width: float, reason: CloserLookReason | None
 ) -> None:
-    corrected.draw_points(*points_of_outline(circle(0.5 * length_mm, width)))
+    corrected.draw_points(*points_of_outline(circle(0.5 * length_mm, width), 1.0))
     assert corrected.reason() == reason
 
 

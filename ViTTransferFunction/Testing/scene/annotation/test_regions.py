@@ -100,7 +100,7 @@ def test_a_closed_curve_on_a_structure_is_its_outline(slicer_app: Any, session: 
 def test_an_outline_is_points_within_and_around_it_in_one_step(session: SceneSession) -> None:
     (state,) = session.classes
     session.regions.add_outline(state.id, SQUARE)
-    inside, outside = points_of_outline(SQUARE)
+    inside, outside = points_of_outline(SQUARE, 1.0)
     np.testing.assert_allclose(points_of(session), inside)
     np.testing.assert_allclose(points_of(session, positive=False), outside)
     session.annotations.undo()
@@ -114,7 +114,7 @@ def test_of_an_outline_at_the_volumes_border_the_points_within_it_count(slicer_a
     (state,) = session.classes
     square = np.array([[0.0, 0.0, 20.0], [30.0, 0.0, 20.0], [30.0, 30.0, 20.0], [0.0, 30.0, 20.0]])
     session.regions.add_outline(state.id, square)
-    inside, outside = points_of_outline(square)
+    inside, outside = points_of_outline(square, 1.0)
     np.testing.assert_allclose(points_of(session), inside)
     within = ((outside > -0.5) & (outside < 39.5)).all(axis=1)
     assert 0 < within.sum() < len(outside)
@@ -164,7 +164,7 @@ def test_only_markups_that_enclose_something_are_offered(slicer_app: Any, sessio
 
 ENDS = np.array([[10.0, 5.0, -4.0], [50.0, 35.0, -4.0]])
 """Where a structure begins and ends."""
-INSIDE, OUTSIDE = points_of_diameter(ENDS)
+INSIDE, OUTSIDE = points_of_diameter(ENDS, 1.0)
 
 
 def test_a_diameter_is_points_along_it_and_beyond_its_ends_in_one_step(session: SceneSession) -> None:
@@ -218,12 +218,12 @@ def test_of_a_diameter_that_leaves_the_volume_the_points_within_it_count(slicer_
     session.set_volume(volume)
     (state,) = session.classes
     in_all, out_of_all = (np.array([[20.0, 20.0, 20.0], [x, 20.0, 20.0]]) for x in (39.0, 60.0))
-    inside, outside = points_of_diameter(in_all)
+    inside, outside = points_of_diameter(in_all, 1.0)
     session.regions.add_diameter(state.id, in_all)
     np.testing.assert_allclose(points_of(session), inside)
     np.testing.assert_allclose(points_of(session, positive=False), outside[:1])
     session.annotations.undo()
-    inside, outside = points_of_diameter(out_of_all)
+    inside, outside = points_of_diameter(out_of_all, 1.0)
     session.regions.add_diameter(state.id, out_of_all)
     np.testing.assert_allclose(points_of(session), inside[inside[:, 0] < 39.5])
     assert 0 < len(points_of(session)) < len(inside)
@@ -246,7 +246,7 @@ def test_a_line_gives_the_points_of_a_diameter_where_the_scene_has_it_and_stays(
     assert session.regions.markups(positive=False) == {}
     session.regions.add_markup(session.classes[0].id, line.GetID(), positive=True)
     ends = ENDS @ MOVED[:3, :3].T + MOVED[:3, 3]
-    inside, outside = points_of_diameter(ends)
+    inside, outside = points_of_diameter(ends, 1.0)
     np.testing.assert_allclose(points_of(session), inside)
     np.testing.assert_allclose(points_of(session, positive=False), outside)
     assert line.GetNumberOfControlPoints() == 2

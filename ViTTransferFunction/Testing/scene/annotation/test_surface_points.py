@@ -40,7 +40,7 @@ def from_middle_mm(point_ras: np.ndarray) -> float:
 def test_a_point_on_a_surface_goes_inside_by_no_more_than_its_reach(voxels: float, dtype: type) -> None:
     array = A_BALL.array if dtype is np.float32 else np.rint(A_BALL.array * 255).astype(np.uint8)
     placed = beside_middle(voxels)
-    moved = moved_inside(placed, [ClassMap(array, GRID, 0.5)], np.eye(4))
+    moved = moved_inside(placed, [ClassMap(array, GRID, 0.5)], np.eye(4), 1.0)
     assert np.linalg.norm(moved - placed) <= REACH_MM
     assert from_middle_mm(moved) < from_middle_mm(placed) - 4.0
 
@@ -48,7 +48,7 @@ def test_a_point_on_a_surface_goes_inside_by_no_more_than_its_reach(voxels: floa
 def test_in_a_fine_scan_a_point_goes_no_further_than_a_dozen_voxels() -> None:
     fine = Geometry((64, 64, 64), np.diag([0.1, 0.1, 0.1, 1.0]))
     placed = np.array([5.9, 3.15, 3.15])
-    moved = moved_inside(placed, [ClassMap(ball(fine.shape, (31.5, 31.5, 31.5), 28.0), fine, 0.5)], np.eye(4))
+    moved = moved_inside(placed, [ClassMap(ball(fine.shape, (31.5, 31.5, 31.5), 28.0), fine, 0.5)], np.eye(4), 1.0)
     assert 0.8 < np.linalg.norm(moved - placed) <= REACH_VOXELS * 0.1 + 1e-6
 
 
@@ -62,21 +62,21 @@ def test_a_point_on_a_vessel_goes_to_its_middle_and_not_beyond() -> None:
     kji = np.indices(GRID.shape, dtype=np.float32)
     # A tube of 4.5 mm along I, whose axis is at K = 15 and J = 15.
     tube = (np.hypot((kji[0] - 15.0) * 2.0, (kji[1] - 15.0) * 1.5) <= 2.3).astype(np.float32)
-    moved = moved_inside(GRID.ijk_to_ras_points(np.array([[20.0, 16.4, 15.0]]))[0], [ClassMap(tube, GRID, 0.5)], np.eye(4))
+    moved = moved_inside(GRID.ijk_to_ras_points(np.array([[20.0, 16.4, 15.0]]))[0], [ClassMap(tube, GRID, 0.5)], np.eye(4), 1.0)
     np.testing.assert_allclose(GRID.ras_to_ijk(moved[None])[0, 1:], [15.0, 15.0], atol=1e-6)
 
 
 @pytest.mark.parametrize("voxels", [0.0, RADIUS_VOXELS - 3.0, RADIUS_VOXELS + 8.0, 500.0])
 def test_a_point_inside_and_one_far_from_any_surface_stay(voxels: float) -> None:
     placed = beside_middle(voxels)
-    assert moved_inside(placed, [A_BALL], np.eye(4)) is placed
+    assert moved_inside(placed, [A_BALL], np.eye(4), 1.0) is placed
 
 
 def test_of_two_surfaces_the_nearer_one_has_the_point() -> None:
     other = ClassMap(ball(GRID.shape, (15.0, 15.0, 28.0), RADIUS_VOXELS - 1.0), GRID, 0.5)
     placed = GRID.ijk_to_ras_points(np.array([[12.0 + RADIUS_VOXELS - 0.2, 15.0, 15.0]]))[0]
     for maps in ([A_BALL, other], [other, A_BALL]):
-        assert from_middle_mm(moved_inside(placed, maps, np.eye(4))) < from_middle_mm(placed) - 4.0
+        assert from_middle_mm(moved_inside(placed, maps, np.eye(4), 1.0)) < from_middle_mm(placed) - 4.0
 
 
 def test_a_point_goes_straight_into_a_thin_structure_at_the_edge_of_the_scan_whatever_is_elsewhere() -> None:
@@ -84,7 +84,7 @@ def test_a_point_goes_straight_into_a_thin_structure_at_the_edge_of_the_scan_wha
     array[:, 14:17] = 1.0
     thin, elsewhere = ClassMap(array, GRID, 0.5), ClassMap(ball(GRID.shape, (15.0, 15.0, 34.0), 4.0), GRID, 0.5)
     placed = GRID.ijk_to_ras_points(np.array([[2.0, 13.4, 15.0]]))[0]
-    moved = moved_inside(placed, [elsewhere, thin], np.eye(4))
+    moved = moved_inside(placed, [elsewhere, thin], np.eye(4), 1.0)
     np.testing.assert_allclose(GRID.ras_to_ijk(moved[None]), [[2.0, 15.0, 15.0]])
 
 

@@ -120,7 +120,7 @@ def test_an_outline_is_compared_where_the_volume_was_moved_to(corrected: Correct
     put_under(corrected.node, MOVED)
     id_ = corrected.annotations.add_class("moved").id
     outline = circle(SMALL_RADIUS_MM) @ MOVED[:3, :3].T + MOVED[:3, 3]
-    corrected.annotations.add_points_of_both(id_, *points_of_outline(outline))
+    corrected.annotations.add_points_of_both(id_, *points_of_outline(outline, 1.0))
     corrected.hints.note_outline(id_, outline)
     corrected.proxy.maps = {id_: sphere(VOXELS, in_bytes=True, radius_mm=SMALL_RADIUS_MM)}
     corrected.proxy.low_maps = {id_: sphere(CELLS, in_bytes=False)}
