@@ -34,6 +34,7 @@ from Benchmarks.shared.arguments import scan_parser, weights_of
 from Benchmarks.shared.kept_results import KeptResults
 from Benchmarks.shared.labelled_cases import SCANS, Case
 from Benchmarks.shared.machine import machine
+from Benchmarks.shared.process_memory import require_linux
 from ViTTransferFunction.Logic.core.system.cache_folder import cache_folder
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.features.device import DEVICE_NAMES
@@ -50,6 +51,7 @@ PATHS = 5
 def main() -> None:
     """Measure what is missing, and write everything."""
     options = _parser().parse_args()
+    require_linux()
     weights = weights_of(options)
     bench = Bench(options.volumes, weights.path, weights.model.name, options.device, options.paths, options.keep)
     rows = [

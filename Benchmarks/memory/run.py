@@ -22,6 +22,7 @@ from Benchmarks.memory.stretched_scan import write_points, write_stretched_scan
 from Benchmarks.shared.arguments import network_parser, weights_of
 from Benchmarks.shared.cache_of_its_own import cache_of_its_own
 from Benchmarks.shared.machine import in_words, machine
+from Benchmarks.shared.process_memory import require_linux
 from Benchmarks.shared.report_files import write_results
 from Benchmarks.shared.report_tables import paragraphs, table
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET
@@ -40,6 +41,7 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="*", default=list(SIZES), metavar="IxJxK", help=f"default: {', '.join(SIZES)}")
     parser.add_argument("--preset", default=DEFAULT_PRESET, help="of the features (default %(default)s)")
     options = parser.parse_args()
+    require_linux()
     weights = weights_of(options)
     with tempfile.TemporaryDirectory() as folder:
         points = Path(folder) / "points.json"

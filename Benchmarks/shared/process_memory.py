@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 _SELF = Path("/proc/self")
+
+
+def require_linux() -> None:
+    """End the program where memory cannot be counted, before anything is measured."""
+    if sys.platform != "linux":
+        sys.exit("This benchmark counts memory, as only Linux does: run it there.")
 
 
 def resident_bytes() -> int:

@@ -22,7 +22,7 @@ import torch
 
 from Benchmarks.shared.arguments import benchmark_parser
 from Benchmarks.shared.machine import machine
-from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, resident_bytes
+from Benchmarks.shared.process_memory import forget_peak, peak_resident_bytes, require_linux, resident_bytes
 from Benchmarks.shared.refinement_phantoms import Phantom, best_dice, body_phantom, coarse_map_of, sphere_phantom
 from Benchmarks.solver.nearest_slice import nearest_slicing, slice_nearest
 from Benchmarks.solver.published_bilateral_solver import solve_as_published
@@ -60,6 +60,7 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=1, help="of PyTorch (default 1)")
     parser.add_argument("--memory-of", nargs=2, metavar=("SIZE", "SLICING"), help=argparse.SUPPRESS)
     options = parser.parse_args()
+    require_linux()
     torch.set_num_threads(options.threads)
     if options.memory_of:
         print(extra_memory_bytes(int(options.memory_of[0]), options.memory_of[1]))

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
+from Benchmarks.features import run as features
+from Benchmarks.memory import run as memory
 from Benchmarks.memory.run import summary
 from Benchmarks.memory.stretched_scan import NOISE_HU, write_points, write_stretched_scan
 from Benchmarks.shared.cache_of_its_own import cache_of_its_own
+from Benchmarks.solver import run as solver
 
 
 def test_a_stretched_scan_fills_the_same_box_and_points_lie_in_their_structures(tmp_path: Path) -> None:
@@ -53,3 +58,13 @@ def test_after_each_measurement_the_users_cache_and_weights_are_theirs_again(mon
         assert os.environ["VITTF_CACHE"] == str(cache)
         assert "VITTF_WEIGHTS" not in os.environ
     assert dict(os.environ) == before
+
+
+@pytest.mark.parametrize("main", [features.main, memory.main, solver.main])
+def test_where_memory_cannot_be_counted_nothing_is_measured(
+    main: Callable[[], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", "darwin")
+    monkeypatch.setattr(sys, "argv", ["run", "--volumes", str(tmp_path), "--results", str(tmp_path)])
+    with pytest.raises(SystemExit, match="run it there"):
+        main()
