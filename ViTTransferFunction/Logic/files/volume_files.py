@@ -14,7 +14,6 @@ import numpy as np
 import SimpleITK as sitk  # noqa: N813 - the name that its own documentation uses
 
 from ..core.system.errors import InputError, shown
-from ..core.system.given_numbers import FARTHEST
 from ..core.system.private_folder import private_folder
 from ..core.system.regular_file import is_folder
 from ..core.volumes.geometry import LPS_TO_RAS, Geometry, transform_points
@@ -101,7 +100,6 @@ def read_volume(path: Path, on_warning: Callable[[str], None] = logger.warning, 
         )
     geometry = _geometry(image, path)
     _check_millimetres(geometry, path, on_warning)
-    _check_near(geometry, path)
     array = _voxels(image)
     if not is_folder(path) and (stored := locate_voxels(path)):
         stored.restore_not_finite(array)
@@ -201,16 +199,6 @@ def _check_millimetres(geometry: Geometry, path: Path, on_warning: Callable[[str
         f"{path} is {longest_mm:g} mm long, with a spacing of {spacing} mm; expected {SMALLEST_EXTENT_MM:g} to "
         f"{LARGEST_EXTENT_MM:g} mm. If it was saved in {unit}, save it in millimetres."
     )
-
-
-def _check_near(geometry: Geometry, path: Path) -> None:
-    """No point could be given in a volume that lies farther away than any coordinate may be."""
-    farthest_mm = float(np.abs(geometry.ijk_to_ras[:3, 3]).max())
-    if farthest_mm > FARTHEST:
-        raise InputError(
-            f"{path} lies {farthest_mm:g} mm from the middle of the coordinates; expected {FARTHEST:g} mm at most. Its header "
-            "is damaged: save it again from its source."
-        )
 
 
 def _voxels(image: sitk.Image) -> np.ndarray:

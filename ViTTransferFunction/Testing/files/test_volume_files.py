@@ -218,16 +218,12 @@ def test_axes_of_another_number_than_space_has_are_refused_in_words_for_users(
         read_volume(tmp_path / "scan.nrrd")
 
 
-def test_a_volume_farther_away_than_any_point_may_be_is_refused(tmp_path: Path) -> None:
+def test_a_volume_so_far_away_that_nothing_tells_its_voxels_apart_is_refused(tmp_path: Path) -> None:
     scan = image(ramp((4, 5, 6)))
-    for origin, far in ((9e8, False), (-1e12, True)):
-        scan.SetOrigin([0.0, origin, 0.0])
-        sitk.WriteImage(scan, str(tmp_path / "scan.nrrd"))
-        if far:
-            with pytest.raises(InputError, match=r"lies 1e\+12 mm from the middle"):
-                read_volume(tmp_path / "scan.nrrd")
-        else:
-            assert read_volume(tmp_path / "scan.nrrd").shape == (4, 5, 6)
+    scan.SetOrigin([0.0, -1e12, 0.0])
+    sitk.WriteImage(scan, str(tmp_path / "scan.nrrd"))
+    with pytest.raises(InputError, match=r"lies 1e\+12 mm from the middle"):
+        read_volume(tmp_path / "scan.nrrd")
 
 
 def test_a_compressed_file_without_the_ending_for_it_is_told_which_it_needs(tmp_path: Path) -> None:

@@ -11,15 +11,18 @@ import pytest
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.core.system.errors import Cancelled, InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
-from ViTTransferFunction.Logic.core.volumes.volume import Volume
+from ViTTransferFunction.Logic.core.volumes.volume import FARTHEST_VOXELS, Volume
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
 from ViTTransferFunction.Logic.refinement.refinement import RefinementMethod
 from ViTTransferFunction.Logic.session import loaded_features
+from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
 from ViTTransferFunction.Logic.session.segmentation_session import SegmentationSession
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Logic.similarity.cell_intensities import CellIntensities
 from ViTTransferFunction.Logic.similarity.similarity_rule import SimilarityMethod
 from ViTTransferFunction.Testing.support.cancelling import cancel_at_once
+from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.masks import dice
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
 
@@ -90,6 +93,21 @@ def test_in_whatever_unit_a_volume_comes_it_is_segmented_alike(
     scaled = SegmentationSession(Volume(np.ldexp(volume.array, power), volume.geometry), session.preset)
     scaled.use_features(session.features.source)
     np.testing.assert_array_equal(scaled.segment(requests).labels, session.segment(requests).labels)
+
+
+def test_as_far_away_as_a_volume_may_lie_it_is_segmented_alike(session: SegmentationSession, spheres: Spheres) -> None:
+    volume, labels = spheres
+    matrix = volume.geometry.ijk_to_ras.copy()
+    matrix[:3, 3] = 0.99 * FARTHEST_VOXELS * volume.geometry.spacing_mm.min()
+    far = Volume(volume.array, Geometry(volume.shape, matrix)), labels
+    cache_known_features(*far)
+    far_session = open_session(far[0], SessionSettings(grid=GRID))
+    far_session.load_features()
+    # With a proximity, distances decide.
+    found, expected = (
+        each.segment(requests_of(at, proximity=0.5)).labels for each, at in ((far_session, far), (session, spheres))
+    )
+    np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("power", [-148, -132, -120, -110])

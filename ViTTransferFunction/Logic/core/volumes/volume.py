@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..system.errors import InputError
+from ..system.given_numbers import FARTHEST
 from .geometry import Box, Geometry
 
 SMALLEST_SPREAD = 1e-30
 """From the lowest to the highest intensity; of less, windows would be too narrow for single precision (`IntensityWindow`)."""
+
+FARTHEST_VOXELS = 2e6
+"""How far from the middle of the coordinates a volume may lie, in its smallest edge of a voxel: surfaces are drawn in single
+precision, which then tells an eighth of a voxel. A hundred times as far, distances between points come out wrong as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +34,7 @@ class Volume:
 
     Raises:
         InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
-            only one value: there is nothing to tell apart; or its values are beyond single precision.
+            only one value: there is nothing to tell apart; or its values are beyond single precision, or where it lies.
     """
 
     array: np.ndarray
@@ -39,6 +44,7 @@ class Volume:
 
     def __post_init__(self) -> None:
         self._check_shape()
+        self._check_near()
         computable = _computable(self.array.dtype)
         # On Windows, NumPy takes extended precision for the same as double, and would keep it.
         object.__setattr__(self, "array", self.array.astype(computable, copy=self.array.dtype.char != computable.char))
@@ -88,6 +94,16 @@ class Volume:
             )
         if self.array.shape != self.geometry.shape:
             raise ValueError(f"array shape {self.array.shape} and geometry shape {self.geometry.shape} differ")
+
+    def _check_near(self) -> None:
+        far_mm = float(np.abs(self.geometry.ijk_to_ras[:3, 3]).max())
+        farthest_mm = min(FARTHEST_VOXELS * float(self.geometry.spacing_mm.min()), FARTHEST)
+        if far_mm > farthest_mm:
+            raise InputError(
+                f"'{self.name}' lies {far_mm:g} mm from the middle of the coordinates; expected {farthest_mm:g} mm at most: so "
+                "far away, voxels of its size cannot be told apart. Unless its header is damaged, bring it near: in Slicer's "
+                "module Volumes, press Center Volume, harden the transform that this makes, and save it."
+            )
 
     def _check_values(self) -> None:
         minimum, maximum = finite_range(self.array)

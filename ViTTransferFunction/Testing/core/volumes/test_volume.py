@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,15 @@ RISING = np.arange(60.0).reshape(3, 4, 5)
 def test_what_nothing_can_be_told_apart_in_is_no_volume(array: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=f"'CT' .*{message}"):
         Volume(array, Geometry((3, 4, 5) if array.ndim < 3 else array.shape, np.eye(4)), "CT")
+
+
+@pytest.mark.parametrize("spacing_mm", [1.0, 0.01])
+@pytest.mark.parametrize(("voxels_away", "refused"), [(-1.9e6, False), (2.1e6, True), (-1e8, True)])
+def test_how_far_away_a_volume_may_lie_depends_on_its_voxels(spacing_mm: float, voxels_away: float, refused: bool) -> None:
+    matrix = np.diag([spacing_mm, 2.0 * spacing_mm, spacing_mm, 1.0])
+    matrix[1, 3] = spacing_mm * voxels_away
+    with pytest.raises(InputError, match=r"'CT' lies .* Center Volume") if refused else nullcontext():
+        Volume(RISING, Geometry(RISING.shape, matrix), "CT")
 
 
 def test_voxels_and_geometry_are_of_one_shape() -> None:
