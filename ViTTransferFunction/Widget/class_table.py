@@ -16,6 +16,8 @@ from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
 _SWATCH_PIXELS = 64
 """Qt makes icons smaller, but never larger."""
+_FEWEST_ROWS, _MOST_ROWS = 3, 8
+"""That the table has room for: what lies below it is not to be far away."""
 _POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 
@@ -53,6 +55,7 @@ class ClassTable(Section):
             self._table.rowCount = len(classes)
             for row, state in enumerate(classes):
                 self._fill(row, state)
+            self._make_room_for_rows()
             if selected is not None:
                 self._select([state.id for state in classes].index(selected.id))
         self._make_room_for_headers()
@@ -85,6 +88,14 @@ class ClassTable(Section):
         header = self._table.horizontalHeader()
         widths = [header.sectionSizeHint(column) for column in range(self._table.columnCount)]
         self._table.minimumWidth = sum(widths) + self._table.verticalScrollBar().sizeHint.width() + 2 * self._table.frameWidth
+
+    def _make_room_for_rows(self) -> None:
+        """Have the table as high as its rows, from `_FEWEST_ROWS` to `_MOST_ROWS`, beyond which it is scrolled."""
+        count = self._table.rowCount
+        row_height = self._table.rowHeight(0) if count else self._table.verticalHeader().minimumSectionSize
+        rows_height = row_height * min(max(count, _FEWEST_ROWS), _MOST_ROWS)
+        height = self._table.horizontalHeader().sizeHint.height() + rows_height + 2 * self._table.frameWidth
+        self._table.minimumHeight = self._table.maximumHeight = height
 
     def _fill(self, row: int, state: ClassState) -> None:
         _set_swatch(self._item(row, COLOR), qt.QColor.fromRgbF(*state.color))
