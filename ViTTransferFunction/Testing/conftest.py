@@ -117,9 +117,11 @@ def quick_compute_processes(request: pytest.FixtureRequest) -> Iterator[None]:
 def slicer_app(quick_compute_processes: None) -> Iterator[Any]:
     """Slicer's scene and module logics as its application has them, without its windows."""
     app = pytest.importorskip("trame_slicer.core").SlicerApp()
-    # As the app does: tests that are killed would leave it.
+    # Tests that are killed would leave it.
     app.io_manager.cache_dir.cleanup()
     yield app
+    # Slicer makes it again where it packs a scene.
+    app.io_manager.cache_dir.cleanup()
     views = app.view_manager.get_views()
     for view in views:
         view.finalize()

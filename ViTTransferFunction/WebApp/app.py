@@ -14,6 +14,7 @@ from trame.app import get_server
 from trame_slicer.core import SlicerApp
 
 from ..Logic.core.system.errors import InputError
+from ..Logic.core.system.private_folder import private_folder
 from ..Logic.core.volumes.intensity_window import IntensityWindow
 from ..Logic.core.volumes.volume import Volume
 from ..Logic.scene.annotation_tool import AnnotationTool
@@ -88,8 +89,7 @@ class WebApp:
     def __init__(self, settings: dict[str, Any] | None = None) -> None:
         self.server = get_server(f"vittf {uuid4().hex}", client_type="vue3")
         self._slicer = SlicerApp()
-        # For what scenes load from other computers, which none does here; an app that is killed would leave it.
-        self._slicer.io_manager.cache_dir.cleanup()
+        _keep_temporary_files_in_private_folder(self._slicer)
         self.scene = self._slicer.scene
         self._settings = dict(settings or {})
         self._messages = Messages()
@@ -425,3 +425,11 @@ class WebApp:
 
     def _brush_mm(self) -> float:
         return float(self.server.state.brush_mm)
+
+
+def _keep_temporary_files_in_private_folder(app: SlicerApp) -> None:
+    """Of an app that is killed, nothing tidies up the folder that trame-slicer has for them."""
+    manager = app.io_manager
+    manager.cache_dir.cleanup()
+    manager.cache_dir = private_folder()
+    manager.remote_io.GetCacheManager().SetRemoteCacheDirectory(manager.cache_dir.name)
