@@ -78,7 +78,8 @@ def local_cluster(workers: int, threads: int) -> Iterator[Client]:
     place = {"host": HOST, "protocol": "tls://", "security": security}
     with ExitStack() as stack:
         scratch = stack.enter_context(private_folder())
-        stack.enter_context(dask.config.set(_CONFIG))
+        # The scheduler has Python look for modules in its own folder first, which would lie in one that anybody may have made.
+        stack.enter_context(dask.config.set({**_CONFIG, "temporary-directory": scratch}))
         worker = {
             **place,
             "worker_class": PrivateWorker,

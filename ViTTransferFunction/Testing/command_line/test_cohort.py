@@ -202,6 +202,7 @@ def test_nobody_else_gets_in_and_ctrl_c_leaves_nothing(tmp_path: Path, options: 
     assert started.returncode == 130, said
     assert "Traceback" not in said
     assert not psutil.wait_procs(workers, timeout=LONGEST_WAIT_S)[1], "workers are left"
+    assert not (tmp_path / "dask-scratch-space").exists(), "the scheduler has a folder where everybody may write"
     assert [path.name for path in out.iterdir()] == ["cohort.csv"]
     assert not list(tmp_path.glob("vittf-*"))
     assert rows_of(out / "cohort.csv")[cohort_worker.NEVER_ENDS]["status"] == "waiting"
