@@ -16,8 +16,8 @@ from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 COLOR, NAME, SHOWN, POSITIVE, NEGATIVE, THRESHOLD, VOLUME = range(7)
 _SWATCH_PIXELS = 64
 """Qt makes icons smaller, but never larger."""
-_FEWEST_ROWS, _MOST_ROWS = 3, 8
-"""That the table has room for: what lies below it is not to be far away."""
+_FEWEST_ROWS, _MOST_ROWS = 4, 8
+"""That the table has room for: what lies below it is not to move with each of the first structures, nor to be far away."""
 _POLARITIES: dict[int, Polarity] = {POSITIVE: "positive", NEGATIVE: "negative"}
 
 

@@ -182,8 +182,8 @@ def test_a_click_with_ctrl_leaves_the_selected_structure_marked(widget: Any) -> 
         assert {index.row() for index in table.selectedIndexes()} == {row}
 
 
-@pytest.mark.parametrize(("structures", "rows"), [(0, 3), (2, 3), (5, 5), (8, 8), (9, 8)])
-def test_the_table_is_as_high_as_its_rows_from_three_to_eight(widget: Any, structures: int, rows: int) -> None:
+@pytest.mark.parametrize(("structures", "rows"), [(0, 4), (2, 4), (5, 5), (8, 8), (9, 8)])
+def test_the_table_is_as_high_as_its_rows_from_four_to_eight(widget: Any, structures: int, rows: int) -> None:
     table = widget.ui.classTable
     for _ in range(structures):
         add_class(widget)
