@@ -29,8 +29,13 @@ def test_work_is_done_in_another_thread_in_order() -> None:
     assert threading.get_ident() not in threads
 
 
-def test_a_caller_that_gives_up_has_what_was_begun_finished_and_all_else_dropped() -> None:
+def test_a_caller_that_gives_up_has_what_was_begun_finished_and_all_else_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     begun, may_end, done = threading.Event(), threading.Event(), []
+    join = threading.Thread.join
+
+    def wait_for(thread: threading.Thread) -> None:
+        may_end.set()
+        join(thread)
 
     def first() -> None:
         begun.set()
@@ -42,9 +47,9 @@ def test_a_caller_that_gives_up_has_what_was_begun_finished_and_all_else_dropped
             begin(first)
             begin(lambda: done.append("second"))
             begun.wait(LONGEST_WAIT_S)
-            threading.Timer(0.01, may_end.set).start()
             raise KeyError
 
+    monkeypatch.setattr(threading.Thread, "join", wait_for)
     with pytest.raises(KeyError):
         give_up()
     assert done == ["first"]
