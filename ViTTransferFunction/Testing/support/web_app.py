@@ -214,6 +214,19 @@ class AppPage:
         self.page.mouse.down()
         self.page.mouse.up()
 
+    def turn_wheel(self, view: str, turns: list[tuple[int, float]]) -> None:
+        """Turn the wheel over a view several times at once, each by its mode (0: pixels, 1: lines) and how far."""
+        self[f"view-{view}"].evaluate(
+            """(view, turns) => {
+                const picture = view.querySelector("img"), { x, y } = picture.getBoundingClientRect();
+                for (const [deltaMode, deltaY] of turns) {
+                    const turn = { deltaMode, deltaY, clientX: x + 9, clientY: y + 9, bubbles: true, cancelable: true };
+                    picture.dispatchEvent(new WheelEvent("wheel", turn));
+                }
+            }""",
+            turns,
+        )
+
     def rename(self, row: int, name: str) -> None:
         """Give the structure of a row of the table another name."""
         self[f"class-name-{row}"].dblclick()

@@ -342,14 +342,11 @@ def test_over_a_slow_network_the_wheel_waits_for_no_more_than_the_last_slice(at_
     open_volume(page, volume)
     page.page.evaluate(SLOW_NETWORK)
     before, step = float(page["slice-Red"].input_value()), float(page["slice-Red"].get_attribute("step"))
-    box = page["view-Red"].bounding_box()
-    page.page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    for _ in range(8):
-        page.page.mouse.wheel(0, 100)
+    page.turn_wheel("Red", [(0, 100)] * 8)
     shown = "document.querySelector('[data-testid=slice-Red]').value"
     page.page.wait_for_function(f"Math.abs({shown} - {before - 8 * step}) < {step / 2}")
     assert page.page.evaluate("usesOfViews") < 5
-    page.page.mouse.wheel(0, -100)
+    page.turn_wheel("Red", [(0, -100)])
     page.page.wait_for_function(f"Math.abs({shown} - {before - 7 * step}) < {step / 2}")
 
 

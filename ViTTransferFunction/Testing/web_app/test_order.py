@@ -91,19 +91,11 @@ def test_a_stroke_is_one_in_the_structure_that_was_selected_then(page: AppPage) 
 def test_a_notch_of_a_mouse_is_a_slice_and_touchpads_leaf_no_faster(
     page: AppPage, turns: list[tuple[int, float]], slices: int
 ) -> None:
-    """Turns by their mode (0: pixels, 1: lines) and how far."""
     page["slice-Red"].fill("10")
     page.page.wait_for_function("window.requests.awaited() === null")
     shown = "Number(document.querySelector('[data-testid=slice-Red]').value)"
     before, step = page.page.evaluate(shown), float(page["slice-Red"].get_attribute("step") or "")
-    page.page.evaluate("""(turns) => {
-        const view = document.querySelector("[data-testid='view-Red'] img");
-        const { x, y } = view.getBoundingClientRect();
-        for (const [deltaMode, deltaY] of turns) {
-            const turn = { deltaMode, deltaY, clientX: x + 9, clientY: y + 9, bubbles: true, cancelable: true };
-            view.dispatchEvent(new WheelEvent("wheel", turn));
-        }
-    }""", turns)  # fmt: skip
+    page.turn_wheel("Red", turns)
     page["add-class"].click()
     wait_for_points(page, "=== 0", "=== 0")
     page.page.wait_for_function(f"Math.abs({shown} - {before - slices * step}) < {step / 4}")
