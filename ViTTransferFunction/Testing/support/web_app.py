@@ -39,14 +39,16 @@ STATE = (
 )
 """Names in the page's state that tests wait for."""
 
-SLOW_NETWORK = """() => {
+NETWORK_S = 0.3
+"""How long what is sent takes over a slow network."""
+SLOW_NETWORK = f"""() => {{
     const send = WebSocket.prototype.send;
     window.usesOfViews = 0;
-    WebSocket.prototype.send = function (message, ...more) {
+    WebSocket.prototype.send = function (message, ...more) {{
         if (new TextDecoder().decode(message).includes("use_view")) usesOfViews += 1;
-        setTimeout(() => send.call(this, message, ...more), 300);
-    };
-}"""
+        setTimeout(() => send.call(this, message, ...more), {1000 * NETWORK_S:.0f});
+    }};
+}}"""
 """Has whatever a page sends take a while, in its order; counts what is sent of what is done in views."""
 
 _PROGRAM = """
