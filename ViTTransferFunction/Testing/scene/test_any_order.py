@@ -167,7 +167,9 @@ class User:
 
     def kill_the_compute_process(self) -> None:
         if self.session.compute_pid and self._random.random() < 0.3:
-            os.kill(self.session.compute_pid, SIGKILL)
+            # Where it was killed just before, the session need not have heard of that yet.
+            with suppress(ProcessLookupError):
+                os.kill(self.session.compute_pid, SIGKILL)
 
     def look_closer(self) -> None:
         if self._ids:
