@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,10 @@ import slicer
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views import contours
+from ViTTransferFunction.Logic.scene.volumes import opened_volume
 from ViTTransferFunction.Logic.scene.volumes.volume_content import Frame, content_of, is_playing
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
+from ViTTransferFunction.Testing.support.patience import LONGEST_WAIT_S
 from ViTTransferFunction.Testing.support.scenes import (
     add_parameter_node,
     add_volume,
@@ -50,6 +53,14 @@ def session(new_session: SceneSession, sequence: Sequence) -> SceneSession:
     return new_session
 
 
+@contextmanager
+def restless(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Within, no frame counts as one that rests, however long a busy computer stands still."""
+    with monkeypatch.context() as patched:
+        patched.setattr(opened_volume, "REST_S", LONGEST_WAIT_S)
+        yield
+
+
 def seen_until_rest(session: SceneSession) -> list[Any]:
     """Phase and frame, each time that they change."""
     seen: list[Any] = []
@@ -68,14 +79,15 @@ def test_a_frame_is_told_by_its_number(slicer_app: Any, sequence: Sequence, sphe
 
 
 def test_a_frame_that_is_chosen_is_taken_up_when_it_rests_with_its_own_features(
-    session: SceneSession, sequence: Sequence, spheres: Spheres
+    session: SceneSession, sequence: Sequence, spheres: Spheres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ids = annotate(session, spheres)
     assert session.frame == Frame(1, 2)
-    sequence.show(2)
-    assert session.volume_changed
-    session.poll()
-    assert session.frame == Frame(1, 2)
+    with restless(monkeypatch):
+        sequence.show(2)
+        assert session.volume_changed
+        session.poll()
+        assert session.frame == Frame(1, 2)
     session.wait()
     assert (session.phase, session.frame) == ("ready", Frame(2, 2))
     assert session.estimate is not None
@@ -93,12 +105,14 @@ def test_coming_back_to_a_frame_loads_its_features_at_once(session: SceneSession
         assert (session.phase, session.frame) == ("ready", Frame(number, 2))
 
 
-def test_what_is_passed_by_is_not_taken_up(session: SceneSession, sequence: Sequence) -> None:
+def test_what_is_passed_by_is_not_taken_up(session: SceneSession, sequence: Sequence, monkeypatch: pytest.MonkeyPatch) -> None:
     sequence.browser.SetSaveChanges(sequence.browser.GetMasterSequenceNode(), True)
-    sequence.show(2)
-    sequence.show(1)
-    sequence.show(2)
-    assert seen_until_rest(session)[0] == ("ready", Frame(1, 2))
+    with restless(monkeypatch):
+        for number in (2, 1, 2):
+            sequence.show(number)
+            session.poll()
+            assert (session.phase, session.frame) == ("ready", Frame(1, 2))
+    session.wait()
     assert session.frame == Frame(2, 2)
 
 
