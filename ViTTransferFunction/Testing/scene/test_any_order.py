@@ -207,7 +207,8 @@ class User:
                 ("iso", (None, 0.1, 0.9)),
                 ("visible", (True, False)),
             ])  # fmt: skip
-            self.session.annotations.set_class(self._random.choice(self._ids), **{name: self._random.choice(values)})
+            with suppress(InputError):  # Another class may have the name.
+                self.session.annotations.set_class(self._random.choice(self._ids), **{name: self._random.choice(values)})
 
     def move_a_list(self) -> None:
         if self._ids:
