@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import vtk
+
 
 def let_slicer_go(app: Any) -> None:
     """Have a trame_slicer `SlicerApp`, its scene and its views go as soon as nobody else has them.
@@ -14,6 +16,7 @@ def let_slicer_go(app: Any) -> None:
         vtkMRMLLayerDMObjectEventObserverScripted,
         vtkMRMLLayerDMPipelineFactory,
         vtkMRMLLayerDMPipelineScriptedCreator,
+        vtkMRMLScene,
     )
 
     callers = vtkMRMLLayerDMObjectEventObserverScripted, vtkMRMLLayerDMPipelineScriptedCreator
@@ -22,7 +25,10 @@ def let_slicer_go(app: Any) -> None:
     called = editor, *editor._effects.values(), app.volume_rendering, app.markups_logic, *app.view_manager.get_views()
     for caller in (value for each in called for value in vars(each).values() if isinstance(value, callers)):
         caller.SetPythonCallback(_nothing)
-    app.scene.RemoveAllObservers()
+    # Of all events but its end: an observer in C++ that is not told of that turns to the scene when it goes itself.
+    events = [value for value in vars(vtkMRMLScene).values() if isinstance(value, vtkMRMLScene.SceneEventType)]
+    for event in (vtk.vtkCommand.AnyEvent, vtk.vtkCommand.ModifiedEvent, *events):
+        app.scene.RemoveObservers(event)
 
 
 def _nothing(*args: Any) -> None:
