@@ -1,7 +1,7 @@
 """What an extraction will cost, before it runs: seconds and memory, from some tenths of a second of calibration on the device.
 
 A slice of n tokens takes a + b·n + c·n² seconds: what is done for each slice, the linear layers, and attention. The three are
-fitted to slices of different sizes, run through one block of the network; the others take as long.
+fitted to slices of different sizes, run through one block of the network and through none: all blocks take as long as that one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.optimize import nnls
 from ..core.volumes.volume import Volume
 from ..weights.models import PretrainedModel
 from .buffer_pool import BufferPool
-from .expected_shapes import expected_shapes, linear_layers
+from .expected_shapes import expected_shapes
 from .extraction_plan import TOKENS_PER_BATCH, ExtractionPlan
 from .packed_slices import PatchTokens
 from .settings import FeatureSettings
@@ -30,8 +30,9 @@ CALIBRATION_ROWS = (8, 20, 28)
 """Slices of as many rows and columns of patches: 64, 400 and 784 tokens, of which a slice has some hundreds."""
 CALIBRATION_TOKENS = 800
 """Short slices are run several at once, as they will be."""
-CALIBRATION_DEPTH = 2
-"""The first block, and the keys of the second."""
+CALIBRATION_DEPTHS = (1, 2)
+"""The keys of the first block; and those of the second, with all of the first before them. What is done once for a slice, such
+as making tokens of its patches, is in both."""
 CALIBRATION_ROUNDS = (2, 3)
 """Through all sizes, at least and at most. The first compiles kernels; of each size the shortest counts, so that what else the
 computer does for a moment spoils none."""
@@ -75,10 +76,11 @@ class NetworkSpeed:
 
 def calibrate(network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
     """Measure the network on its device, in the precision of the settings."""
-    short = network.converted(network.device, settings.dtype_on(network.device)).first_blocks(CALIBRATION_DEPTH)
+    converted = network.converted(network.device, settings.dtype_on(network.device))
+    short = [converted.first_blocks(depth) for depth in CALIBRATION_DEPTHS]
+    without_blocks, with_one = _seconds_of_slices(short, settings.merge_background)
+    seconds = without_blocks + (network.model.depth - 1) * np.maximum(with_one - without_blocks, 0.0)
     sizes = [rows * rows for rows in CALIBRATION_ROWS]
-    seconds = _seconds_of_slices(short, settings.merge_background)
-    seconds *= [_operations(network.model, tokens) / _operations(short.model, tokens) for tokens in sizes]
     # Relative errors count: the shortest slice is as good a witness as the longest.
     coefficients, _ = nnls(_powers(sizes) / seconds[:, None], np.ones(len(sizes)))
     return NetworkSpeed(coefficients)
@@ -129,13 +131,13 @@ def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, n
     return weights + features + of_token * max(TOKENS_PER_BATCH, longest) + hidden + KERNELS_BYTES
 
 
-def _seconds_of_slices(network: VisionTransformer, counted: bool) -> np.ndarray:
-    """Seconds for one slice of each size, in a batch, (sizes,); where patches stand for others, with their multiplicity."""
-    batches = [_batch(rows, network.model.patch_size, counted) for rows in CALIBRATION_ROWS]
-    buffers, rounds = BufferPool(), list[list[float]]()
+def _seconds_of_slices(networks: list[VisionTransformer], counted: bool) -> np.ndarray:
+    """Seconds for one slice of each size, in a batch, (networks, sizes); `counted` as where patches stand for others."""
+    batches = [_batch(rows, networks[0].model.patch_size, counted) for rows in CALIBRATION_ROWS]
+    buffers, rounds = BufferPool(), list[list[list[float]]]()
     least, most = CALIBRATION_ROUNDS
-    while len(rounds) < least or (len(rounds) < most and np.sum(rounds) + sum(rounds[-1]) <= CALIBRATION_SECONDS):
-        rounds.append([_seconds(network, batch, buffers) for batch in batches])
+    while len(rounds) < least or (len(rounds) < most and np.sum(rounds) + np.sum(rounds[-1]) <= CALIBRATION_SECONDS):
+        rounds.append([[_seconds(network, batch, buffers) for batch in batches] for network in networks])
     seconds: np.ndarray = np.min(rounds, axis=0) / [len(batch) for batch in batches]
     return seconds
 
@@ -156,13 +158,6 @@ def _seconds(network: VisionTransformer, batch: list[PatchTokens], buffers: Buff
     # Copying the keys waits for a device that works on while the program goes on.
     network.keys_of_tokens(batch, buffers).cpu()
     return time.perf_counter() - start
-
-
-def _operations(model: PretrainedModel, tokens: int) -> int:
-    """Multiplications for one token of a slice of so many: its patch, the blocks, the last keys."""
-    channels = model.embed_dim
-    block = sum(rows * columns for rows, columns in linear_layers(model).values()) + 2 * tokens * channels
-    return 3 * model.patch_size**2 * channels + (model.depth - 1) * block + channels**2
 
 
 def _powers(tokens: list[int]) -> np.ndarray:

@@ -28,7 +28,7 @@ def expected_shapes(model: PretrainedModel) -> dict[str, tuple[int, ...]]:
     if model.num_register_tokens:
         shapes[register_name(model)] = (1, model.num_register_tokens, c)
     for block in (f"blocks.{index}" for index in range(model.depth)):
-        for layer, (rows, columns) in linear_layers(model).items():
+        for layer, (rows, columns) in _linear_layers(model).items():
             shapes[f"{block}.{layer}.weight"] = (rows, columns)
             shapes[f"{block}.{layer}.bias"] = (rows,)
         for norm in ("norm1", "norm2"):
@@ -61,7 +61,7 @@ def check_state_dict(model: PretrainedModel, state_dict: dict[str, Tensor]) -> N
         )
 
 
-def linear_layers(model: PretrainedModel) -> dict[str, tuple[int, int]]:
+def _linear_layers(model: PretrainedModel) -> dict[str, tuple[int, int]]:
     """A block's linear layers, (channels out, channels in)."""
     c = model.embed_dim
     gated = {"mlp.w1": (4 * c, c), "mlp.w2": (4 * c, c), "mlp.w3": (c, 4 * c)}

@@ -76,7 +76,7 @@ def test_calibration_finds_that_more_tokens_take_longer(tiny_network: VisionTran
     assert 0.0 < speed.seconds([100]) < speed.seconds([1000]) < speed.seconds([1000, 1000])
 
 
-@pytest.mark.parametrize(("seconds_of_a_run", "runs_of_each_size"), [(0.03, 3), (0.04, 2), (5.0, 2)])
+@pytest.mark.parametrize(("seconds_of_a_run", "runs_of_each_size"), [(0.015, 3), (0.02, 2), (5.0, 2)])
 def test_calibration_does_not_keep_a_slow_computer_waiting(
     tiny_network: VisionTransformer, monkeypatch: pytest.MonkeyPatch, seconds_of_a_run: float, runs_of_each_size: int
 ) -> None:
@@ -89,8 +89,19 @@ def test_calibration_does_not_keep_a_slow_computer_waiting(
 
     monkeypatch.setattr(cost_module, "time", SimpleNamespace(perf_counter=clock))
     speed = calibrate(tiny_network, FeatureSettings(precision="float32"))
-    assert len(readings) == 2 * runs_of_each_size * len(cost_module.CALIBRATION_ROWS)
+    assert len(readings) == 2 * runs_of_each_size * len(cost_module.CALIBRATION_ROWS) * len(cost_module.CALIBRATION_DEPTHS)
     assert (speed.coefficients >= 0.0).all()
+
+
+def test_what_is_done_once_for_a_slice_is_not_taken_for_what_every_block_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = replace(TINY_MODEL, depth=6)
+
+    def run(network: VisionTransformer, batch: list[PatchTokens], *_: object) -> float:
+        return len(batch) * (0.01 + 0.002 * (network.model.depth - 1))
+
+    monkeypatch.setattr(cost_module, "_seconds", run)
+    speed = calibrate(VisionTransformer(model, random_state_dict(model), "tiny"), FeatureSettings(precision="float32"))
+    assert speed.seconds([100]) == pytest.approx(0.01 + 5 * 0.002)
 
 
 def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
@@ -101,16 +112,16 @@ def test_what_a_computer_does_for_a_moment_does_not_spoil_the_calibration(
     def seconds_with(slow: set[int]) -> float:
         runs = itertools.count()
 
-        def run(*_: object) -> float:
+        def run(network: VisionTransformer, *_: object) -> float:
             number = next(runs)
-            return (number % sizes + 1) * (0.2 if number in slow else 0.02)
+            return network.model.depth * (number % sizes + 1) * (0.2 if number in slow else 0.02)
 
         monkeypatch.setattr(cost_module, "_seconds", run)
         return calibrate(tiny_network, settings).seconds([100, 400])
 
     # Two runs in a row, of different sizes: the first round, or from one round to the next.
     undisturbed = seconds_with(set())
-    for first in range(2 * sizes - 1):
+    for first in range(2 * sizes * len(cost_module.CALIBRATION_DEPTHS) - 1):
         assert seconds_with({first, first + 1}) == pytest.approx(undisturbed)
 
 
