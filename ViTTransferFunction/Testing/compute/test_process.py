@@ -155,33 +155,29 @@ def test_what_the_launcher_says_of_a_killed_process_does_not_pass_for_its_reason
 
 SAYS_WHERE_IT_WAS = """
 import sys
-for what in ("code 0x8001010d", "access violation"):
-    print(f"Windows fatal exception: {what}\\n\\nCurrent thread 0x00001a2c (most recent call first):", file=sys.stderr)
+for what in {stopped_by!r}:
+    print(f"{{what}}\\n\\nCurrent thread 0x00001a2c (most recent call first):", file=sys.stderr)
     print('  File "C:\\\\Slicer\\\\vision_transformer.py", line 160 in _add_attention', file=sys.stderr)
 """
 
 
-def test_what_windows_says_of_a_library_that_stopped_the_process_is_the_reason(
-    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
+@pytest.mark.parametrize(
+    ("stopped_by", "reason"),
+    [
+        (
+            ("Windows fatal exception: code 0x8001010d", "Windows fatal exception: access violation"),
+            "Windows fatal exception: access violation",
+        ),
+        (("Fatal Python error: Aborted", "Fatal Python error: Segmentation fault"), "Fatal Python error: Aborted"),
+    ],
+    ids=["after what a library lived through", "before a crash while Python says where it was"],
+)
+def test_of_several_things_that_are_said_to_have_stopped_the_process_the_one_that_did_is_the_reason(
+    stopped_by: tuple[str, ...], reason: str, executable: Callable[[str], Path], start: Callable[..., ComputeClient]
 ) -> None:
-    client = start(executable(SAYS_WHERE_IT_WAS))
+    client = start(executable(SAYS_WHERE_IT_WAS.format(stopped_by=stopped_by)))
     polls_until(lambda: bool(client.replies() or not client.alive))
-    assert client.last_words() == "Windows fatal exception: access violation"
-
-
-CRASHES_ONCE_MORE = """
-import sys
-for what in ("Aborted", "Segmentation fault"):
-    print(f"Fatal Python error: {what}\\n\\nThread 0x00007f381252a6c0 (most recent call first):", file=sys.stderr)
-"""
-
-
-def test_a_crash_while_python_says_where_it_was_does_not_pass_for_the_reason(
-    executable: Callable[[str], Path], start: Callable[..., ComputeClient]
-) -> None:
-    client = start(executable(CRASHES_ONCE_MORE))
-    polls_until(lambda: bool(client.replies() or not client.alive))
-    assert client.last_words() == "Fatal Python error: Aborted"
+    assert client.last_words() == reason
 
 
 @pytest.mark.parametrize("python", ["", "/nowhere/PythonSlicer"])
