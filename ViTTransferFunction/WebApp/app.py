@@ -52,7 +52,7 @@ PICTURE_S = 0.05
 """How long the picture of an answer has the processor to itself: contours, which follow, would delay it."""
 IDLE_POLL_S = 0.5
 """And while nothing does: soon enough to tell that the compute process was lost."""
-UNEXPECTED = "Something unexpected went wrong beside what the page asked for"
+UNEXPECTED = "Something unexpected went wrong beside what the page waits for"
 """What the console says of it, before the traceback."""
 BRUSH_MM = 6.0
 OF_THIS_COMPUTER = ("device", "weightsPath")
@@ -120,7 +120,7 @@ class WebApp:
         self.unsaved_points = UnsavedPoints(self)
         self.actions = Actions(self)
         self.requests = PageRequests(self.server.controller.trigger_fn)
-        self.server.trigger("ask")(self.requests)
+        self.server.trigger("ask")(self._answer)
         self.server.trigger("act")(self.actions)
         self.server.trigger("open_path")(self.opening.open_typed)
         self.server.trigger("open_sample")(self.opening.open_sample)
@@ -264,7 +264,7 @@ class WebApp:
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Have work done beside everything else, until it or the app ends."""
-        task = asyncio.create_task(work)
+        task = asyncio.create_task(self._beside_all_else(work))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -321,14 +321,33 @@ class WebApp:
                 self._news.clear()
                 await asyncio.sleep(0)  # The loop's other work first: pictures, say.
 
+    def _answer(self, *request: Any) -> Any:
+        """What the page gets for a request; what that raises is told, and printed by the server, which answers the page."""
+        try:
+            return self.requests(*request)
+        except Exception as error:
+            self.session.tell_of_defect(error)
+            raise
+
+    async def _beside_all_else(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do work to its end; what it raises is told and printed: nobody waits for it."""
+        try:
+            await work
+        except Exception as error:
+            self._tell_of_defect(self.session, error)
+
     def _go_on_after(self, step: Callable[[], None]) -> None:
-        """Do a step; what it raises is told, and the traceback printed, once: the app goes on, with the user's work."""
+        """Do a step; what it raises is told and printed: the app goes on, with the user's work."""
         session = self.session
         try:
             step()
         except Exception as error:
-            if session.tell_of_defect(error):
-                asyncio.get_running_loop().call_exception_handler({"message": UNEXPECTED, "exception": error})
+            self._tell_of_defect(session, error)
+
+    def _tell_of_defect(self, session: SceneSession, error: Exception) -> None:
+        """Tell what was raised, and print its traceback, once until the user goes on: a step may raise the same each time."""
+        if session.tell_of_defect(error):
+            asyncio.get_running_loop().call_exception_handler({"message": UNEXPECTED, "exception": error})
 
     def _expect_page(self) -> None:
         """A page is being loaded; in the one before, a button may have been held."""

@@ -358,7 +358,7 @@ class SceneSession:
             self._notices.tell()
 
     def tell_of_defect(self, error: Exception) -> bool:
-        """Tell the user of what `poll` raised, once until they go on: it may raise the same at each call.
+        """Tell the user of what nobody foresaw, as `poll` may raise it at each call: once until they go on.
 
         Returns:
             Whether it was told now; then the front end lets the error be logged, too.

@@ -798,3 +798,42 @@ def test_what_a_poll_raises_is_told_once_and_the_app_goes_on(
 
     opened(journey)
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]
+
+
+def test_what_an_action_raises_is_told_on_the_page(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> None:
+    async def journey(app: WebApp) -> None:
+        following = asyncio.create_task(app._follow())
+        with monkeypatch.context() as patched:
+            patched.setattr(app.session.annotations, "undo", fail)
+            with pytest.raises(RuntimeError, match="shapes do not fit"):
+                app.server.controller.trigger_fn("ask")("page", 1, "act", ["undo"])
+        await until(lambda: app.server.state.message != "")
+        assert app.server.state.message.startswith("Something unexpected went wrong (RuntimeError: shapes do not fit)")
+        app.server.controller.trigger_fn("ask")("page", 2, "act", ["addClass"])
+        assert app.server.state.message == ""
+        following.cancel()
+
+    def fail() -> None:
+        raise RuntimeError("shapes do not fit")
+
+    opened(journey)
+
+
+def test_what_a_file_that_is_opened_raises_is_told_on_the_page(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    async def journey(app: WebApp) -> None:
+        following = asyncio.create_task(app._follow())
+        with monkeypatch.context() as patched:
+            patched.setattr(app.opening, "_read", fail)
+            app.opening.open_typed(str(tmp_path / "scan.nrrd"))
+            await until(lambda: app.server.state.message != "")
+        assert app.server.state.message.startswith("Something unexpected went wrong (RuntimeError: shapes do not fit)")
+        assert app.server.state.opening == ""
+        following.cancel()
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("shapes do not fit")
+
+    opened(journey)
+    assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]
