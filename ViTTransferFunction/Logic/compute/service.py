@@ -143,7 +143,7 @@ class SegmentationService:
         self._session = self._segmented = None
         # Whoever lets weights be downloaded was asked before, and told where no hash is published (`WeightsDownload`).
         session = open_session(self._the_volume, request.settings, networks=self._networks, trust=lambda *_: True)
-        estimate = session.estimate()
+        estimate = session.estimate(coarse_first=self._on_coarse is not None)
         self._session = session
         return estimate
 

@@ -24,6 +24,8 @@ from .settings import FeatureSettings
 from .vision_transformer import ROWS_AT_ONCE
 
 if TYPE_CHECKING:
+    import torch
+
     from .vision_transformer import VisionTransformer
 
 CALIBRATION_ROWS = (8, 20, 28)
@@ -53,11 +55,13 @@ class FeatureCost:
     """What an extraction costs.
 
     Attributes:
+        shape: patches that the features have along K, J, I.
         tokens: patches that the network sees.
         seconds: on the device that was calibrated.
         peak_bytes: memory in use at the most, beyond what was in use before; the features themselves included.
     """
 
+    shape: tuple[int, int, int]
     tokens: int
     seconds: float
     peak_bytes: int
@@ -93,9 +97,13 @@ def feature_cost(volume: Volume, settings: FeatureSettings, network: VisionTrans
     seconds = time.perf_counter() - start
     seconds += _preparation_seconds(plan, network)
     tokens = plan.tokens_of_slices()
-    precision = settings.dtype_on(network.device)
-    peak = _working_bytes(plan, max(tokens), network.model, precision.itemsize, precision == network.dtype)
-    return FeatureCost(sum(tokens), seconds + speed.seconds(tokens), peak)
+    peak = _working_bytes(plan, settings, network.model, network.device)
+    return FeatureCost(plan.shape, sum(tokens), seconds + speed.seconds(tokens), peak)
+
+
+def feature_memory_bytes(volume: Volume, settings: FeatureSettings, model: PretrainedModel, device: torch.device) -> int:
+    """The `peak_bytes` of `feature_cost`, which can be told without the weights."""
+    return _working_bytes(ExtractionPlan(volume, settings), settings, model, device)
 
 
 def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> float:
@@ -115,10 +123,12 @@ def _preparation_seconds(plan: ExtractionPlan, network: VisionTransformer) -> fl
     return seconds
 
 
-def _working_bytes(plan: ExtractionPlan, longest: int, model: PretrainedModel, number: int, converted: bool) -> int:
-    """What is held while slices are run, in numbers of `number` bytes."""
+def _working_bytes(plan: ExtractionPlan, settings: FeatureSettings, model: PretrainedModel, device: torch.device) -> int:
+    """What is held while slices are run."""
     channels, pixels = model.embed_dim, 3 * model.patch_size**2
-    weights = 0 if converted else number * sum(map(math.prod, expected_shapes(model).values()))
+    number, longest = settings.dtype_on(device).itemsize, max(plan.tokens_of_slices())
+    # Those in single precision are there already.
+    weights = 0 if number == _FLOAT32 else number * sum(map(math.prod, expected_shapes(model).values()))
     # Of a batch: its pixels as they come and as the network takes them; tokens, queries, keys, values, what attention gives.
     of_token = _FLOAT32 * pixels + number * (pixels + 5 * channels)
     hidden = number * (8 if model.gated_mlp else 4) * channels * ROWS_AT_ONCE

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..core.system.progress import Progress, no_progress
 from ..core.volumes.volume import Volume
+from .cost import FeatureCost, NetworkSpeed, feature_cost
 from .extraction import FeatureRun
 from .feature_volume import FeatureVolume
 from .settings import FeatureSettings
@@ -43,6 +44,19 @@ def progressive_features(
     if coarse.plan.shape != fine.plan.shape:
         yield coarse.run_all(progress)
     yield fine.run_all(progress)
+
+
+def progressive_cost(volume: Volume, settings: FeatureSettings, network: VisionTransformer, speed: NetworkSpeed) -> FeatureCost:
+    """What `progressive_features` takes in all, estimated as by `feature_cost`; without what is made of coarse ones."""
+    coarse, fine = (feature_cost(volume, of, network, speed) for of in (_coarse(settings), settings))
+    if coarse.shape == fine.shape:
+        return fine
+    return replace(
+        fine,
+        tokens=coarse.tokens + fine.tokens,
+        seconds=coarse.seconds + fine.seconds,
+        peak_bytes=max(coarse.peak_bytes, fine.peak_bytes),
+    )
 
 
 def _coarse(settings: FeatureSettings) -> FeatureSettings:

@@ -6,6 +6,7 @@ tells cells apart is how they differ from the volume's mean, measured against ho
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -105,6 +106,12 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     for k, layer in enumerate(layers):
         unit_vectors(layer, axis=0, out=by_channels[:, k])
     return NormalisedFeatures(np.moveaxis(by_channels, 0, -1), transform, features)
+
+
+def normalised_size_bytes(cells: Geometry, channels: int, statistics: Statistics) -> int:
+    """Size of the array of `NormalisedFeatures` on these cells, at most; `channels` of the features as extracted."""
+    kept = min(channels, WHITENED_COMPONENTS) if statistics == "whitened" else channels
+    return math.prod(cells.shape) * kept * np.dtype(np.float32).itemsize
 
 
 def unit_vectors(vectors: np.ndarray, axis: int = -1, out: np.ndarray | None = None) -> np.ndarray:

@@ -35,7 +35,7 @@ class FeatureEstimate:
     Attributes:
         cached: whether they only have to be loaded.
         seconds: that computing them will take; None where that is not known.
-        memory_bytes: that is in use while they are computed; of the features alone where that is not known.
+        memory_bytes: that is in use while they are computed, and clicked on meanwhile; of those in the cache, of these alone.
         download: of the model's weights; None where they are on this computer, or where nobody publishes them.
         model: the name of the model that they are of.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,14 +15,14 @@ from ..core.system.progress import Progress
 from ..core.volumes.geometry import Geometry
 from ..core.volumes.volume import Volume
 from ..features.cache import FeatureCache
-from ..features.cost import feature_cost
+from ..features.cost import feature_cost, feature_memory_bytes
 from ..features.device import choose_device
 from ..features.device_check import UnsoundDevice
 from ..features.extraction import extract_features, features_size_bytes
 from ..features.networks import Networks
-from ..features.progressive import progressive_features
+from ..features.progressive import progressive_cost, progressive_features
 from ..features.settings import FeatureSettings, feature_key, grid_shape
-from ..features.whitening import NormalisedFeatures, Statistics, normalised_features
+from ..features.whitening import NormalisedFeatures, Statistics, normalised_features, normalised_size_bytes
 from ..weights.models import PretrainedModel
 from ..weights.sources import Trust, WeightsFile, WeightsUnavailable, find_weights
 from ..weights.store import weights_folder
@@ -30,6 +31,9 @@ from .memory_need import check_memory_for_features
 
 if TYPE_CHECKING:
     import torch
+
+CLICK_BYTES_PER_CELL = 600
+"""Measured: what is prepared for clicks of the intensities (180), and of the coarse features or the fine ones (400)."""
 
 logger = logging.getLogger(__name__)
 
@@ -98,27 +102,35 @@ class FeatureSource:
         """The grid of the features' cells."""
         return self._volume.geometry.resized(grid_shape(self._volume.geometry, self._settings))
 
-    def estimate(self) -> FeatureEstimate:
+    def estimate(self, coarse_first: bool) -> FeatureEstimate:
         """What the features will cost; a second or two of work where they have to be computed.
+
+        Args:
+            coarse_first: whether coarser features are wanted meanwhile, to click on.
 
         Raises:
             InputError: the weights are not those of the model, or this computer has no such device.
         """
         try:
-            return self._estimate()
+            return self._estimate(coarse_first)
         except (RuntimeError, MemoryError) as error:
             self._leave_device(error)
-        return self._estimate()
+        return self._estimate(coarse_first)
 
-    def _estimate(self) -> FeatureEstimate:
+    def _estimate(self, coarse_first: bool) -> FeatureEstimate:
         weights = self._known_weights
         cached = weights is not None and self._key(weights) in self._cache
         if weights is not None and weights.path.exists() and not cached:
             network = self._networks.network(weights, self._device)
-            cost = feature_cost(self._volume, self._settings, network, self._networks.speed(network, self._settings))
-            return FeatureEstimate(cached, cost.seconds, cost.peak_bytes, model=self._model.name)
-        here = cached or (weights is not None and weights.path.exists())
-        return FeatureEstimate(cached, None, self._size_bytes, None if here else self._download, self._model.name)
+            cost_of = progressive_cost if coarse_first else feature_cost
+            cost = cost_of(self._volume, self._settings, network, self._networks.speed(network, self._settings))
+            memory = cost.peak_bytes + self._clicked_bytes(coarse_first)
+            return FeatureEstimate(cached, cost.seconds, memory, model=self._model.name)
+        if cached:
+            return FeatureEstimate(cached, None, self._size_bytes, model=self._model.name)
+        memory = feature_memory_bytes(self._volume, self._settings, self._model, self._device)
+        memory += self._clicked_bytes(coarse_first)
+        return FeatureEstimate(cached, None, memory, self._download, self._model.name)
 
     def features(self, progress: Progress, coarse_first: bool) -> Iterator[NormalisedFeatures]:
         """Get the features, normalised; the slow step, once for a volume.
@@ -215,6 +227,13 @@ class FeatureSource:
             return None
         target = weights_folder() / model.file_name
         return WeightsDownload(model.name, model.licence, model.homepage, model.url, str(target), model.size_mb, model.sha256)
+
+    def _clicked_bytes(self, coarse_first: bool) -> int:
+        """Memory for clicks on the coarse features while the fine ones are computed, until these take their place."""
+        if not coarse_first:
+            return 0
+        normalised = normalised_size_bytes(self.cells, self._model.embed_dim, self._statistics)
+        return 2 * normalised + CLICK_BYTES_PER_CELL * math.prod(self.cells.shape)
 
     @property
     def _size_bytes(self) -> int:

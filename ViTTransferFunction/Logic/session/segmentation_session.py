@@ -73,9 +73,9 @@ class SegmentationSession:
         self._close_ups = CloseUps(volume, open_part)
         self._answered: tuple[SimilarityRule, _Asked, list[ClassMap]] | None = None
 
-    def estimate(self) -> FeatureEstimate:
+    def estimate(self, coarse_first: bool = False) -> FeatureEstimate:
         """What the features will cost; see `FeatureSource.estimate`."""
-        return self._the_source.estimate()
+        return self._the_source.estimate(coarse_first)
 
     def load_features(self, progress: Progress = no_progress, on_coarse: Callable[[], None] | None = None) -> FeatureProvenance:
         """Get the volume's features, from the cache or by computing them; the slow step, once for a volume.

@@ -107,7 +107,8 @@ def test_generated_bodies_have_air_around_them_or_none() -> None:
 
 def test_times_are_of_every_step_that_is_named(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
     found = measured(spheres[0], tiny_network, published=False)
-    assert all(found[name] > 0.0 for name in ("calibration_s", "estimated_seconds", "first_map_s", "seconds"))
+    assert all(found[name] > 0.0 for name in ("calibration_s", "first_map_s", "seconds", "with_coarse_s"))
+    assert 0.0 < found["estimated_seconds"] < found["estimated_with_coarse_s"]
     assert "published_seconds" not in found
 
 

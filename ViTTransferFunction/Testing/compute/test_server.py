@@ -149,6 +149,19 @@ def test_what_was_refined_of_coarse_features_is_not_taken_for_what_finer_ones_gi
     np.testing.assert_array_equal(later.array, at_once.array)
 
 
+def test_what_features_cost_is_said_with_the_coarse_ones_where_these_are_told_of(spheres: Spheres) -> None:
+    volume, _ = spheres
+
+    def memory_bytes(service: SegmentationService) -> int:
+        service.serve(TakeVolume(volume.array, volume.geometry, "spheres"))
+        estimate: FeatureEstimate = service.serve(Prepare(SETTINGS))
+        assert not estimate.cached
+        return estimate.memory_bytes
+
+    alone, after_coarse = SegmentationService(no_progress), SegmentationService(no_progress, on_coarse=lambda: None)
+    assert memory_bytes(after_coarse) > memory_bytes(alone)
+
+
 def shown_in_3d(rendering: StructureVolume, number: int) -> set[tuple[float, ...]]:
     """Where the voxels of a structure are, RAS millimetres."""
     inside = (rendering.voxels[..., NUMBER] == number) & (rendering.voxels[..., DEPTH] > SURFACE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import cost as cost_module
 from ViTTransferFunction.Logic.features.background_tokens import TokenSelection
-from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost
+from ViTTransferFunction.Logic.features.cost import NetworkSpeed, calibrate, feature_cost, feature_memory_bytes
 from ViTTransferFunction.Logic.features.extraction import features_size_bytes
 from ViTTransferFunction.Logic.features.extraction_plan import ExtractionPlan
 from ViTTransferFunction.Logic.features.packed_slices import PatchTokens
@@ -58,6 +59,15 @@ def test_the_features_themselves_are_part_of_the_memory(
 ) -> None:
     cost = feature_cost(spheres[0], SETTINGS, tiny_network, SPEED)
     assert cost.peak_bytes > features_size_bytes(spheres[0].geometry, SETTINGS, TINY_MODEL)
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_the_memory_is_known_without_the_weights(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer, precision: Any
+) -> None:
+    settings = replace(SETTINGS, precision=precision)
+    said = feature_memory_bytes(spheres[0], settings, TINY_MODEL, tiny_network.device)
+    assert said == feature_cost(spheres[0], settings, tiny_network, SPEED).peak_bytes
 
 
 def test_what_rotary_positions_and_a_gated_mlp_need_is_part_of_the_memory(

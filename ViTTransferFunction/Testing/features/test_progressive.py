@@ -11,8 +11,9 @@ import pytest
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features import progressive as module
+from ViTTransferFunction.Logic.features.cost import NetworkSpeed, feature_cost
 from ViTTransferFunction.Logic.features.extraction import extract_features
-from ViTTransferFunction.Logic.features.progressive import progressive_features
+from ViTTransferFunction.Logic.features.progressive import progressive_cost, progressive_features
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 
@@ -56,3 +57,20 @@ def test_cancelling_leaves_the_coarse_features(spheres: tuple[Volume, np.ndarray
 
 def test_few_patches_are_run_at_once(spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer) -> None:
     assert len(list(progressive_features(spheres[0], tiny_network, replace(SETTINGS, grid=6)))) == 1
+
+
+def test_the_coarse_features_are_part_of_what_is_said_to_be_the_cost(
+    spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
+) -> None:
+    speed = NetworkSpeed(np.array([0.0, 1.0, 0.0]))
+    cost, fine = (of(spheres[0], SETTINGS, tiny_network, speed) for of in (progressive_cost, feature_cost))
+    coarse_tokens = cost.tokens - fine.tokens
+    assert 0 < coarse_tokens < fine.tokens
+    # A second for each patch; besides, preparing them is timed.
+    assert cost.seconds > fine.tokens + coarse_tokens
+    assert cost.peak_bytes == fine.peak_bytes
+    few = replace(SETTINGS, grid=6)
+    assert (
+        progressive_cost(spheres[0], few, tiny_network, speed).tokens
+        == feature_cost(spheres[0], few, tiny_network, speed).tokens
+    )

@@ -12,7 +12,12 @@ from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.resampling import sample_at
 from ViTTransferFunction.Logic.features.feature_volume import FeatureVolume
-from ViTTransferFunction.Logic.features.whitening import Statistics, normalised_features, unit_vectors
+from ViTTransferFunction.Logic.features.whitening import (
+    Statistics,
+    normalised_features,
+    normalised_size_bytes,
+    unit_vectors,
+)
 
 OBLIQUE = np.array([[0.0, -2.0, 0.3, 5.0], [3.0, 0.0, 0.0, -7.0], [0.0, 0.2, 4.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -86,6 +91,13 @@ def test_a_channel_of_all_cells_lies_in_one_stretch_of_memory() -> None:
     by_channels = by_cells.reshape(-1, 8).T
     assert by_channels[3].flags.c_contiguous
     assert np.shares_memory(by_channels, by_cells)
+
+
+@pytest.mark.parametrize("statistics", ["none", "centred", "whitened"])
+def test_how_large_normalised_features_become_is_known_before(statistics: Statistics) -> None:
+    features = feature_volume(np.random.default_rng(0).normal(size=(20, 18, 16, 80)).astype(np.float16))
+    said = normalised_size_bytes(features.cells, features.channels, statistics)
+    assert said == normalised_features(features, statistics).array.nbytes
 
 
 def test_directions_that_do_not_vary_are_dropped() -> None:

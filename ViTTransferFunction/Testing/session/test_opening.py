@@ -105,6 +105,13 @@ def test_the_weights_are_hashed_once_for_estimate_and_extraction(
     assert found.count == 1
 
 
+def test_an_estimate_says_what_clicks_on_coarse_features_take_as_well(spheres: Spheres, tiny_weights: SessionSettings) -> None:
+    session = open_session(spheres[0], tiny_weights)
+    alone, with_clicks = session.estimate(), session.estimate(coarse_first=True)
+    session.load_features()
+    assert with_clicks.memory_bytes > alone.memory_bytes + 2 * session.features.array.nbytes
+
+
 def test_weights_that_are_not_here_are_told_of_and_not_fetched_by_an_estimate(
     spheres: Spheres, monkeypatch: pytest.MonkeyPatch
 ) -> None:
