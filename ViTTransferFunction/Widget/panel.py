@@ -22,6 +22,7 @@ from ViTTransferFunction.Widget.close_up_controls import CloseUpControls
 from ViTTransferFunction.Widget.copied_text import CopiedText
 from ViTTransferFunction.Widget.message_area import ErrorReport, MessageArea
 from ViTTransferFunction.Widget.output_section import OutputSection
+from ViTTransferFunction.Widget.panel_height import PanelHeight
 from ViTTransferFunction.Widget.parameters import BoundParameters
 from ViTTransferFunction.Widget.pictures_section import PicturesSection
 from ViTTransferFunction.Widget.points_section import PointsSection
@@ -66,6 +67,7 @@ class Panel:
         self._ui = ui
         self._bound: BoundParameters | None = None
         self._messages = MessageArea(ui)
+        self._height = PanelHeight(ui.messageFrame.parent())
         self._copied = CopiedText(ui.messageLabel)
         report = ErrorReport(self._messages, lambda: (self.session, self._classes()))
         self.tools = AnnotationTools(ui, report)

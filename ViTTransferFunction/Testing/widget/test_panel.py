@@ -38,7 +38,7 @@ from ViTTransferFunction.Logic.scene.tools.points_in_3d import MARKUPS_MANAGER
 from ViTTransferFunction.Testing.support.scenes import add_volume
 from ViTTransferFunction.Testing.support.spheres import Spheres
 from ViTTransferFunction.Testing.support.standin import ctk
-from ViTTransferFunction.Testing.support.standin.host import Host
+from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
 from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
 from ViTTransferFunction.Testing.support.widgets import add_class, place, text, wait_until
 from ViTTransferFunction.Widget.progress_row import ProgressRow
@@ -111,6 +111,17 @@ def test_an_empty_name_is_refused_and_the_old_one_stays(widget: Any) -> None:
     assert text(widget.ui.classTable, 0, 1) == "liver"
     widget.ui.classTable.item(0, 1).setText("spleen")
     assert not widget.ui.messageFrame.isVisible()
+
+
+def test_a_long_message_squeezes_nothing_when_the_module_was_left_before(host: Host, widget: Any) -> None:
+    host.window.resize(PANEL_WIDTH, 700)
+    slicer.app.processEvents()
+    host.representation.exit()
+    host.representation.enter()
+    slicer.app.processEvents()
+    widget.panel._messages.show("A message of so many words that they need several lines of the panel. " * 4, lambda: False)
+    section = widget.ui.classesCollapsibleButton
+    wait_until(lambda: section.height() >= section.minimumSizeHint().height())
 
 
 def test_a_message_is_seen_where_the_panel_is_scrolled_down(host: Host, widget: Any) -> None:

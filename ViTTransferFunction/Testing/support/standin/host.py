@@ -16,7 +16,7 @@ import shiboken6
 import slicer
 import slicer.util
 from PySide6.QtCore import Property, Qt
-from PySide6.QtWidgets import QApplication, QMainWindow, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QApplication, QLayoutItem, QMainWindow, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from ViTTransferFunction.Testing.support.standin import (
     ctk,
@@ -107,7 +107,9 @@ class Host:
         contents = QWidget()
         layout = QVBoxLayout(contents)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.representation)
+        layout.addStretch()
+        self.representation.panel = layout
+        self.representation.put_into_panel()
         # What the module would like to have is the least that it gets: the panel is made wider for it.
         self.representation.setSizePolicy(QSizePolicy.Policy.Minimum, self.representation.sizePolicy().verticalPolicy())
         area.setWidget(contents)
@@ -131,6 +133,7 @@ class Host:
             self.representation.exit()
         slicer.app.moduleManager().unload(NAME)
         slicer.app.layoutManager().close()
+        self.representation.delete()
         shiboken6.delete(self.window)
         for name in (*self._attributes, "selfTests"):
             delattr(slicer, name)
@@ -242,7 +245,9 @@ class Representation(QWidget):
         super().__init__()
         QVBoxLayout(self)
         self.python_widget: Any = None
+        self.panel: QVBoxLayout | None = None
         self._entered = False
+        self._former_items: list[QLayoutItem] = []
 
     isEntered = Property(bool, lambda self: self._entered)  # noqa: N815
 
@@ -256,10 +261,30 @@ class Representation(QWidget):
         slicer.modules.ViTTransferFunctionWidget = self.python_widget
         self.python_widget.setup()
 
+    def put_into_panel(self) -> None:
+        """Lay it in the module panel, if there is one, above what keeps modules at the panel's top."""
+        if self.panel is not None and self.panel.indexOf(self) < 0:
+            self.panel.insertWidget(0, self, 1)
+            self.setVisible(True)
+
+    def _take_out_of_panel(self) -> None:
+        if self.panel is not None and (index := self.panel.indexOf(self)) >= 0:
+            # The layout's item is lost, but not deleted: the next one will not be told when the panel wants another height.
+            if (item := self.panel.takeAt(index)) is not None:
+                self._former_items.append(item)
+            self.setVisible(False)
+            self.setParent(None)
+
+    def delete(self) -> None:
+        """Delete the widget, and before it what knows it."""
+        self._former_items.clear()
+        shiboken6.delete(self)
+
     def enter(self) -> None:
         """The user opens the module."""
         assert not self._entered
         self._entered = True
+        self.put_into_panel()
         self.python_widget.enter()
 
     def exit(self) -> None:
@@ -267,6 +292,7 @@ class Representation(QWidget):
         assert self._entered
         self._entered = False
         self.python_widget.exit()
+        self._take_out_of_panel()
 
 
 def _load_module() -> None:
