@@ -20,6 +20,8 @@ class OfferedVolume:
     """Has a session without a volume take one up: when the module opens, and when another one is loaded or shown.
 
     Someone who chose to have none is left alone until then. Where what is shown is no volume to choose, it is told why.
+    While the module is not open, nothing is taken up: of several series that are loaded one after the other, it would be the
+    first, and Slicer shows the last.
 
     Args:
         app_logic: the application's logic, which knows what is shown.
@@ -31,6 +33,7 @@ class OfferedVolume:
         self._report = report
         self._session: SceneSession | None = None
         self._known: tuple[Any, ...] = ()
+        self._is_open = False
         self._observers = SceneObservers()
 
     def offer_to(self, session: SceneSession | None) -> None:
@@ -42,6 +45,15 @@ class OfferedVolume:
         if session is not None:
             self._watch()
             self._offer()
+
+    def resume(self) -> None:
+        """The module is open."""
+        self._is_open = True
+        self._offer()
+
+    def pause(self) -> None:
+        """The user goes to another module."""
+        self._is_open = False
 
     def _watch(self) -> None:
         scene = slicer.mrmlScene
@@ -55,7 +67,7 @@ class OfferedVolume:
 
     def _offer(self) -> None:
         session = self._session
-        if session is None or slicer.mrmlScene.IsBatchProcessing():
+        if session is None or not self._is_open or slicer.mrmlScene.IsBatchProcessing():
             return
         shown, there = self._shown(), choosable_volumes(slicer.mrmlScene)
         known, self._known = self._known, (shown, *(node.GetID() for node in there))

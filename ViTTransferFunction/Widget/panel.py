@@ -75,9 +75,10 @@ class Panel:
         self._class_actions = ClassActions(ui, report)
         self.size = SizeControls(ui, report)
         self.close_up = CloseUpControls(ui, report)
+        self._volume = VolumeSection(ui, report)
         self._sections = (
             PyTorchSection(ui, report, on_change=self._on_pytorch),
-            VolumeSection(ui, report),
+            self._volume,
             self._table,
             self._class_actions,
             self.tools,
@@ -134,11 +135,12 @@ class Panel:
             self.refresh()
 
     def take_input(self) -> None:
-        """Take keys, the wheel, and what is copied out of messages, and watch colours, for as long as the module is open."""
+        """While the module is open: take keys, the wheel, volumes and what is copied out of messages, and watch colours."""
         self.shortcuts.install()
         self.size.take_wheel()
         self.tools.watch_colours()
         self._copied.watch()
+        self._volume.offered.resume()
 
     def leave_input(self) -> None:
         """Leave them to Slicer."""
@@ -146,6 +148,7 @@ class Panel:
         self.size.leave_wheel()
         self.tools.leave_colours()
         self._copied.leave()
+        self._volume.offered.pause()
 
     def bind_parameters(self) -> None:
         """Keep widgets and parameter node equal from now on, and end what the scene was saved in the midst of."""

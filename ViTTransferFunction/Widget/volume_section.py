@@ -21,12 +21,16 @@ from ViTTransferFunction.Widget.wording import breakable
 
 
 class VolumeSection(Section):
-    """Selector, button, progress and status of the features, of which one shows at a time."""
+    """Selector, button, progress and status of the features, of which one shows at a time.
+
+    Attributes:
+        offered: has a volume taken up where none is chosen.
+    """
 
     def __init__(self, ui: Any, report: Report) -> None:
         super().__init__(ui, report)
         self._progress = ProgressRow(ui, "extraction")
-        self._offered = OfferedVolume(slicer.app.applicationLogic(), report)
+        self.offered = OfferedVolume(slicer.app.applicationLogic(), report)
         self._consent = DownloadConsent()
         # Whose features are to be computed, as soon as it is known what they cost.
         self._pressed_for: slicer.vtkMRMLScalarVolumeNode | None = None
@@ -39,7 +43,7 @@ class VolumeSection(Section):
     def refresh(self) -> None:
         """Show the volume and how far its features are."""
         session = self.session
-        self._offered.offer_to(session)
+        self.offered.offer_to(session)
         phase = session.phase if session else "no volume"
         self.ui.volumeSelector.enabled = session is not None
         with signals_blocked(self.ui.volumeSelector):

@@ -61,6 +61,18 @@ def test_a_volume_that_is_loaded_later_is_taken_up(widget: Any, volume: Any) -> 
     assert widget.ui.volumeSelector.currentNode() is volume
 
 
+def test_of_series_that_are_loaded_while_the_module_is_left_the_one_that_is_shown_is_taken_up(
+    widget: Any, host: Host, slicer_app: Any, spheres: Spheres
+) -> None:
+    """Slicer's module DICOM shows each in turn, and lets the application run in between."""
+    host.representation.exit()
+    for _ in range(2):
+        last = add_volume(slicer_app.scene, spheres[0])
+        show(last)
+    host.representation.enter()
+    assert widget.ui.volumeSelector.currentNode() is last
+
+
 def test_a_volume_that_is_loaded_later_replaces_none_that_was_chosen(
     widget: Any, volume: Any, slicer_app: Any, spheres: Spheres
 ) -> None:
