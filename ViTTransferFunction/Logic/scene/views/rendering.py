@@ -19,7 +19,7 @@ from .quick_pictures import QuickPictures
 from .rendering_cut import cut_for_export
 from .structure_material import set_material, set_shader, set_uniforms
 from .surface_smoothing import SurfaceSmoothing
-from .view_sight import keep_whole, look_at, sees
+from .view_sight import keep_whole, look_at, sees, shows_large_enough
 
 VOLUME_NAME = "Structure rendering"
 DISPLAY_NAME = "Structure rendering display"
@@ -105,7 +105,7 @@ class ClassRendering:
         middle = [(low + high) / 2.0 for low, high in zip(structures[::2], structures[1::2], strict=True)]
         for window in self._windows():
             renderer = window.GetRenderers().GetFirstRenderer()
-            if first and not sees(renderer, middle):
+            if first and not (sees(renderer, middle) and shows_large_enough(renderer, scan)):
                 look_at(renderer, scan)
             keep_whole(renderer, structures)
 

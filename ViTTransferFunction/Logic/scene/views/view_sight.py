@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +13,9 @@ NEARER = 1.4
 
 EDGE = 0.75
 """Of the way from the middle of a picture to its edge: what has its own middle beyond lies to a good part outside of it."""
+
+SMALLEST = 0.1
+"""Of a picture's height: what is smaller is a dot. Slicer's 3D views begin with a picture that a body fills."""
 
 
 def sees(renderer: Any, point_ras: Sequence[float]) -> bool:
@@ -24,6 +28,22 @@ def sees(renderer: Any, point_ras: Sequence[float]) -> bool:
     to_picture = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1.0, 1.0)
     x, y, _, w = to_picture.MultiplyPoint((*point_ras, 1.0))
     return bool(w > 0.0 and max(abs(x), abs(y)) <= EDGE * w)
+
+
+def shows_large_enough(renderer: Any, bounds_ras: Sequence[float]) -> bool:
+    """Whether a scan is more than a dot in a view that it lies in, as one of an insect is not where the picture is for bodies.
+
+    Args:
+        renderer: the vtkRenderer of the view.
+        bounds_ras: (6,) of the scan, RAS millimetres, as VTK orders them.
+    """
+    camera, box = renderer.GetActiveCamera(), vtkBoundingBox(bounds_ras)
+    centre = [0.0] * 3
+    box.GetCenter(centre)
+    height_mm = 2.0 * camera.GetParallelScale()
+    if not camera.GetParallelProjection():
+        height_mm = 2.0 * math.dist(camera.GetPosition(), centre) * math.tan(math.radians(camera.GetViewAngle()) / 2.0)
+    return bool(box.GetDiagonalLength() >= SMALLEST * height_mm)
 
 
 def look_at(renderer: Any, bounds_ras: Sequence[float]) -> None:

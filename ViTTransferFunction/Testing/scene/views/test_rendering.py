@@ -147,6 +147,20 @@ def test_a_view_that_looks_away_from_the_scan_is_turned_too(stage: Stage) -> Non
     assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
 
 
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_view_in_which_the_scan_is_a_dot_comes_near_to_it(stage: Stage, parallel: bool) -> None:
+    """As Slicer's view, which begins with a picture for bodies, where the scan is of an insect."""
+    camera = stage.view.renderer().GetActiveCamera()
+    camera.SetParallelProjection(parallel)
+    camera.SetParallelScale(2000.0)
+    camera.Dolly(1.0 / 30.0)
+    left, right = stage.at(LEFT, RIGHT)
+    assert abs(left[1] - right[1]) < 3
+    stage.show(two_balls(), [RED, GREEN])
+    left, right = stage.at(LEFT, RIGHT)
+    assert abs(left[1] - right[1]) > 20
+
+
 def test_a_view_stays_as_the_user_has_it_once_structures_were_in_sight(stage: Stage) -> None:
     camera = stage.view.get_camera_node()
     before = camera.GetPosition()
