@@ -40,6 +40,11 @@ class ClassTable(Section):
         header.setSectionResizeMode(qt.QHeaderView.ResizeToContents)
         header.setSectionResizeMode(NAME, qt.QHeaderView.Stretch)
         self._table.verticalHeader().setSectionResizeMode(qt.QHeaderView.ResizeToContents)
+        self._table.verticalHeader().sectionResized.connect(self._on_row_resized)
+        self._resized = qt.QTimer(self._table)
+        # Not by its name, which Slicer has given to a function of its own.
+        self._resized.setProperty("singleShot", True)
+        self._resized.timeout.connect(self._make_room_for_rows)
         self._table.cellChanged.connect(self._on_cell_changed)
         self._table.cellDoubleClicked.connect(self._on_double_click)
         self._table.itemSelectionChanged.connect(self._on_selection)
@@ -96,6 +101,10 @@ class ClassTable(Section):
         rows_height = row_height * min(max(count, _FEWEST_ROWS), _MOST_ROWS)
         height = self._table.horizontalHeader().sizeHint.height() + rows_height + 2 * self._table.frameWidth
         self._table.minimumHeight = self._table.maximumHeight = height
+
+    def _on_row_resized(self, _row: int, _before: int, _height: int) -> None:
+        """Letters have another size, say. Qt tells of it before the row has its new height."""
+        self._resized.start(0)
 
     def _fill(self, row: int, state: ClassState) -> None:
         _set_swatch(self._item(row, COLOR), qt.QColor.fromRgbF(*state.color))

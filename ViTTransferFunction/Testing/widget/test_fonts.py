@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QWidget
 
 from ViTTransferFunction.Testing.support.standin.host import PANEL_WIDTH, Host
-from ViTTransferFunction.Testing.support.widgets import add_class
+from ViTTransferFunction.Testing.support.widgets import add_class, wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -49,6 +49,18 @@ def clipped_columns(table: Any) -> list[str]:
         for column in columns
         if header.sectionSize(column) < header.sectionSizeHint(column)
     ]
+
+
+def test_the_table_is_as_high_as_its_rows_when_letters_become_larger_and_small_again(widget: Any) -> None:
+    add_class(widget, "left kidney")
+    table, before = widget.ui.classTable, QApplication.font()
+    row = table.rowHeight(0)
+    larger = QApplication.font()
+    larger.setPointSizeF(before.pointSizeF() * 2.0)
+    QApplication.setFont(larger)
+    wait_until(lambda: table.rowHeight(0) > row and table.viewport().height() == 4 * table.rowHeight(0))
+    QApplication.setFont(before)
+    wait_until(lambda: table.rowHeight(0) == row and table.viewport().height() == 4 * row)
 
 
 def test_the_tables_headers_and_rows_are_as_large_as_their_letters(in_large_letters: Any, host: Host) -> None:
