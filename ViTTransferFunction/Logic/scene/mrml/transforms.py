@@ -33,9 +33,9 @@ def matrix_to_world(node: Any) -> np.ndarray:
     # Asked first: VTK prints an error where the matrix is asked for and there is none.
     if parent is not None and not parent.IsTransformToWorldLinear():
         raise InputError(
-            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it); expected a linear one "
-            "or none. Harden it in Slicer, in the module Data: right-click the transform icon of "
-            f"'{node.GetName()}', Harden transform."
+            f"'{node.GetName()}' is under a non-linear transform ('{parent.GetName()}' or one above it), such as Slicer gives "
+            "scans whose slices lie at uneven distances. Harden it in Slicer, in the module Data: right-click the transform "
+            f"icon of '{node.GetName()}', Harden transform."
         )
     if parent is not None:
         parent.GetMatrixTransformToWorld(matrix)
