@@ -18,12 +18,14 @@ from Benchmarks.features.report import write_report
 from Benchmarks.features.settings import DEFAULT, FINE, SETTINGS, at_grid, settings_called
 from Benchmarks.features.summary import summary
 from Benchmarks.features.times import measured, sampled_seconds
+from Benchmarks.features.waiting import waited
 from Benchmarks.shared.machine import machine
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.extraction import FeatureRun
 from ViTTransferFunction.Logic.features.settings import FeatureSettings
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Logic.session.presets import DEFAULT_PRESET, PRESETS
+from ViTTransferFunction.Logic.session.settings import SessionSettings
 
 
 def row(case: str, setting: str, dice: tuple[float, float], extra_bytes: int = 0) -> dict[str, Any]:
@@ -123,3 +125,10 @@ def test_seconds_from_some_slices_stand_for_all_of_them(
     shape = FeatureRun(spheres[0], tiny_network, settings).plan.shape
     expected = sum(layers / 4 for layers in shape)
     assert sampled_seconds(spheres[0], tiny_network, settings, batches=4) == pytest.approx(expected, rel=0.3)
+
+
+@pytest.mark.slow
+def test_a_users_wait_is_measured_with_what_was_said_of_it(spheres: tuple[Volume, np.ndarray], real_weights: Path) -> None:
+    found = waited(spheres[0], SessionSettings(grid=12, weights_path=str(real_weights), device="cpu"), starting_s=0.0)
+    assert 0.0 < found["first_features_s"] <= found["ready_s"]
+    assert all(found[name] > 0 for name in ("estimating_s", "said_s", "bytes", "said_bytes"))
