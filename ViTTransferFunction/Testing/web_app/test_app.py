@@ -800,6 +800,11 @@ def test_what_a_poll_raises_is_told_once_and_the_app_goes_on(
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]
 
 
+def fail(*_: object) -> None:
+    """What nobody foresaw."""
+    raise RuntimeError("shapes do not fit")
+
+
 def test_what_an_action_raises_is_told_on_the_page(opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch) -> None:
     async def journey(app: WebApp) -> None:
         following = asyncio.create_task(app._follow())
@@ -812,9 +817,6 @@ def test_what_an_action_raises_is_told_on_the_page(opened: Callable[[Journey], N
         app.server.controller.trigger_fn("ask")("page", 2, "act", ["addClass"])
         assert app.server.state.message == ""
         following.cancel()
-
-    def fail() -> None:
-        raise RuntimeError("shapes do not fit")
 
     opened(journey)
 
@@ -831,9 +833,6 @@ def test_what_a_file_that_is_opened_raises_is_told_on_the_page(
         assert app.server.state.message.startswith("Something unexpected went wrong (RuntimeError: shapes do not fit)")
         assert app.server.state.opening == ""
         following.cancel()
-
-    def fail(*_: object) -> None:
-        raise RuntimeError("shapes do not fit")
 
     opened(journey)
     assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["shapes do not fit"]
