@@ -110,6 +110,19 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
     names = [_name(each.path, folder) for each in slices]
     if instead := DicomSeries(tuple(slices)).instead:
         raise InputError(f"The DICOM series in {folder} is {instead}")
+    _check_sizes(slices, names, folder)
+    _check_pixels(slices, names, folder)
+    oblique = turned(slices)
+    if oblique.any():
+        raise InputError(
+            f"The DICOM series in {folder} has slices that are not parallel, such as {names[0]} and "
+            f"{names[int(oblique.argmax())]}: a survey in several directions, perhaps. Name a folder with one stack."
+        )
+    _check_places(slices, names, folder)
+
+
+def _check_sizes(slices: Sequence[DicomSlice], names: Sequence[str], folder: Path) -> None:
+    """Raise InputError where slices have other numbers of rows or columns than the first."""
     sizes = np.array([each.size for each in slices])
     unlike = (sizes != sizes[0]).any(axis=1)
     if unlike.any():
@@ -118,14 +131,18 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
             f"The DICOM series in {folder} has slices of different sizes, such as {one} and {other} pixels. Name a folder with "
             "slices of one size."
         )
+
+
+def _check_pixels(slices: Sequence[DicomSlice], names: Sequence[str], folder: Path) -> None:
+    """Raise InputError where pixels have no size, or not that of the first slice, which ITK takes for all of them."""
     pixels_mm = np.array([each.pixel_mm for each in slices])
     if not pixels_mm.all():
         raise InputError(
             f"The DICOM series in {folder} cannot be read: the pixel spacing (0028,0030) of its slices is no number. Export "
             "them again."
         )
-    # ITK takes the first one's for all: the last pixels of another would lie elsewhere.
-    off_mm = (np.abs(pixels_mm - pixels_mm[0]) * sizes[0, :2]).max(axis=1)
+    # How far from where they belong the last pixels would lie.
+    off_mm = (np.abs(pixels_mm - pixels_mm[0]) * slices[0].size[:2]).max(axis=1)
     if off_mm.max() > LARGEST_DEVIATION * pixels_mm.min():
         one, other = (
             f"{names[index]} with {' × '.join(f'{mm:g}' for mm in pixels_mm[index])}" for index in (0, int(off_mm.argmax()))
@@ -134,27 +151,26 @@ def _check_slices(slices: Sequence[DicomSlice], folder: Path) -> None:
             f"The DICOM series in {folder} has slices whose pixels differ in size, such as {one} and {other} mm. Name a folder "
             "with slices of one size."
         )
-    oblique = turned(slices)
-    if oblique.any():
-        raise InputError(
-            f"The DICOM series in {folder} has slices that are not parallel, such as {names[0]} and "
-            f"{names[int(oblique.argmax())]}: a survey in several directions, perhaps. Name a folder with one stack."
-        )
+
+
+def _check_places(slices: Sequence[DicomSlice], names: Sequence[str], folder: Path) -> None:
+    """Raise InputError where two slices lie at one place, or do not say where."""
     gaps = np.diff(heights(slices))
     if len(gaps) == 0:
         return
     closest = int(gaps.argmin())
-    if gaps[closest] <= SAME_PLACE * np.median(gaps):
-        one, other = sorted(names[closest : closest + 2])
-        if POSITION in slices[closest].unsaid | slices[closest + 1].unsaid:
-            raise InputError(
-                f"The DICOM series in {folder} has slices that do not say where they lie, such as {one} or {other}; expected a "
-                "position (0020,0032) of each. Export them again from where they came."
-            )
+    if gaps[closest] > SAME_PLACE * np.median(gaps):
+        return
+    one, other = sorted(names[closest : closest + 2])
+    if POSITION in slices[closest].unsaid | slices[closest + 1].unsaid:
         raise InputError(
-            f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
-            "several phases or echoes, which the headers do not tell apart here, put one into a folder of its own."
+            f"The DICOM series in {folder} has slices that do not say where they lie, such as {one} or {other}; expected a "
+            "position (0020,0032) of each. Export them again from where they came."
         )
+    raise InputError(
+        f"The DICOM series in {folder} has two slices at one place: {one} and {other}. Remove the one that is a copy; of "
+        "several phases or echoes, which the headers do not tell apart here, put one into a folder of its own."
+    )
 
 
 def _name(path: Path, folder: Path) -> str:
