@@ -20,7 +20,7 @@ at where its cell is what it mostly is (`Connectedness.seen_at`). What is walled
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -29,11 +29,12 @@ import numpy as np
 from ..core.classes.class_request import ClassRequest, different_places
 from ..core.classes.iso_proposals import IsoProposals
 from ..core.system.progress import Between, nothing_between, one_at_a_time
-from ..core.system.side_thread import side_thread
+from ..core.system.side_thread import Finish, side_thread
 from ..core.volumes.resampling import FixedPlaces, sample_at
 from ..core.volumes.volume import Volume
 from ..core.volumes.voxel_map import VoxelMap
 from ..features.whitening import NormalisedFeatures
+from .annotated_points import BACKGROUND_RIDGE, AnnotatedPoints, annotated_points, point_ridge
 from .cell_intensities import CellIntensities
 from .closed_structures import raise_within
 from .connected_points import between_points, point_factors, shares
@@ -49,20 +50,10 @@ from .iso_value import (
 )
 from .kernel_rows import KernelRows
 from .place_kernel import POSITION_SIGMA, CellKernel, Places, place_kernel
-from .point_reach import PointReach, Reach, points_before
+from .point_reach import PointReach, points_before
 from .ridge_systems import solve_each
 from .similarity_map import SimilarityMap
 
-POINT_RIDGE = 0.05
-BACKGROUND_RIDGE = 2.0
-"""Diagonal of Λ: what annotated points, and what random cells, may be missed by."""
-FEW_POINTS = 15
-"""Of a class, inside or outside it: up to so many points, each is believed."""
-MANY_POINTS_EXPONENT = 1.5
-"""Of more points, each may be missed by more: their number over `FEW_POINTS` to this power, but by no more than a random cell.
-Were each of some hundred points believed, all over a structure, the map would take in all that is like any of them, at a rim
-say: of a liver, the Dice at 400 points was 0.35, and is 0.85. Chosen on the torso, looked at on the brain; benchmarks have
-hardly so many clicks."""
 BACKGROUND_CELLS = 100
 BACKGROUND_ROUNDS = 3
 BACKGROUND_LIMIT = 0.12
@@ -104,43 +95,25 @@ class KernelRidge:
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
     ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
-        annotated = _annotated(requests, self._connected.seen_at)
         between = one_at_a_time(between)
+        annotated = annotated_points(requests, self._connected.seen_at)
         with side_thread() as begin:
             # Flood fills, of many small arrays, beside kernels and sums, which wait for the memory.
             finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))
             finish_components = begin(partial(self._intensities.components.update, requests, between))
-            points = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
-            keys = self._connected.keys(annotated.points_ras)
-            before = points_before(annotated.points_ras, annotated.classes, annotated.positive)
-            row_keys = _row_keys(keys, before, annotated.positive)
-            self._reach.keep(row_keys)
-
-            def write_row(index: int, row: np.ndarray) -> np.ndarray:
-                between()
-                point = points.subset(np.array([index]))
-                self._with_cells.write(point, row[None])
-                if index in before:
-                    apply = self._reach.apply_to_positive if annotated.positive[index] else self._reach.apply_to_negative
-                    others = before[index]
-                    apply(row_keys[index], point, [row_keys[each] for each in others], points.subset(others), row)
-                finish_joining()
-                (factors,) = self._connected.at([keys[index]])
-                return np.asarray(factors)
-
-            rows = self._rows.indices(row_keys, write_row)
-            reach = self._reach.of(row_keys)
+            points = self._looked_at(annotated)
+            rows = self._written_rows(points, finish_joining, between)
             finish_joining()
-            joined = between_points(self._connected.at(keys, self._cells_at(annotated.points_ras)))
+            joined = between_points(self._connected.at(points.keys, self._cells_at(annotated.points_ras)))
             share = shares(annotated.points_ras, joined, annotated.classes, annotated.positive)
-            weights, without_negatives = self._weights(annotated, points, keys, joined, share, reach, between)
+            weights, without_negatives = self._weights(points, joined, share, between)
             ratio = share / (1.0 - share)
             for turn, together in enumerate(_in_turns(len(requests), first)):
                 if turn:
                     # Until something is clicked in their own classes, these points' kernels stay as they are.
                     for point in np.flatnonzero(annotated.classes != first):
-                        self._rows.add_second(row_keys[point], float(ratio[point]))
-                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(row_keys))], axis=1)
+                        self._rows.add_second(points.row_keys[point], float(ratio[point]))
+                parts = np.stack([1.0 - share, (1.0 - share) * (ratio - self._rows.added(points.row_keys))], axis=1)
                 of_rows, without = (
                     self._weights_of_rows(each[:, together], rows, parts) for each in (weights, without_negatives)
                 )
@@ -153,6 +126,33 @@ class KernelRidge:
                         raise_within(closed, of_class)
                     prior = self._prior(requests[index], without_its_negatives)
                     yield index, SimilarityMap(of_class.reshape(self._features.geometry.shape), prior)
+
+    def _looked_at(self, annotated: AnnotatedPoints) -> _Points:
+        """What lies at annotated points, and which others each is judged by."""
+        places = self._places(self._features.at(annotated.points_ras), annotated.points_ras)
+        keys = self._connected.keys(annotated.points_ras)
+        before = points_before(annotated.points_ras, annotated.classes, annotated.positive)
+        return _Points(annotated, places, keys, before, _row_keys(keys, before, annotated.positive))
+
+    def _written_rows(self, points: _Points, finish_joining: Finish, between: Between) -> np.ndarray:
+        """Which kernel rows those of the points are, (P, 2); of new points, they are written now."""
+        self._reach.keep(points.row_keys)
+
+        def write(index: int, row: np.ndarray) -> np.ndarray:
+            between()
+            point = points.places.subset(np.array([index]))
+            self._with_cells.write(point, row[None])
+            if index in points.before:
+                others = points.before[index]
+                of_polarity = points.annotated.positive[index]
+                apply = self._reach.apply_to_positive if of_polarity else self._reach.apply_to_negative
+                keys = [points.row_keys[each] for each in others]
+                apply(points.row_keys[index], point, keys, points.places.subset(others), row)
+            finish_joining()
+            (factors,) = self._connected.at([points.keys[index]])
+            return np.asarray(factors)
+
+        return self._rows.indices(points.row_keys, write)
 
     def _weights_of_rows(self, weights: np.ndarray, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """α of points and background cells (P + B, classes) as weights of kernel rows, (classes, rows).
@@ -244,26 +244,27 @@ class KernelRidge:
         return FixedPlaces(self._volume_geometry, self._intensities.centres_ras[self._intensities.iso_cells])
 
     def _weights(
-        self,
-        annotated: _Annotated,
-        points: Places,
-        keys: Sequence[bytes],
-        joined: np.ndarray,
-        share: np.ndarray,
-        reach: Reach,
-        between: Between,
+        self, points: _Points, joined: np.ndarray, share: np.ndarray, between: Between
     ) -> tuple[np.ndarray, np.ndarray]:
-        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points."""
-        targets = annotated.targets
-        joined_to_background = self._connected.at(keys, self._background_cells).T
-        to_points = place_kernel(self._background, points).astype(np.float64) * ((1.0 - share) + share * joined_to_background)
-        to_points *= reach.factors(points, self._background).T
-        of_points = place_kernel(points, points).astype(np.float64) * point_factors(joined, share)
-        of_points *= reach.factors_between(points)
+        """α of points and background, (P + B, classes), 0 where a class does not see one; and those without negative points.
+
+        Args:
+            points: all annotated ones.
+            joined: C of each pair, (P, P).
+            share: b of each, (P,).
+            between: called between steps; may raise `Cancelled`.
+        """
+        annotated, places = points.annotated, points.places
+        targets, reach = annotated.targets, self._reach.of(points.row_keys)
+        joined_to_background = self._connected.at(points.keys, self._background_cells).T
+        to_points = place_kernel(self._background, places).astype(np.float64) * ((1.0 - share) + share * joined_to_background)
+        to_points *= reach.factors(places, self._background).T
+        of_points = place_kernel(places, places).astype(np.float64) * point_factors(joined, share)
+        of_points *= reach.factors_between(places)
         kernel = np.block([[of_points, to_points.T], [to_points, self._background_kernel]])
         background = np.zeros((len(to_points), targets.shape[1]))
         wanted = np.concatenate([targets, background])
-        ridge = np.concatenate([_point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
+        ridge = np.concatenate([point_ridge(annotated), np.full(len(background), BACKGROUND_RIDGE)])
         seen = ~np.isnan(wanted)
         weights = solve_each(kernel, ridge, wanted, seen, between)
         for _ in range(BACKGROUND_ROUNDS):
@@ -278,17 +279,6 @@ class KernelRidge:
             return weights, weights
         seen[: len(targets)][~annotated.positive] = False
         return weights, solve_each(kernel, ridge, wanted, seen, between)
-
-
-def _point_ridge(annotated: _Annotated) -> np.ndarray:
-    """What each annotated point may be missed by, (P,)."""
-    ridge = np.empty(len(annotated.points_ras))
-    parts = 2 * annotated.classes + annotated.positive
-    for part in np.unique(parts):
-        own = parts == part
-        many = len(different_places(annotated.points_ras[own])) / FEW_POINTS
-        ridge[own] = min(POINT_RIDGE * max(many, 1.0) ** MANY_POINTS_EXPONENT, BACKGROUND_RIDGE)
-    return ridge
 
 
 def _row_keys(keys: Sequence[bytes], before: Mapping[int, np.ndarray], positive: np.ndarray) -> list[bytes]:
@@ -311,36 +301,19 @@ def _different_positives(request: ClassRequest) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class _Annotated:
-    """All classes' points.
+class _Points:
+    """What is known of all annotated points before their kernels are.
 
     Attributes:
-        points_ras: (P, 3) RAS millimetres, where they are looked at.
-        targets: (P, classes), what each class should be there: 1, 0, or NaN where a point says nothing of a class.
-        classes: (P,) the index of the class that each point belongs to.
-        positive: (P,) bool, whether it is a positive point of that class.
+        annotated: where they are, and of what.
+        places: what lies there.
+        keys: of their connectedness (`ConnectedPoints.keys`).
+        before: the points by which some are judged (`points_before`).
+        row_keys: of their kernels.
     """
 
-    points_ras: np.ndarray
-    targets: np.ndarray
-    classes: np.ndarray
-    positive: np.ndarray
-
-
-def _annotated(requests: Sequence[ClassRequest], seen_at: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> _Annotated:
-    """The points of all classes, each class's positive ones before its negative ones.
-
-    `seen_at` says where a class's negative points are looked at, given them and its positive ones (`Connectedness.seen_at`).
-
-    A negative point says that its own class is not there, and leaves open what is. A point that two classes claim, such as a
-    class and its duplicate, speaks against neither.
-    """
-    points, targets = [], []
-    for index, request in enumerate(requests):
-        positive = np.stack([np.where(other.claims(request.positive), np.nan, 0.0) for other in requests], axis=1)
-        negative = np.full((len(request.negative), len(requests)), np.nan)
-        positive[:, index], negative[:, index] = 1.0, 0.0
-        points += [request.positive, seen_at(request.negative, request.positive)]
-        targets += [positive, negative]
-    part = np.repeat(np.arange(len(points)), [len(of_polarity) for of_polarity in points])
-    return _Annotated(np.concatenate(points), np.concatenate(targets), classes=part // 2, positive=part % 2 == 0)
+    annotated: AnnotatedPoints
+    places: Places
+    keys: list[bytes]
+    before: dict[int, np.ndarray]
+    row_keys: list[bytes]
