@@ -157,6 +157,23 @@ def test_results_have_what_other_methods_were_measured_to_have_last() -> None:
         assert figures == [figure(mean, spread, digits=3) for mean, spread in means_and_spreads], (scan, method)
 
 
+def test_method_has_what_eq_1_and_the_guided_filter_were_measured_to_have_last() -> None:
+    measured = summary("accuracy")["methods"]
+
+    def three(method: str) -> str:
+        scans = ("amos_0336", "torso_small", "brain")
+        return ", ".join(figure(measured[scan][method]["5"][0], None, digits=3) for scan in scans)
+
+    raw, whitened = three("Eq. 1, raw features"), three("Eq. 1, whitened features")
+    text = " ".join((ROOT / "docs/METHOD.md").read_text(encoding="utf-8").split())
+    for told in (
+        f"given our clicks: raw {raw}; whitened {whitened}.",
+        f"Eq. 1 on whitened features, given the same clicks, has {whitened} (",
+        f"given the solver's clicks, it has {three('default, guided filter')}, and the solver",
+    ):
+        assert told in text, told
+
+
 def test_results_have_the_accuracy_on_other_scans() -> None:
     cases, scan, count = summary("accuracy")["cases"], "", 0
     for name, *figures in rows_of("docs/RESULTS.md", "| scan and structure | @1 | @3 | @5 | with one size step @1 | @3 |"):
