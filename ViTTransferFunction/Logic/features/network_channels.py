@@ -65,7 +65,7 @@ body in cyan and white."""
 
 
 def network_channels(volume: Volume) -> NetworkChannels:
-    """The network's colour channels: those of a CT, or the central 99 % of intensities in each, as in the paper.
+    """The network's colour channels: those of a CT, or the central 99 % of intensities, the same in each.
 
     Parts of a volume have the channels of the whole.
     """
