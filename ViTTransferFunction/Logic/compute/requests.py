@@ -229,7 +229,7 @@ class GivenUp:
 
 @dataclass(frozen=True)
 class Failed:
-    """Something that the user gave cannot be used; `message` says what, in words for the user."""
+    """Something that the user gave cannot be used, or memory or disk are too small; `message` says what, in words for users."""
 
     message: str
 
