@@ -21,6 +21,7 @@ from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.features.vision_transformer import VisionTransformer
 from ViTTransferFunction.Testing.support.loaded_python import LoadedPython
+from ViTTransferFunction.Testing.support.real_volumes import REAL_VOLUMES
 from ViTTransferFunction.Testing.support.slicer_release import let_slicer_go
 from ViTTransferFunction.Testing.support.tiny_model import TINY_MODEL, random_state_dict
 
@@ -77,9 +78,10 @@ def real_weights() -> Path:
 
 @pytest.fixture
 def real_volume() -> Callable[[str], Path]:
-    """The path of a real volume, by its file name."""
+    """The path of a real volume, by its file name, one of `REAL_VOLUMES`."""
 
     def path_of(name: str) -> Path:
+        assert name in REAL_VOLUMES
         path = Path(VOLUMES or "") / name
         if not VOLUMES or not path.exists():
             _missing(f"VITTF_TEST_VOLUMES does not name a folder with {name}")

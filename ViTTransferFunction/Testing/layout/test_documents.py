@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ViTTransferFunction.CommandLine.vittf import build_parser
+from ViTTransferFunction.Testing.support.real_volumes import REAL_VOLUMES
 
 ROOT = Path(__file__).parents[3]
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
@@ -54,3 +55,8 @@ def test_contributors_are_told_every_command_of_dev_py_and_no_other() -> None:
     (every,) = re.findall(r"every = \((.*)\)", (ROOT / "dev.py").read_text(encoding="utf-8"))
     table = re.findall(r"(?m)^\| `python dev\.py (\w+)", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
     assert set(table) == set(every.split(", "))
+
+
+def test_contributors_are_told_every_real_volume_that_tests_ask_for() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert [name for name in REAL_VOLUMES if f"`{name}`" not in text] == []
