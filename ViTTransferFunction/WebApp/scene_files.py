@@ -94,13 +94,18 @@ def stage_session(scene: Any, folder: Path) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    folder.mkdir()
-    with _uncompressed(_storage_nodes(scene)) as ids, _names_for_windows(scene):
-        if not scene.SaveSceneToSlicerDataBundleDirectory(folder.as_posix(), None):
-            raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
-    for scene_file in folder.glob("*.mrml"):
-        _escape_ampersands(scene_file)
-        _say_compressed(scene_file, ids)
+    try:
+        folder.mkdir()
+        with _uncompressed(_storage_nodes(scene)) as ids, _names_for_windows(scene):
+            is_written = scene.SaveSceneToSlicerDataBundleDirectory(folder.as_posix(), None)
+        for scene_file in folder.glob("*.mrml"):
+            _escape_ampersands(scene_file)
+            _say_compressed(scene_file, ids)
+    # Slicer does not notice where a full disk cut the scene's own file off, which then is no XML.
+    except (OSError, ElementTree.ParseError):
+        is_written = False
+    if not is_written:
+        raise InputError("The session could not be saved. Make room on the disk of temporary files, and try again.")
 
 
 def stage_segmentation(segmentation: Any, path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -97,6 +98,20 @@ def test_voxels_are_not_compressed_where_the_page_stands_still_and_slicer_compre
     scene_files.import_scene(slicer_app.scene, scene_files.unpacked_session(tmp_path / "session.mrb", tmp_path / "unpacked"))
     again = slicer_app.scene.GetFirstNodeByClass("vtkMRMLScalarVolumeNode")
     assert again.GetStorageNode().GetUseCompression()
+
+
+@pytest.mark.parametrize("cut_off", [True, False], ids=["Slicer's own writing", "writing it again"])
+def test_a_disk_that_is_full_when_the_scene_itself_is_written_is_told(
+    slicer_app: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cut_off: bool
+) -> None:
+    def full(scene_file: Path) -> None:
+        if not cut_off:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        scene_file.write_bytes(scene_file.read_bytes()[:1000])
+
+    monkeypatch.setattr(scene_files, "_escape_ampersands", full)
+    with pytest.raises(InputError, match="could not be saved. Make room"):
+        scene_files.stage_session(slicer_app.scene, tmp_path / "session")
 
 
 def test_packing_a_segmentation_keeps_its_voxels_and_segments(tmp_path: Path) -> None:
