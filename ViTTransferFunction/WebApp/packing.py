@@ -5,6 +5,9 @@ Each function calls `progress` with the bytes done so far, which may raise to st
 
 from __future__ import annotations
 
+import errno
+import math
+import os
 import zipfile
 import zlib
 from pathlib import Path
@@ -19,6 +22,14 @@ _CHUNK = 1 << 20
 _ZIP64_BYTES = 1 << 31
 _GZIP_BITS = 31
 """What zlib calls its largest window in a gzip file."""
+_NRRD_TYPES = {
+    1: (b"signed char", b"unsigned char"),
+    2: (b"short", b"unsigned short"),
+    4: (b"int", b"unsigned int", b"float"),
+    8: (b"long long int", b"unsigned long long int", b"double"),
+}
+_VOXEL_BYTES = {name: size for size, names in _NRRD_TYPES.items() for name in names}
+"""By the type's name in a header, as Slicer and ITK write it."""
 
 
 def zip_folder(folder: Path, path: Path, progress: Progress = no_progress) -> None:
@@ -51,13 +62,17 @@ def gzip_nrrd(raw: Path, path: Path, progress: Progress = no_progress) -> None:
         progress: called with bytes compressed; may raise to cancel.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: it cannot be written, or voxels lack in `raw`, for which the disk had no room.
         ValueError: `raw` is no such file.
     """
     with raw.open("rb") as source, path.open("xb") as target:
-        for line in _header(source):
+        header = _header(source)
+        for line in header:
             target.write(b"encoding: gzip\n" if line == b"encoding: raw\n" else line)
         done, total = source.tell(), raw.stat().st_size
+        # Slicer does not notice where it was only the last of them.
+        if total < done + _promised_bytes(header):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         packer = zlib.compressobj(LEVEL, zlib.DEFLATED, _GZIP_BITS)
         while chunk := source.read(_CHUNK):
             target.write(packer.compress(chunk))
@@ -74,3 +89,12 @@ def _header(nrrd: BinaryIO) -> list[bytes]:
     if not lines[0].startswith(b"NRRD") or b"encoding: raw\n" not in lines or lines[-1] != b"\n":
         raise ValueError("no NRRD file of uncompressed voxels")
     return lines
+
+
+def _promised_bytes(header: list[bytes]) -> int:
+    """How many bytes of voxels there are by a header."""
+    fields = dict(line.rstrip().split(b": ", 1) for line in header if b": " in line)
+    try:
+        return math.prod(map(int, fields[b"sizes"].split())) * _VOXEL_BYTES[fields[b"type"]]
+    except KeyError as error:
+        raise ValueError("no NRRD file of known voxels") from error

@@ -127,6 +127,16 @@ def test_packing_a_segmentation_keeps_its_voxels_and_segments(tmp_path: Path) ->
     assert (tmp_path / "packed.seg.nrrd").stat().st_size < voxels.size / 20
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint32, np.float64])
+def test_segments_whose_last_voxels_found_no_room_on_the_disk_are_not_packed(tmp_path: Path, dtype: type[np.generic]) -> None:
+    raw, packed = tmp_path / "raw.seg.nrrd", tmp_path / "packed.seg.nrrd"
+    sitk.WriteImage(sitk.GetImageFromArray(np.ones((3, 4, 5), dtype)), str(raw), useCompression=False)
+    packing.gzip_nrrd(raw, packed)
+    raw.write_bytes(raw.read_bytes()[:-1])
+    with pytest.raises(OSError, match="No space left"):
+        packing.gzip_nrrd(raw, tmp_path / "again.seg.nrrd")
+
+
 def test_the_parameter_node_is_made_once(slicer_app: Any) -> None:
     assert scene_files.parameter_node(slicer_app.scene) is scene_files.parameter_node(slicer_app.scene)
 
