@@ -70,9 +70,10 @@ class ComputeProcess:
     def __init__(self, python_executable: str | Path | None = None) -> None:
         executable = _executable(python_executable)
         self.own_pid: int | None = None
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `end`)
         self._private = _private_folder()
         self.folder = Path(self._private.name)
+        # After the folder, which tells it in words where no place for temporary files is to be had.
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed in `clean_up`)
         try:
             self._process = subprocess.Popen(
                 [executable, "-c", _BOOTSTRAP, str(Path(__file__).parents[2]), _working_folder(), str(self.folder)],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
@@ -184,6 +185,15 @@ def test_of_several_things_that_are_said_to_have_stopped_the_process_the_one_tha
 def test_where_python_is_missing_one_sentence_says_so(python: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", python)
     with pytest.raises(InputError, match="Python was not found"):
+        ComputeClient()
+
+
+def test_where_no_temporary_file_can_be_made_one_sentence_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full() -> str:
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp', '/var/tmp']")
+
+    monkeypatch.setattr("tempfile.gettempdir", full)
+    with pytest.raises(InputError, match=r"No temporary files can be kept: .* Make room"):
         ComputeClient()
 
 

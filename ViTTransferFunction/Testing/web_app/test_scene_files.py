@@ -110,7 +110,7 @@ def test_a_disk_that_is_full_when_the_scene_itself_is_written_is_told(
         scene_file.write_bytes(scene_file.read_bytes()[:1000])
 
     monkeypatch.setattr(scene_files, "_escape_ampersands", full)
-    with pytest.raises(InputError, match="could not be saved. Make room"):
+    with pytest.raises(InputError, match=r"could not be saved\. Make room"):
         scene_files.stage_session(slicer_app.scene, tmp_path / "session")
 
 
