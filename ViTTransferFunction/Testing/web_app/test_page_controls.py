@@ -155,6 +155,20 @@ def test_the_cache_is_looked_at_while_it_is_in_sight_and_emptied_on_demand(
     opened(journey)
 
 
+def test_why_there_is_no_folder_for_the_cache_stands_where_it_is_looked_at(
+    opened: Callable[[Journey], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def journey(app: WebApp) -> None:
+        monkeypatch.setenv("VITTF_CACHE", "~no-such-user/cache")
+        app.actions("advanced", True)
+        cache: Any = app.server.state.cache
+        assert "no such home folder" in cache["text"]
+        assert not cache["has_features"]
+        assert not cache["has_model"]
+
+    opened(journey)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "why"),
     [("model", "of tomorrow", "'model' cannot be 'of tomorrow'; expected"), ("grid", 500, "must have 4 to 128 cells; got 500")],

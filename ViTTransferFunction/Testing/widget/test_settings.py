@@ -206,6 +206,19 @@ def test_the_cache_is_shown_and_emptied_on_confirmation(
     assert not widget.ui.clearFeaturesButton.isEnabled()
 
 
+@pytest.mark.parametrize(
+    ("folder", "words"), [("~no-such-user/cache", "no such home folder"), ("a" * 300, "File name too long")]
+)
+def test_without_a_folder_for_the_cache_the_section_says_why(
+    widget: Any, monkeypatch: pytest.MonkeyPatch, folder: str, words: str
+) -> None:
+    monkeypatch.setenv("VITTF_CACHE", folder)
+    widget.ui.advancedCollapsibleButton.click()
+    assert words in widget.ui.cacheFolderLabel.text()
+    assert not widget.ui.clearFeaturesButton.isEnabled()
+    assert not widget.ui.removeModelButton.isEnabled()
+
+
 def test_a_model_is_removed_from_the_cache_on_confirmation(widget: Any, a_cache_of_its_own: Path, questions: list[str]) -> None:
     weights = a_cache_of_its_own / "weights" / "dino_deitsmall8_pretrain.pth"
     weights.parent.mkdir()

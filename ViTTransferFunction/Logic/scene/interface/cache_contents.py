@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from ...core.system.cache_folder import cache_folder
 from ...core.system.errors import InputError
-from ...features.cache import FeatureCache
+from ...features.cache import CacheEntry, FeatureCache
 from ...session.presets import DEFAULT_PRESET, preset
 from ...weights.models import PretrainedModel, pretrained_model
 from ...weights.store import file_in, remove_weights, weights_folder
@@ -22,13 +24,19 @@ class CacheContents:
 
     def __init__(self, parameters: SceneParameters | None) -> None:
         self._model = _model(parameters)
-        self._weights = file_in(weights_folder(), self._model)
-        self._features = FeatureCache().entries()
+        self._weights: Path | None = None
+        self._features: list[CacheEntry] = []
+        self._trouble = ""
+        try:
+            self._weights = file_in(weights_folder(), self._model)
+            self._features = FeatureCache().entries()
+        except (OSError, InputError) as error:
+            self._trouble = str(error)
 
     @property
     def text(self) -> str:
-        """Where the cache is, and how much it holds."""
-        return _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
+        """Where the cache is, and how much it holds; or why there is none."""
+        return self._trouble or _("{folder}\nFeatures: {features}. {model}: {weights}.").format(
             # Windows takes it with these slashes as well, after which lines can be broken.
             folder=cache_folder().as_posix(),
             features=self._features_size,
