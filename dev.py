@@ -11,9 +11,9 @@
     python dev.py rooms    print the drawing of the rooms of the Logic for docs/ARCHITECTURE.md
     python dev.py lock     write locked-requirements.txt anew, after a change of constraints.txt or pyproject.toml
 
-Each command makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt; on Linux with
-Python 3.11, as in continuous integration, only files whose hashes locked-requirements.txt names, if pip is told where PyTorch's
-build for processors is (PIP_FIND_LINKS).
+Each command but `lock` makes the virtual environment `.venv` and installs what it needs, at the versions of constraints.txt;
+on Linux with Python 3.11, as in continuous integration, only files whose hashes locked-requirements.txt names, if pip is told
+where PyTorch's build for processors is (PIP_FIND_LINKS).
 Only the standard library is used here, since nothing else is there yet.
 """
 
@@ -60,8 +60,11 @@ def main() -> int:
     every = (demo, app, test, lint, attack, bench, screenshots, gallery, rooms, lock)
     commands = {command.__name__: command for command in every}
     parser.add_argument("command", choices=list(commands))
-    command, rest = parser.parse_known_args()
-    return commands[command.command](rest)
+    # Of what follows the command, `--help` too is the command's.
+    name, rest = parser.parse_args(sys.argv[1:2]).command, sys.argv[2:]
+    if rest and commands[name] in (demo, rooms, lock):
+        parser.error(f"{name} takes no arguments")
+    return commands[name](rest)
 
 
 def demo(arguments: list[str]) -> int:
