@@ -113,7 +113,7 @@ def legend_height(segments: Sequence[PictureSegment], width: int, text_size: int
 
 
 def draw_legend(canvas: Canvas, top: int, segments: Sequence[PictureSegment], text_size: int) -> None:
-    """Draw a colour swatch and the name of every segment in centred rows below `top`; say so where there is none."""
+    """Draw a colour swatch and the name of every segment in centred rows below `top`; nothing where there is none."""
     y = top + 0.95 * text_size
     for row in _legend_rows(segments, canvas.pixels.shape[1], text_size):
         x = (canvas.pixels.shape[1] - sum(width for *_, width in row)) / 2

@@ -42,7 +42,8 @@ class Access:
 
     Args:
         host: the name or address that the server listens at.
-        on_left: called in the server's loop once the browser's tab was closed and did not come back.
+        on_left: called in the server's loop once the browser's tab was closed and did not come back, or long after its
+            connection broke.
         on_entered: called there when a page is sent, which then is the one that has the session.
     """
 

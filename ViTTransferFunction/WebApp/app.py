@@ -137,7 +137,7 @@ class WebApp:
         on_warning: Callable[[str], None],
         series: str | None,
     ) -> None:
-        """Serve the page until `stop` is called, or the browser's tab was closed and did not come back.
+        """Serve the page until `stop` is called, or the browser's tab was closed, or cut off, and did not come back.
 
         Args:
             host: name or address to listen at.

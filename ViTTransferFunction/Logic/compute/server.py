@@ -54,7 +54,7 @@ class Server:
 
     Args:
         requests: stream of messages, each a request of `requests`.
-        replies: stream that gets `Started`; then, for each request, any number of `Progressed` and `CoarseFeatures`, and then
+        replies: stream that gets `Started`; then, for each request but `Cancel`, any number of `UNFINISHED` replies, and then
             the request's own reply, `GivenUp` or `Failed`.
         files: hands over the arrays of both.
     """

@@ -69,7 +69,7 @@ class SegmentationService:
 
     Args:
         progress: called with the work of every other request; may raise `Cancelled`, after which the next request is served as
-            if the cancelled one had not been made.
+            if the cancelled one had not been made, but for the coarser features that it got to.
         on_coarse: called whenever there are coarser or finer features while the final ones are still computed.
         between_points: called before what `ComputeMaps` needs of each new point; may raise `Cancelled` as well.
         on_preparable: called whenever `prepare_clicks` has something new to do.
@@ -260,7 +260,7 @@ class SegmentationService:
 
 
 def _check_are_of(maps: Collection[Any], classes: Sequence[Any]) -> None:
-    """Raises Cancelled where the maps that were replied last are others by now: those of a click, which has given this up."""
+    """Raises Cancelled where the maps that were replied last are of more or fewer classes by now: a click has given this up."""
     if len(maps) != len(classes):
         raise Cancelled
 

@@ -113,7 +113,7 @@ def read_content(folder: Path) -> FolderContent:
     """Read the headers of all DICOM files that `series_files` finds.
 
     Raises:
-        InputError: a folder cannot be read, far too much lies below, or something in it is neither file nor folder.
+        InputError: a folder or file cannot be read, far too much lies below, or something in it is neither file nor folder.
     """
     for entry in _entries(folder):
         # GDCM would open it, and wait.

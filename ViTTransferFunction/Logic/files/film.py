@@ -90,7 +90,7 @@ def write_film(plan: FilmPlan, frame: Callable[[int], np.ndarray], progress: Pro
         progress: called with frames done.
 
     Raises:
-        InputError: the film cannot be written, or what it is written by is missing.
+        InputError: the film cannot be written. What it is written by must be there (`check_film_writer`).
     """
 
     def shown(number: int) -> np.ndarray:

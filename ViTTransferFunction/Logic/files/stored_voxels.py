@@ -80,7 +80,7 @@ class StoredVoxels:
             position, rest = position + len(values), stored[values.nbytes :]
 
     def chunks(self, count: int) -> Iterator[bytes]:
-        """The `count` bytes of the voxels, unpacked, a part at a time. Raises InputError at the end where some are missing."""
+        """The `count` bytes of the voxels, unpacked, a part at a time. Raises InputError where some are missing."""
         try:
             with self.path.open("rb") as file:
                 yield from self._unpacked(file, count) if self.compressed else self._plain(file, count)

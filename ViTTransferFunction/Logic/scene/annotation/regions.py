@@ -92,7 +92,7 @@ class SceneRegions:
         """Add the points of one of `markups` to a class; a curve is taken to lie in the plane nearest to it. The markup stays.
 
         Raises:
-            InputError: none of them lies in the volume, or a line is too short.
+            InputError: none of them lies in the volume, a line is too short, or a curve encloses no area.
         """
         node = self._scene.GetNodeByID(node_id)
         if node.IsA(_LINE):

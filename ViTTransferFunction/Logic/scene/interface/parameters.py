@@ -37,7 +37,8 @@ class SceneParameters:
     The parameters, by the names that they have in the node:
         volume, segmentation: references to the volume to segment, and to the segmentation that gets the segments.
         preset: one of `PRESETS`.
-        model: one of `PRETRAINED_MODELS`; empty: the one that the scene's structures were made with, or the preset's.
+        model: one of `PRETRAINED_MODELS`; empty: the one that the scene's structures were made with, the one of `weightsPath`,
+            or the preset's.
         usedModel: with which features were got last; empty: none were yet.
         weightsPath: file or folder of weights; empty: the cache or a download.
         grid: feature cells along the longest edge; 0: the preset's.
@@ -91,7 +92,7 @@ class SceneParameters:
                 node.SetParameter(name, str(default))
 
     def get(self, name: str) -> Any:
-        """The value of a parameter, of its default's type; the default where the node's text is no such value."""
+        """The value of a parameter, of its default's type; the default where the node's text should be a number and is none."""
         default = self.DEFAULTS[name]
         if not self.node.HasParameter(name):
             return default  # Closing a scene empties the node.

@@ -1,8 +1,9 @@
 """The keys of every front end: those that work anywhere in its window, and those of its table of structures.
 
-None but [ and ] is one that Slicer itself uses in its windows and views: f, b, g, t, r, s, v, i and the arrows in the views,
-and Ctrl with a letter or a digit in the main window. With [ and ] a slice view shows the previous and the next volume, which
-nobody wants while marking structures in one. Undo, redo and the choice of the structure are on the keys of the Segment Editor.
+None but [, ] and Esc is one that Slicer itself uses in its windows and views: f, b, g, t, r, s, v, i and the arrows in the
+views, and Ctrl with a letter or a digit in the main window. With [ and ] a slice view shows the previous and the next volume,
+which nobody wants while marking structures in one; Esc gives up what the mouse is dragging in a view. Undo, redo and the choice
+of the structure are on the keys of the Segment Editor.
 """
 
 from __future__ import annotations

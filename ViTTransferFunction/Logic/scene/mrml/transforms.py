@@ -18,7 +18,7 @@ def world_to_local(node: Any, points_ras: np.ndarray) -> np.ndarray:
     """Points of the scene (N, 3) in RAS millimetres, in the local frame of `node`, (N, 3) RAS millimetres.
 
     Raises:
-        InputError: the node is under a non-linear transform.
+        InputError: the node is under a transform that is not linear, or leaves no volume.
     """
     return transform_points(np.linalg.inv(matrix_to_world(node)), points_ras)
 

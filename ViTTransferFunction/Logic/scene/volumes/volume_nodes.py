@@ -29,8 +29,8 @@ def geometry_from_node(node: Any) -> Geometry:
     """The voxel grid of a scalar volume node in its local frame, whatever its voxels hold.
 
     Raises:
-        InputError: the node has no voxels, more than one number in each, a degenerate geometry or a non-linear parent
-            transform.
+        InputError: the node has no voxels, more than one number in each, a degenerate geometry, or a parent transform
+            that is not linear or leaves no volume.
     """
     name, image = node.GetName(), node.GetImageData()
     scalars = image.GetPointData().GetScalars() if image else None

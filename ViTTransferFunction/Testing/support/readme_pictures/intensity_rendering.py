@@ -19,7 +19,7 @@ from ViTTransferFunction.Logic.core.classes.colors import Color
 from ViTTransferFunction.Logic.core.volumes.camera import Size
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 
-STEP_MM = 0.5
+STEP_VOXELS = 0.5
 """Length of a ray's steps, in voxels of the finest spacing."""
 
 
@@ -56,7 +56,7 @@ def _prop(volume: Volume, stops: Sequence[IntensityStop]) -> vtkVolume:
     mapper = vtkGPUVolumeRayCastMapper()
     mapper.SetInputData(image)
     mapper.SetAutoAdjustSampleDistances(0)
-    mapper.SetSampleDistance(STEP_MM * float(spacing_mm.min()))
+    mapper.SetSampleDistance(STEP_VOXELS * float(spacing_mm.min()))
     mapper.UseJitteringOn()
     # The image has the spacing.
     matrix = vtkMatrix4x4()
