@@ -44,17 +44,21 @@ class Competition:
         self._entered = 0
         self._best: dict[tuple[int, int, int], np.ndarray] = {}
 
-    def enter(self, similarity: np.ndarray | None, iso: float, box: Box | None) -> None:
+    def enter(self, similarity: np.ndarray | None, iso: float, box: Box | None) -> bool:
         """Let the next class compete.
 
         Args:
             similarity: its map in [0, 1], (K, J, I) of the box.
-            iso: its iso value.
+            iso: its iso value; one below `SMALLEST_ISO` counts as that.
             box: outside of which it does not reach that; None, and no map: it does nowhere.
+
+        Returns:
+            Whether it reaches its iso value anywhere, be it where an earlier class exceeds its own by more.
         """
         self._entered += 1
+        reaches_anywhere = False
         if similarity is None or box is None:
-            return
+            return reaches_anywhere
         for block in _blocks(self.labels.shape):
             part = common_part(block, box)
             if part is None:
@@ -63,6 +67,7 @@ class Competition:
             reaches = ratio >= 1.0
             if not reaches.any():
                 continue
+            reaches_anywhere = True
             corner = block[0].start, block[1].start, block[2].start
             if corner not in self._best:
                 self._best[corner] = np.ones(self.labels[block].shape, dtype=np.float32)
@@ -72,6 +77,7 @@ class Competition:
             # What a later class has to exceed; in place, as blocks are large.
             ratio *= np.float32(1.0 + TIE)
             best[wins] = ratio[wins]
+        return reaches_anywhere
 
 
 def _blocks(shape: tuple[int, ...]) -> Iterator[Box]:

@@ -250,8 +250,8 @@ class SegmentationSession:
             if on_map:
                 on_map(request, full)
             box = full.voxels.box_above(full.iso)
-            competition.enter(full.voxels.part(box) if box else None, full.iso, box)
-            thresholds.append((full.iso, box is not None))
+            reaches_iso = competition.enter(full.voxels.part(box) if box else None, full.iso, box)
+            thresholds.append((full.iso, reaches_iso))
             # Before the next one is made.
             del full
             progress(index + 1, len(requests), SEGMENTING)

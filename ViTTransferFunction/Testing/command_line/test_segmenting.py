@@ -15,18 +15,19 @@ from ViTTransferFunction.Logic.core.classes.annotated_class import AnnotatedClas
 from ViTTransferFunction.Logic.core.classes.class_request import ClassRequest
 from ViTTransferFunction.Logic.files.annotation_files import write_annotations
 from ViTTransferFunction.Logic.files.segmentation_files import read_segmentation, write_image
+from ViTTransferFunction.Logic.refinement.refinement_methods import RefinementMethod
 from ViTTransferFunction.Logic.session.opening import open_session
 from ViTTransferFunction.Logic.session.settings import SessionSettings
 from ViTTransferFunction.Testing.support.known_features import GRID, cache_known_features
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras, requests_of
 
 
-def warnings_of(spheres: Spheres, requests: list[ClassRequest]) -> list[str]:
+def warnings_of(spheres: Spheres, requests: list[ClassRequest], method: RefinementMethod = "none") -> list[str]:
     cache_known_features(*spheres)
     warnings: list[str] = []
     classes = [AnnotatedClass(request, (1.0, 0.0, 0.0)) for request in requests]
     session = open_session(spheres[0], SessionSettings(grid=GRID))
-    segment_classes(session, classes, "none", True, on_warning=warnings.append)
+    segment_classes(session, classes, method, True, on_warning=warnings.append)
     return warnings
 
 
@@ -40,9 +41,10 @@ def test_a_class_that_loses_all_its_voxels_to_another_is_warned_of_with_its_name
     assert "its points lie in 'sphere 2'" in warning
 
 
-def test_a_class_whose_iso_value_is_reached_nowhere_is_warned_of(spheres: Spheres) -> None:
+@pytest.mark.parametrize("method", ["none", "bilateral"])
+def test_a_class_whose_iso_value_is_reached_nowhere_is_warned_of(spheres: Spheres, method: RefinementMethod) -> None:
     first, *others = requests_of(spheres)
-    (warning,) = warnings_of(spheres, [replace(first, iso=1.0, negative=centre_ras(spheres, 3)), *others])
+    (warning,) = warnings_of(spheres, [replace(first, iso=1.0, negative=centre_ras(spheres, 3)), *others], method)
     assert warning.startswith("Class 'sphere 1' has no voxel: nothing is as similar to its points as its threshold, iso 1.00")
     assert "Lower its 'iso'" in warning
 
