@@ -6,6 +6,7 @@ import platform
 from typing import TYPE_CHECKING
 
 from ..core.system.errors import InputError
+from ..core.system.out_of_memory import is_out_of_memory
 
 if TYPE_CHECKING:
     import torch
@@ -19,12 +20,16 @@ def choose_device(name: str) -> torch.device:
     Programs for Intel's processors are not given MPS unless they ask: there it computes wrong numbers, or ends the process.
 
     Raises:
-        InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing.
+        InputError: unknown name, this computer or this build of PyTorch has no such device, or PyTorch is missing or damaged.
+        OSError: memory was not enough to load PyTorch (`is_out_of_memory`).
     """
     check_device_name(name)
     try:
         import torch
-    except ImportError as error:
+    except (ImportError, OSError) as error:
+        # Where one of its libraries is missing, or one that it needs of the system, PyTorch hands on what the system says.
+        if is_out_of_memory(error):
+            raise
         raise InputError(
             f"PyTorch, which computes the features, cannot be loaded ({error}). Install it; where it is there already, "
             "install it anew, in Slicer with the module PyTorch Utils after a restart. Then try again."
