@@ -63,7 +63,7 @@ class VoxelDigest:
             shape, hash_, corners = json.loads(text)
             k, j, i = (int(size) for size in shape)
             return cls((k, j, i), str(hash_), np.array(corners, dtype=np.float64).reshape(4, 3))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError, RecursionError):
             return None
 
 

@@ -76,7 +76,8 @@ def test_a_digest_survives_as_text_however_small_voxels_are(scale: float) -> Non
 
 
 def test_other_texts_are_no_digests() -> None:
-    for text in ("", "{}", "null", "[1, 2, 3]", '[[1, 2], "a", [[0]]]'):
+    too_large = ('[[1e400, 1, 1], "a", []]', f'[[1, 1, 1], "a", [1{"0" * 400}]]', "[" * 100_000)
+    for text in ("", "{}", "null", "[1, 2, 3]", '[[1, 2], "a", [[0]]]', *too_large):
         assert VoxelDigest.from_text(text) is None
 
 
