@@ -141,8 +141,7 @@ def identify_model(path: str | Path | None = None) -> str | None:
     if source.is_dir():
         there = _models_in(source) if path is not None else []
         return there[0] if len(there) == 1 else None
-    by_name = (model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model))
-    return _model_of_hash(sha256_of(source)) or next(by_name, None)
+    return _model_of_hash(sha256_of(source)) or next(iter(_models_in(source)), None)
 
 
 def files_of_environment() -> dict[str, Path]:
@@ -164,20 +163,20 @@ def files_of_environment() -> dict[str, Path]:
 def offered_models() -> list[str]:
     """Names of the models that a user can choose: those that can be downloaded or asked for, or are here already.
 
-    Another model is here where `VITTF_WEIGHTS` or the cache has its file.
+    Another model is here where `VITTF_WEIGHTS` or the cache has its file, by its name.
     """
-    folders = []
+    here: set[str] = set()
     # A folder that there cannot be holds none; when weights are needed, a message says so.
     with suppress(InputError):
-        folders.append(weights_folder())
+        here |= set(_models_in(weights_folder()))
     with suppress(InputError):
         source, _ = _given_source(None)
         if source is not None:
-            folders.append(source if source.is_dir() else source.parent)
+            here |= set(_models_in(source))
     return [
         model.name
         for model in PRETRAINED_MODELS.values()
-        if model.url is not None or model.request_page is not None or any(file_in(folder, model) for folder in folders)
+        if model.url is not None or model.request_page is not None or model.name in here
     ]
 
 
@@ -210,8 +209,11 @@ def _other_models(folder: Path) -> str:
     )
 
 
-def _models_in(folder: Path) -> list[str]:
-    return [model.name for model in PRETRAINED_MODELS.values() if file_in(folder, model) is not None]
+def _models_in(source: Path) -> list[str]:
+    """Names of the models whose weights a folder holds, or a file, by the files' names."""
+    if source.is_file():
+        return [model.name for model in PRETRAINED_MODELS.values() if source.name in file_names(model)]
+    return [model.name for model in PRETRAINED_MODELS.values() if file_in(source, model) is not None]
 
 
 def _given_source(path: str | Path | None) -> tuple[Path | None, str]:

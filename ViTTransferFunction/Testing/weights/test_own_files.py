@@ -13,7 +13,13 @@ import pytest
 
 from ViTTransferFunction.Logic.core.system.errors import InputError
 from ViTTransferFunction.Logic.weights.models import PRETRAINED_MODELS
-from ViTTransferFunction.Logic.weights.sources import WeightsUnavailable, fetch_weights, find_weights, identify_model
+from ViTTransferFunction.Logic.weights.sources import (
+    WeightsUnavailable,
+    fetch_weights,
+    find_weights,
+    identify_model,
+    offered_models,
+)
 from ViTTransferFunction.Logic.weights.store import weights_folder
 
 WEIGHTS = b"weights"
@@ -158,6 +164,16 @@ def test_a_folder_with_the_file_of_one_model_alone_is_taken_for_that_model(
     (folder / "dinov2_vits14.pt").unlink()
     monkeypatch.setenv("VITTF_WEIGHTS", str(folder))
     assert identify_model() is None
+
+
+def test_a_model_that_nobody_publishes_is_offered_where_the_variable_names_its_file_and_not_one_beside_it(
+    own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    focus = tmp_path / "dinov2_vits14_focus.pt"
+    shutil.copy(own, focus)
+    for named, is_offered in ((tmp_path, True), (focus, True), (own, False)):
+        monkeypatch.setenv("VITTF_WEIGHTS", str(named))
+        assert ("dinov2_vits14_focus" in offered_models()) is is_offered
 
 
 def test_its_model_is_unknown_where_neither_hash_nor_name_is_known(own: Path) -> None:
