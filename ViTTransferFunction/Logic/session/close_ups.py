@@ -155,10 +155,9 @@ class CloseUps:
         assert self._open_part is not None
         box = self._box(request)
         try:
-            part = self._volume.part(box)
+            session = self._open_part(self._volume.part(box))
         except InputError:
-            return None  # Nothing in it can be told apart.
-        session = self._open_part(part)
+            return None  # Nothing in it can be told apart, or it has fewer voxels along its longest edge than a grid has cells.
         session.load_features(lambda done, total, what: progress(done, total, f"Looking closer at {request.name}"))
         session.prepare_clicks()
         return Part(box, session)
@@ -172,11 +171,16 @@ class CloseUps:
 
 
 def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSettings:
-    """How a part's features are extracted, where the whole's are by `settings`: no cell is smaller than a voxel.
+    """How a part's features are extracted, where the whole's are by `settings`.
+
+    Along the part's longest edge, no cell is shorter than a voxel.
 
     Args:
         settings: of the whole.
         part: the part's voxels.
+
+    Raises:
+        InputError: along that edge there are fewer voxels than a grid may have cells.
     """
     longest = int(np.argmax(part.extent_mm[::-1]))
     patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)

@@ -84,6 +84,15 @@ def test_finer_cells_follow_a_surface_more_closely_without_refinement(
     assert dice(closer, truth) > dice(whole, truth) + 0.02
 
 
+def test_a_box_of_so_few_thick_slices_that_it_has_no_grid_of_cells_leaves_its_class_in_the_whole_volume() -> None:
+    array = np.random.default_rng(0).normal(0.0, 100.0, (3, 64, 64))
+    volume = Volume(array, Geometry(array.shape, np.diag([0.5, 0.5, 10.0, 1.0])))
+    nodule = ClassRequest("nodule", np.array([[16.0, 16.0, 10.0]]), close_up=CloseUp((16.0, 16.0, 10.0), (8.0, 8.0, 8.0)))
+    session = open_session(volume, SessionSettings())
+    session.look_closer([nodule])
+    assert not session.awaiting_close_ups([nodule])
+
+
 def test_segmenting_does_not_wait_for_close_ups(
     session: SegmentationSession, looked_at: list[ClassRequest], spheres: Spheres
 ) -> None:
