@@ -5,7 +5,7 @@
 The torso scan is resampled to each size (16 bits a voxel, with noise) and segmented from three points each in liver, spleen and
 aorta, in a process of its own, from reading the file to writing the segmentation. What counts is the largest resident memory of
 that process, which includes Python's and PyTorch's own libraries, some 0.3 GB. Features are computed anew for each size.
-Structures that fill the whole volume take more: four bytes of each voxel of the box that holds them. The same is done in the
+Structures that fill the whole volume take more: six bytes of each voxel of the box that holds them. The same is done in the
 module's session on a real scene (`panel_session`). Writes `memory.json` and `memory.md`.
 """
 

@@ -40,7 +40,7 @@ class BoundedMemory:
 
         Raises:
             InputError: a single slice does not fit into the processor's memory.
-            RuntimeError: nor into another device's (`is_out_of_memory`): whoever chose it can choose the processor.
+            RuntimeError, MemoryError: nor into another device's (`is_out_of_memory`): who chose it can choose the processor.
         """
         import torch
 

@@ -55,7 +55,7 @@ class FeatureCost:
     """What an extraction costs.
 
     Attributes:
-        shape: patches that the features have along K, J, I.
+        shape: patches that the features have along the canonical axes (`ExtractionPlan`).
         tokens: patches that the network sees.
         seconds: on the device that was calibrated.
         peak_bytes: memory in use at the most, beyond what was in use before; the features themselves included.

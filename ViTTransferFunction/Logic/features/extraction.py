@@ -3,8 +3,8 @@
     F = ⅓ (pool_K keys(slices along K) + pool_J keys(slices along J) + pool_I keys(slices along I))
 
 The keys of each slice are added to the layers of F that they belong to as soon as they are computed, so that memory is
-the result plus one batch of slices. Three things keep the cost at what the scene needs: slices of fewer patches than F has
-cells along an edge, background that a few patches represent (`background_tokens`), and the precision that suits the device.
+the sums, the result and one batch of slices. Three things keep the cost at what the scene needs: slices of fewer patches than F
+has cells along an edge, background that a few patches represent (`background_tokens`), and the precision that suits the device.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def extract_features(
         Features in float16, whose rounding (2⁻¹¹ relative) is far below the differences between neighbouring cells.
 
     Raises:
-        InputError: not even one slice fits into memory.
+        InputError: not even one slice fits into the processor's memory.
+        RuntimeError, MemoryError: nor into another device's (`BoundedMemory`).
     """
     return FeatureRun(volume, network, settings).run_all(progress)
 
@@ -95,7 +96,7 @@ class FeatureRun:
 
     def features(self) -> FeatureVolume:
         """The features of the batches that were run."""
-        # Each layer is written where it belongs: there is never a second volume of features.
+        # Each layer is written where it belongs: beside the sums, there is never a second volume of features.
         array = np.empty((*self.plan.patches_geometry.shape, self._channels), dtype=np.float16)
         for place, layer in zip(self.plan.orientation.to_canonical(array), self._sums.means(), strict=True):
             place[...] = array_of(layer)

@@ -54,7 +54,7 @@ class Networks:
             raise UnsoundDevice(self._trouble[of])
 
     def speed(self, network: VisionTransformer, settings: FeatureSettings) -> NetworkSpeed:
-        """How fast the network is on its device, in the precision of the settings; a second of work the first time."""
+        """How fast the network is on its device, in the precision of the settings; a moment of work the first time."""
         key = (network.weights_digest, str(network.device), settings.on(network.device).precision)
         if key not in self._speeds:
             self._speeds[key] = calibrate(network, settings)

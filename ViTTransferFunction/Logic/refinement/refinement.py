@@ -63,7 +63,7 @@ def refine(
             is refined as well.
 
     Returns:
-        S_H, of which only what was refined is held in memory if the volume is large.
+        S_H, of which only what was refined is held in memory, and what its surface may settle in.
 
     Raises:
         InputError: there is no such method.

@@ -57,7 +57,7 @@ class SegmentCrops:
 
 
 def crop_map(voxels: VoxelMap, iso: float) -> MapCrop:
-    """Cut a map down to the box of its iso-surface and two voxels around it."""
+    """Cut a map down to the box of what reaches half of its iso value (`NEAR_SHARE_OF_ISO`) and two voxels around."""
     near = NEAR_SHARE_OF_ISO * iso
     reaching = voxels.box_above(near) or (slice(0, 0),) * 3
     around = k, j, i = grown(reaching, (MARGIN_VOXELS,) * 3, whole_box(voxels.shape))

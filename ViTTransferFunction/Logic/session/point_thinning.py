@@ -16,7 +16,7 @@ _GROWTH = 1.25
 
 
 def thinned(requests: Sequence[ClassRequest], geometry: Geometry) -> list[ClassRequest]:
-    """The same classes with `MOST_POINTS` points at most; as they are, where they have no more.
+    """The same classes with `MOST_POINTS` points at most, or one of each list; as they are, where they have no more.
 
     Otherwise the points of a class that lie in one voxel count once; and where these are still more than its share, those
     that lie in one cell, of cells as small as that allows. A close-up stays as large as all points together want it: its

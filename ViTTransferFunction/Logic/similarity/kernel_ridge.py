@@ -6,9 +6,10 @@ function of the cell,
 
     S_c(x) = Σ_p α_pc k(x, p),    α = (K + Λ)⁻¹ Y,
 
-over the annotated points and a few random cells p, with target Y_pc 1 where p is a positive point of c and 0 elsewhere: other
-classes' points and negative points count against c, and so do the random cells. Those stand for the background; each is
-believed little (Λ), since any of them may lie in a structure of interest, and those that turn out to are dropped.
+over the annotated points and a few random cells p, with target Y_pc 1 where p is a positive point of c and 0 where it is one of
+another class alone, or a negative one of c: they count against c, and so do the random cells. Negative points of other classes
+say nothing of c. Random cells stand for the background; each is believed little (Λ), since any of them may lie in a structure
+of interest, and those that turn out to are dropped.
 
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by

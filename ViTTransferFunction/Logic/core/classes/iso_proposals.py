@@ -35,7 +35,7 @@ class IsoProposals:
     def at(self, size: float) -> float:
         """The iso value of a size: −1 the smaller, 0 the chosen, 1 the larger proposal.
 
-        Between and beyond them, the logarithm of the iso value is linear in the size.
+        Between and beyond them, the logarithm of the iso value is linear in the size, up to `SMALLEST_ISO` and `LARGEST_ISO`.
 
         Args:
             size: from `SMALLEST_SIZE` to `LARGEST_SIZE`.

@@ -30,7 +30,8 @@ class Geometry:
 
     Attributes:
         shape: number of voxels along (K, J, I).
-        ijk_to_ras: (4, 4) float64, homogeneous; maps voxel centres to RAS millimetres. Any parent transform is already in it.
+        ijk_to_ras: (4, 4) float64, homogeneous; maps voxel centres to RAS millimetres. Of a scan in a scene, in
+            the scan's own frame: the transforms that it is under there are not in it.
 
     Raises:
         ValueError: the matrix is not finite and invertible.

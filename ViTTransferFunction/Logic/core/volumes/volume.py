@@ -35,6 +35,7 @@ class Volume:
     Raises:
         InputError: the array is not three-dimensional and real, is a single slice, or holds no finite voxel or
             only one value: there is nothing to tell apart; or its values are beyond single precision, or where it lies.
+        ValueError: the array's shape is not that of the geometry.
     """
 
     array: np.ndarray
@@ -66,7 +67,11 @@ class Volume:
         return float(self.whole.geometry.extent_mm.max())
 
     def part(self, box: Box) -> Volume:
-        """The voxels in a box, copied. Raises InputError where they are constant, or one of the extents is a single voxel."""
+        """The voxels in a box, copied unless they lie in one piece.
+
+        Raises:
+            InputError: they are constant or none is finite, or one of the extents is a single voxel.
+        """
         return Volume(np.ascontiguousarray(self.array[box]), self.geometry.part(box), self.name, self.whole)
 
     @cached_property

@@ -81,7 +81,7 @@ class VoxelMap:
         return part
 
     def box_above(self, similarity: float) -> Box | None:
-        """A box that holds all voxels of at least `similarity`, and maybe others; None where there are none."""
+        """A box that holds all voxels of at least `similarity`, and maybe others alone; None where there surely are none."""
         refined = self._refined_box
         boxes = [refined] if all(extent.start < extent.stop for extent in refined) else []
         if refined != whole_box(self.shape):
@@ -119,7 +119,7 @@ class VoxelMap:
         What is held gives every n-th voxel in the order of a flattened array, all else the values of its cells.
 
         Args:
-            most: about as many voxels; fewer than twice.
+            most: of what is held, about as many voxels; fewer than twice.
 
         Yields:
             (N,) float32, and voxels per value.
