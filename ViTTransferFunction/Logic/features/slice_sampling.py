@@ -68,5 +68,6 @@ def slice_at(array: np.ndarray, axis: int, position: float) -> np.ndarray:
     first: np.ndarray = layers[lower].astype(np.float32)
     if fraction == 0.0:
         return first
-    between: np.ndarray = first * (1 - fraction) + layers[lower + 1].astype(np.float32) * fraction
+    with np.errstate(invalid="ignore"):  # Between infinities of either sign, nothing is a number.
+        between: np.ndarray = first * (1 - fraction) + layers[lower + 1].astype(np.float32) * fraction
     return between

@@ -181,6 +181,16 @@ def test_one_slice_a_layer_is_close_to_every_slice(spheres: tuple[Volume, np.nda
     assert cosine.mean() > 0.99
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_between_infinities_of_either_sign_features_are_finite_and_nobody_is_warned(tiny_network: VisionTransformer) -> None:
+    """As in a scan of ratios or logarithms, which has both where there is next to no signal."""
+    random = np.random.default_rng(0)
+    array = random.normal(0.0, 100.0, (16, 16, 16)).astype(np.float32)
+    array[8:] = random.choice([-np.inf, np.inf], (8, 16, 16))
+    features = extract_features(volume_of(array), tiny_network, FeatureSettings(grid=5))
+    assert np.isfinite(features.array).all()
+
+
 def test_voxels_that_are_not_finite_or_metal_leave_the_rest_as_it_is(
     spheres: tuple[Volume, np.ndarray], tiny_network: VisionTransformer
 ) -> None:
