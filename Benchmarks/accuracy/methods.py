@@ -1,4 +1,4 @@
-"""The ways from clicks to labels that are compared: ours, ours as published, and what else there is.
+"""The ways from clicks to labels that are compared: ours, ours by the paper's Eq. 1, and what else there is.
 
 Every method keeps, of each structure, only the connected parts that hold one of its positive clicks, so that none is ahead by
 that step alone.

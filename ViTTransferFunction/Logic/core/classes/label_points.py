@@ -13,8 +13,8 @@ from ..volumes.stepped_work import Steps
 from .spread_points import spread_points
 
 MAX_CELLS = 50_000
-"""Cells in which a structure is looked at: its depth is then found within one short step, and is still finer than 3 % of its
-extent."""
+"""Cells in which a structure is looked at: its depth is then found within one short step, and is still as fine as 4 % of its
+extent, or as two voxels."""
 CORE_SHARE = 0.6
 """Points lie where a part is at least this deep, of its own largest depth: away from a border that may be wrong."""
 SMALLEST_PART = 0.05
