@@ -78,10 +78,12 @@ def restricted(crop: MapCrop, labels: np.ndarray, label: int) -> MapCrop:
 
     Other classes may have won the rest, or it was dropped as a part without a click.
     """
-    threshold = int(np.ceil(crop.iso * FULL_SCALE))
+    # Every byte reaches a threshold of 0.
+    iso = crop.iso or 1.0 / FULL_SCALE
+    threshold = int(np.ceil(iso * FULL_SCALE))
     array = np.empty_like(crop.array)
     # Plane by plane, since a long structure's box is large: at once, it would take as much as five of it.
     for restricted_plane, plane, of_plane in zip(array, crop.array, labels[crop.box], strict=True):
         inside = of_plane == label
-        restricted_plane[...] = np.where(inside, np.maximum(plane, threshold), np.minimum(plane, max(threshold - 1, 0)))
-    return MapCrop(array, crop.box, crop.iso)
+        restricted_plane[...] = np.where(inside, np.maximum(plane, threshold), np.minimum(plane, threshold - 1))
+    return MapCrop(array, crop.box, iso)

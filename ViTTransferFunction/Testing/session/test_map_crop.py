@@ -99,6 +99,13 @@ def test_a_restricted_crop_encloses_just_the_labelled_voxels(ramp: np.ndarray, r
         np.testing.assert_array_equal(shown[as_it_was], crop.array[as_it_was])
 
 
+def test_a_crop_of_a_threshold_of_0_encloses_just_the_labelled_voxels_too(ramp: np.ndarray) -> None:
+    labels = np.zeros(ramp.shape, dtype=np.uint8)
+    labels[:, :, 6:] = 1
+    shown = restricted(crop_map(VoxelMap.whole(ramp), 0.0), labels, 1)
+    np.testing.assert_array_equal(shown.array / 255.0 >= shown.iso, labels[shown.box] == 1)
+
+
 def test_the_crops_of_a_segmentation_show_its_segments(session: SegmentationSession, spheres: Spheres) -> None:
     first, second, _ = requests_of(spheres)
     # Of two classes that claim the same voxels, the upper one has them.
