@@ -90,7 +90,8 @@ def normalised_features(features: FeatureVolume, statistics: Statistics) -> Norm
     Args:
         features: as extracted.
         statistics: "none": as they are, the paper's way; "centred": minus the volume's mean; "whitened": centred, then
-            the `WHITENED_COMPONENTS` principal directions, each scaled to unit variance over the volume.
+            the `WHITENED_COMPONENTS` principal directions, or fewer of few patches (`PATCHES_PER_COMPONENT`), each scaled to
+            unit variance over the volume.
 
     Raises:
         InputError: the features are to be whitened, and do not vary or are not finite.

@@ -85,7 +85,8 @@ class SegmentationSession:
             on_coarse: called whenever coarser features can be used meanwhile; None: compute the final ones alone.
 
         Raises:
-            InputError: the weights are not to be had or do not fit, or the cache's disk is full.
+            InputError: the weights or the device are not to be had, the weights do not fit, memory is not enough, or the
+                cache's disk is full.
             Cancelled: by the progress callback; coarser features that there are stay usable.
         """
         source = self._the_source

@@ -28,7 +28,8 @@ class IntensityWindow:
     """Intensities from `low` to `high` map linearly to [0, 1]; what lies outside is clamped.
 
     Raises:
-        InputError: the bounds are not finite and increasing, in single precision: intensities are computed with in that.
+        InputError: the bounds are not finite in single precision, in which intensities are computed with, or `high` is not
+            above `low` by `NARROWEST`.
     """
 
     low: float
