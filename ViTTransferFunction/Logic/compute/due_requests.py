@@ -108,6 +108,16 @@ class DueRequests:
         """Close-ups could not be made: these are not asked for again by themselves."""
         self._declined = _close_ups(request.classes)
 
+    @property
+    def declines(self) -> bool:
+        """Whether close-ups could not be made that are still wanted as they were then."""
+        return bool(self._declined) and self._declined == _close_ups(self.classes)
+
+    def try_close_ups_again(self) -> None:
+        """The user asks again for close-ups that could not be made: what was in the way may be gone."""
+        if self._declined:
+            self._declined, self.maps_due = (), True
+
     def drops_close_up(self, classes: Sequence[ClassRequest]) -> bool:
         """Whether a close-up that was asked for by the last `update` is not by these classes."""
         return not set(_close_ups(self.classes)) <= set(_close_ups(classes))

@@ -178,6 +178,15 @@ class SegmentationProxy:
                 self._pending.give_up(Render)
                 self.rendering = None
 
+    @property
+    def failed_close_ups(self) -> tuple[str, ...]:
+        """Ids of the classes that are shown as in the whole volume, because their close-ups could not be made."""
+        return self.awaiting_close_ups if self._due.declines else ()
+
+    def try_close_ups_again(self) -> None:
+        """Ask for close-ups also where these could not be made before."""
+        self._due.try_close_ups_again()
+
     def segment(self, refinement: Refinement) -> None:
         """Ask for a label map of the classes of the last `update`."""
         self._ask(SegmentClasses(self._due.classes, refinement))
@@ -385,6 +394,9 @@ class SegmentationProxy:
 
     def _on_labels(self, request: SegmentClasses, reply: Labels) -> set[Event]:
         self._labels = reply, [annotated.id for annotated in request.classes]
+        if self.awaiting_close_ups:
+            # Those that could not be made before were, for the labels: what is shown is to be what was written.
+            self._due.features_came()
         return {"labels"}
 
     def _lost(self) -> None:

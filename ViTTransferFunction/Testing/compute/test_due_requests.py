@@ -20,6 +20,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     Extract,
     Failed,
     GivenUp,
+    Labels,
     LookCloser,
     Maps,
     MeasureMaps,
@@ -28,6 +29,7 @@ from ViTTransferFunction.Logic.compute.requests import (
     RefineMaps,
     Refinement,
     Render,
+    SegmentClasses,
     Volumes,
 )
 from ViTTransferFunction.Logic.core.classes.close_up import CloseUp
@@ -243,6 +245,30 @@ def test_a_close_up_that_fails_is_not_begun_again_by_itself(looked_at: Segmentat
     client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
     looked_at.poll()
     assert client.asked[-1] == LookCloser((other, SPLEEN))
+
+
+def test_a_close_up_that_failed_is_made_where_the_user_asks_for_it_again(
+    looked_at: SegmentationProxy, client: StubClient
+) -> None:
+    assert looked_at.failed_close_ups == ()
+    client.answer(LookCloser, Failed("no weights"))
+    looked_at.poll()
+    assert looked_at.failed_close_ups == ("liver",)
+    looked_at.try_close_ups_again()
+    assert looked_at.failed_close_ups == ()
+    looked_at.poll()
+    client.answer(ComputeMaps, Maps((MAP, MAP), awaiting_close_ups=("liver",)))
+    looked_at.poll()
+    assert client.asked[-1] == LookCloser((CLOSER, SPLEEN))
+
+
+def test_what_is_shown_follows_the_close_ups_made_for_labels(looked_at: SegmentationProxy, client: StubClient) -> None:
+    client.answer(LookCloser, Failed("no weights"))
+    looked_at.poll()
+    looked_at.segment(Refinement())
+    client.answer(SegmentClasses, Labels(np.ones((1, 1, 1), np.uint8), (0, 0, 0)))
+    looked_at.poll()
+    assert client.asked[-1] == ComputeMaps((CLOSER, SPLEEN))
 
 
 def test_another_close_up_waits_for_the_one_that_is_being_made(looked_at: SegmentationProxy, client: StubClient) -> None:

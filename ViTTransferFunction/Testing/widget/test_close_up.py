@@ -228,6 +228,16 @@ def test_how_far_a_closer_look_is_shows_below_its_button_and_can_be_stopped_ther
     assert (ui.closeUpProgressRow.isHidden(), ui.segmentationProgressRow.isHidden()) == (True, False)
 
 
+def test_a_box_that_could_not_be_looked_at_is_not_said_to_be(clicked: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = clicked.panel.session
+    session.annotations.set_class(session.classes[0].id, close_up=BOX)
+    assert clicked.ui.closeUpLabel.text().startswith("In a box")
+    monkeypatch.setattr(session.close_ups, "failed", lambda state: True)
+    clicked.panel.refresh()
+    assert "could not be looked at" in clicked.ui.closeUpLabel.text()
+    assert clicked.ui.lookAtWholeButton.isEnabled()
+
+
 def test_without_a_structure_nothing_happens(widget: Any) -> None:
     widget.panel.close_up.look_closer()
     widget.panel.close_up.look_at_whole()

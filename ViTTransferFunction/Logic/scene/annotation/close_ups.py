@@ -90,6 +90,8 @@ class SceneCloseUps:
             InputError: the volume is under transforms that no matrix says.
         """
         self._problems.solve("close-up")
+        # Where the box is the same as one that could not be looked at, nothing else would tell that it is wanted.
+        self._proxy.try_close_ups_again()
         to_world = matrix_to_world(self._parameters.volume)
         centre = transform_points(to_world, np.array(close_up.centre_ras))[0].tolist()
         self._annotations.set_close_up(id_, (*centre, *close_up.size_mm))
@@ -108,6 +110,10 @@ class SceneCloseUps:
         if content is None or request is None or request.close_up is None:
             return None if state.close_up is None else state.close_up[3:]
         return request.close_up.enlarged(content.geometry, request.positive).size_mm
+
+    def failed(self, state: ClassState) -> bool:
+        """Whether a class is shown as in the whole volume, because its box could not be looked at."""
+        return state.close_up is not None and state.id in self._proxy.failed_close_ups
 
     def go_along(self) -> None:
         """Move boxes whose points a transform has moved since the last call about this volume, with the volume say.

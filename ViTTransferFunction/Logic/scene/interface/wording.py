@@ -54,11 +54,18 @@ def size_in_steps(steps: float, fixed: bool) -> str:
     return _("larger (+{size})").format(size=size) if steps > 0.0 else _("smaller (−{size})").format(size=size)
 
 
-def close_up_text(edges_mm: EdgesMm | None) -> str:
-    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None)."""
+def close_up_text(edges_mm: EdgesMm | None, failed: bool = False) -> str:
+    """In what a class is looked at, such as "In a box of 64 × 80 × 52 mm"; "" where that is the whole volume (None).
+
+    `failed`: it is not, since the box could not be looked at.
+    """
     if edges_mm is None:
         return ""
     edges = " × ".join(two_figures(edge) for edge in edges_mm)
+    if failed:
+        return _('Its box of {edges} mm could not be looked at: shown as in the whole scan. "Look closer" tries again.').format(
+            edges=edges
+        )
     return _("In a box of {edges} mm").format(edges=edges)
 
 

@@ -366,6 +366,25 @@ def correct_grossly(session: SceneSession, spheres: Spheres) -> str:
     return id_
 
 
+def test_a_box_that_could_not_be_looked_at_is_told_and_tried_again(session: SceneSession, spheres: Spheres) -> None:
+    (id_, *_) = annotate(session, spheres)
+    session.close_ups.look_closer(id_)
+    box = session.classes[0].close_up
+    session.wait()
+    assert "weights" in (session.take_error() or "")
+    assert session.close_ups.failed(session.classes[0])
+    session.annotations.add_points(id_, centre_ras(spheres, 2), positive=False)
+    session.wait()
+    assert (session.errors, session.close_ups.failed(session.classes[0])) == ((), True)
+    # What was in the way is gone.
+    session.annotations.undo()
+    know_close_up(session, spheres)
+    session.close_ups.look_closer(id_)
+    session.wait()
+    assert session.take_error() is None
+    assert (session.classes[0].close_up, session.close_ups.failed(session.classes[0])) == (box, False)
+
+
 def test_before_there_is_a_map_the_user_is_told_what_to_do(session: SceneSession) -> None:
     state = session.annotations.add_class("adrenal gland")
     session.close_ups.look_closer(state.id)

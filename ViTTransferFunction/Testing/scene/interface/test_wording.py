@@ -93,4 +93,5 @@ def test_of_many_structures_a_message_names_as_many_as_one_reads() -> None:
 )
 def test_boxes_in_small_specimens_have_a_size_too(edges_mm: tuple[float, float, float], text: str) -> None:
     assert close_up_text(edges_mm) == f"In a box of {text}"
+    assert close_up_text(edges_mm, failed=True).startswith(f"Its box of {text} could not be looked at")
     assert close_up_text(None) == ""
