@@ -35,7 +35,10 @@ def geometry_from_node(node: Any) -> Geometry:
     name, image = node.GetName(), node.GetImageData()
     scalars = image.GetPointData().GetScalars() if image else None
     if scalars is None or not scalars.GetNumberOfTuples():
-        raise InputError(f"'{name}' has no voxels; expected a loaded volume. Load it again, or choose another one.")
+        raise InputError(
+            f"'{name}' has no voxels; expected a loaded volume. If its file was not found, load the scan from where it is now, "
+            "choose that, and have 'Add points of another scan' bring its points along. Or choose another one."
+        )
     if scalars.GetNumberOfComponents() != 1:
         raise InputError(
             f"'{name}' has {scalars.GetNumberOfComponents()} numbers in each voxel, as colour and vector volumes do; expected "

@@ -86,6 +86,21 @@ def test_points_of_a_scan_that_was_removed_can_be_had_when_it_is_loaded_again(
     assert all(state.visible for state in session.classes)
 
 
+def test_points_of_a_scan_whose_file_was_not_found_can_be_had_as_the_user_is_told(
+    slicer_app: Any, session: SceneSession, spheres: Spheres
+) -> None:
+    annotate(session, spheres)
+    classes = session.classes
+    session.parameters.volume.SetAndObserveImageData(None)
+    session.wait()
+    assert "'Add points of another scan'" in (session.take_error() or "")
+    session.set_volume(add_volume(slicer_app.scene, spheres[0]))
+    session.other_scans.take_over(*session.other_scans.names)
+    assert [(state.positive, state.negative) for state in session.classes] == [
+        (state.positive, state.negative) for state in classes
+    ]
+
+
 def test_scans_of_one_name_are_two(slicer_app: Any, session: SceneSession, spheres: Spheres) -> None:
     scans = [session.parameters.volume, add_volume(slicer_app.scene, spheres[0]), add_volume(slicer_app.scene, spheres[0])]
     for label, scan in enumerate(scans[:2], start=1):
