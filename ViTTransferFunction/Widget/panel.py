@@ -99,6 +99,9 @@ class Panel:
         self._drawing = DrawingOrder()
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
+        layout_manager = slicer.app.layoutManager()
+        if layout_manager is not None:
+            layout_manager.layoutChanged.connect(self._on_layout_changed)
         self.refresh()
 
     def open(self, parameter_node: slicer.vtkMRMLScriptedModuleNode) -> None:
@@ -209,6 +212,14 @@ class Panel:
                 raise
         finally:
             self._set_pace()
+
+    def _on_layout_changed(self) -> None:
+        # Its views are about to be shown.
+        qt.QTimer.singleShot(0, self._look_in_new_views)
+
+    def _look_in_new_views(self) -> None:
+        if self.session is not None:
+            self.session.views.look_in_new_views()
 
     def _start_computing(self) -> None:
         """Once, a moment after the panel was opened: the user then still chooses a volume, or has gone on."""

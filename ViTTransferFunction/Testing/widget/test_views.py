@@ -14,6 +14,7 @@ import slicer
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
+from ViTTransferFunction.Logic.scene.views.view_sight import sees
 from ViTTransferFunction.Testing.support.spheres import Spheres, centre_ras
 from ViTTransferFunction.Testing.support.standin.host import Host
 from ViTTransferFunction.Testing.support.standin.views import DrawnView
@@ -110,6 +111,21 @@ def test_quick_views_do_not_wait(host: Host, order: Callable[[], Any], monkeypat
     for view in (view_3d(), slice_view("Red")):
         view.scheduleRender()
     wait_until(lambda: set(drawn()) == {view_3d(), slice_view("Red")})
+
+
+def test_a_3d_view_that_comes_with_another_layout_looks_at_the_structures(ready: Any, spheres: Spheres) -> None:
+    view, centre = slicer.app.layoutManager().threeDWidget(0), tuple(centre_ras(spheres, 1)[0])
+    renderer = view.renderWindow().GetRenderers().GetFirstRenderer()
+    renderer.GetActiveCamera().SetPosition(0.0, 5000.0, 0.0)
+    renderer.GetActiveCamera().SetFocalPoint(5000.0, 5000.0, 0.0)
+    view.hide()
+    add_class(ready)
+    place(ready, centre)
+    wait_until(lambda: not ready.panel.session.busy)
+    assert not sees(renderer, centre)
+    view.show()
+    slicer.app.layoutManager().layoutChanged.emit(4)
+    wait_until(lambda: sees(renderer, centre))
 
 
 def test_a_3d_view_that_is_being_turned_does_not_wait(slow_3d: DrawnView, order: Callable[[], Any]) -> None:

@@ -111,6 +111,10 @@ class SceneDisplay:
             self._rendering.change(rendering.uniforms(*look))
         self._rendering.cut(cut)
 
+    def look_in_new_views(self) -> None:
+        """See `ClassRendering.look_in_new_views`."""
+        self._rendering.look_in_new_views()
+
     def export_rendering(self, name: str) -> slicer.vtkMRMLVectorVolumeNode | None:
         """Nodes that go on showing what 3D views show now, without us; the volume among them. None: they show nothing."""
         return self._rendering.export(name)

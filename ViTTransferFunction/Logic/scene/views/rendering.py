@@ -57,6 +57,7 @@ class ClassRendering:
         self._observers = SceneObservers()
         self._cut_by: Any = None
         self._looked_at: Any = None
+        self._looked_in: set[str] = set()  # The windows, by their addresses.
 
     def show(
         self,
@@ -96,15 +97,27 @@ class ClassRendering:
         self._smoothing.switch_on()
         self._bring_into_sight(volume_node, volume)
 
+    def look_in_new_views(self) -> None:
+        """Have 3D views look at the scan that were not shown before, as those of another layout, if there are structures."""
+        volume, display = self._nodes.find(VOLUME_NAME), self._nodes.find(DISPLAY_NAME)
+        if volume is not None and display is not None and display.GetVisibility() and self._looked_at is not None:
+            self._bring_into_sight(self._looked_at, volume)
+
     def _bring_into_sight(self, volume_node: Any, volume: Any) -> None:
-        """Have those 3D views look at the scan that would not show its first structures; others stay as the user has them."""
-        first, self._looked_at = self._looked_at is not volume_node, volume_node
+        """Have those 3D views look at the scan that would not show structures when they first could.
+
+        From then on, they stay as the user has them.
+        """
+        if self._looked_at is not volume_node:
+            self._looked_at, self._looked_in = volume_node, set()
         structures, scan = [0.0] * 6, [0.0] * 6
         volume.GetRASBounds(structures)
         volume_node.GetRASBounds(scan)
         middle = [(low + high) / 2.0 for low, high in zip(structures[::2], structures[1::2], strict=True)]
         for window in self._windows():
-            renderer = window.GetRenderers().GetFirstRenderer()
+            renderer, address = window.GetRenderers().GetFirstRenderer(), window.GetAddressAsString("vtkRenderWindow")
+            first = address not in self._looked_in
+            self._looked_in.add(address)
             if first and not (sees(renderer, middle) and shows_large_enough(renderer, scan)):
                 look_at(renderer, scan)
             keep_whole(renderer, structures)

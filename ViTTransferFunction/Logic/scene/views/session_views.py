@@ -139,6 +139,10 @@ class SessionViews:
         with drawn_together(self._app_logic):
             self._try_to(self._display.advance)
 
+    def look_in_new_views(self) -> None:
+        """The layout has changed: 3D views that were not shown before look at the scan, if it has structures."""
+        self._display.look_in_new_views()
+
     def export_rendering(self) -> None:
         """Leave what 3D views show as ordinary nodes of the scene, in place of the rendering that follows clicks."""
         self._problems.solve("views")

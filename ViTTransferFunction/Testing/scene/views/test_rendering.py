@@ -172,6 +172,22 @@ def test_a_view_stays_as_the_user_has_it_once_structures_were_in_sight(stage: St
     assert camera.GetPosition() == away
 
 
+def test_a_view_that_comes_with_a_later_layout_is_turned_to_the_scan_and_the_others_stay(slicer_app: Any, stage: Stage) -> None:
+    look_from(stage.view, BESIDE, DISTANCE_MM)
+    window = stage.view.render_window()
+    shown: list[Any] = []
+    stage.rendering = ClassRendering(stage.scene, slicer_app.app_logic, lambda: shown)
+    stage.show(two_balls(), [RED, GREEN])
+    shown.append(window)
+    stage.rendering.look_in_new_views()
+    (left,) = stage.at(LEFT)
+    assert hue(stage.picture()[left]) == pytest.approx([1, 0, 0], abs=0.05)
+    look_from(stage.view, BESIDE, DISTANCE_MM)
+    away = stage.view.get_camera_node().GetPosition()
+    stage.rendering.look_in_new_views()
+    assert stage.view.get_camera_node().GetPosition() == away
+
+
 def test_nothing_of_a_structure_is_cut_off_that_lies_nearer_than_what_was_shown_before(stage: Stage) -> None:
     """As in Slicer, where a scene is opened, or a structure added, and the view is not turned."""
     stage.view.renderer().GetActiveCamera().SetClippingRange(1.0, 2.0)
