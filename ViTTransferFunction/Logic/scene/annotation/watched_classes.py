@@ -21,6 +21,7 @@ from ..classes.class_nodes import (
     class_nodes,
     class_nodes_of_all,
     give_to_volume,
+    let_negative_follow,
     lists_of,
     negative_node,
     read_class,
@@ -128,6 +129,8 @@ class WatchedClasses:
         lists = [node for each in positive for node in lists_of(each)]
         self._watch.watch(lists)
         with self._unheard():
+            for node in positive:
+                let_negative_follow(node)
             self._lists.show_only(lists)
         if self._lists.have_moved(lists):
             # Undo knows places in the scene: where a transform has moved lists, with the volume say, it would lead beside it.

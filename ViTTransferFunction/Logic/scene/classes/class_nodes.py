@@ -147,7 +147,7 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
     negative = negative_node(positive) or _create_negative(scene, positive)
     shown_or_hidden = read_settings(positive)["visible"] != state.visible
     _set_name(positive, state.name)
-    _set_name(negative, f"{state.name} – outside")
+    _set_name(negative, _outside(state.name))
     of_positive = positive, state.positive, state.positive_properties
     of_negative = negative, state.negative, state.negative_properties
     for node, points, properties in (of_positive, of_negative):
@@ -157,6 +157,15 @@ def write_class(scene: slicer.vtkMRMLScene, positive: slicer.vtkMRMLMarkupsFiduc
         if defined_points(node) != points:
             set_points(node, points, properties)
     write_settings(positive, state)
+
+
+def let_negative_follow(positive: slicer.vtkMRMLMarkupsFiducialNode) -> None:
+    """Have a class's list of negative points called and coloured as that of positive ones, which others may have changed."""
+    negative = negative_node(positive)
+    # In the midst of an import, what displays them may still be missing.
+    if negative is not None and positive.GetDisplayNode() is not None and negative.GetDisplayNode() is not None:
+        _set_name(negative, _outside(name_of(positive)))
+        _set_color(negative, positive.GetDisplayNode().GetSelectedColor())
 
 
 def write_classes(
@@ -246,6 +255,11 @@ def _create_display(node: slicer.vtkMRMLMarkupsFiducialNode) -> slicer.vtkMRMLMa
     display.SetPointLabelsVisibility(False)
     display.SetPropertiesLabelVisibility(False)
     return display
+
+
+def _outside(name: str) -> str:
+    """What the list of negative points is called of a class of this name."""
+    return f"{name} – outside"
 
 
 def _set_name(node: slicer.vtkMRMLNode, name: str) -> None:

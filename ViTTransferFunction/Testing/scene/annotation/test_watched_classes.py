@@ -321,6 +321,8 @@ def test_renaming_and_colouring_a_list_in_the_scene_is_renaming_and_colouring_th
     node.SetName("Leber, groß")
     node.GetDisplayNode().SetSelectedColor(0.0, 1.0, 0.5)
     assert (session.classes[0].name, session.classes[0].color) == ("Leber, groß", (0.0, 1.0, 0.5))
+    outside = session.annotations.points_node(session.classes[0].id, positive=False)
+    assert (outside.GetName(), outside.GetDisplayNode().GetSelectedColor()) == ("Leber, groß – outside", (0.0, 1.0, 0.5))
 
 
 def test_points_that_are_hidden_in_slicer_stay_hidden_until_the_structure_is_shown_anew(
