@@ -99,9 +99,7 @@ class Panel:
         self._drawing = DrawingOrder()
         self._timer = qt.QTimer()
         self._timer.timeout.connect(self._on_timer)
-        layout_manager = slicer.app.layoutManager()
-        if layout_manager is not None:
-            layout_manager.layoutChanged.connect(self._on_layout_changed)
+        self._layout_manager = slicer.app.layoutManager()
         self.refresh()
 
     def open(self, parameter_node: slicer.vtkMRMLScriptedModuleNode) -> None:
@@ -118,6 +116,8 @@ class Panel:
             may_compute=pytorch_is_installed,
         )
         self.session.add_observer(self.refresh)
+        if self._layout_manager is not None:
+            self._layout_manager.layoutChanged.connect(self._on_layout_changed)
         self._start_due = True
         for section in self._sections:
             section.session = self.session
@@ -130,6 +130,8 @@ class Panel:
         self.release_parameters()
         self._timer.stop()
         if self.session is not None:
+            if self._layout_manager is not None:
+                self._layout_manager.layoutChanged.disconnect(self._on_layout_changed)
             self.session.close()
             self.session = None
             self._drawing.draw()
