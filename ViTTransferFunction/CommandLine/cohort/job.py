@@ -18,6 +18,7 @@ from ViTTransferFunction.CommandLine.cohort.outcome import CaseOutcome
 from ViTTransferFunction.CommandLine.package_versions import THIS_PROGRAM, package_version
 from ViTTransferFunction.Logic.core.system.atomic_file import replacing
 from ViTTransferFunction.Logic.core.system.errors import InputError
+from ViTTransferFunction.Logic.core.system.regular_file import check_regular_file
 from ViTTransferFunction.Logic.features.settings import FORMAT_VERSION
 from ViTTransferFunction.Logic.files.image_headers import SEGMENTATION_ENDING
 from ViTTransferFunction.Logic.files.volume_files import files_of
@@ -79,6 +80,7 @@ class CaseJob:
         Raises:
             InputError: a file cannot be read.
         """
+        check_regular_file(self.case.annotations)
         settings = self.settings.session
         decisive: dict[str, Any] = {
             "program": package_version(THIS_PROGRAM),

@@ -108,6 +108,14 @@ def test_a_case_with_an_empty_structure_is_segmented_and_its_line_in_the_table_s
     assert again.message == outcome.message
 
 
+def test_a_case_whose_points_are_not_where_its_line_says_is_told_so_as_by_vittf_segment(job: CaseJob) -> None:
+    job.case.annotations.unlink()
+    outcome = segment_case(job)
+    assert (outcome.status, outcome.message) == ("refused", f"There is no file {job.case.annotations}. Check the path.")
+    job.case.annotations.mkdir()
+    assert segment_case(job).message == f"{job.case.annotations} is a folder; name a file."
+
+
 def test_a_case_is_segmented_on_the_series_that_its_line_names_and_not_done_once_that_changes(
     tmp_path: Path, tiny: CohortSettings
 ) -> None:
