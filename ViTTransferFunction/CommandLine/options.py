@@ -47,22 +47,24 @@ def add_settings_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"pretrained model, else that of the weights file or the preset: {', '.join(PRETRAINED_MODELS)}",
     )
-    parser.add_argument("--weights", metavar="PATH", help="weights file (else VITTF_WEIGHTS, the cache, or a download)")
+    parser.add_argument(
+        "--weights", metavar="PATH", help="weights file or folder (else VITTF_WEIGHTS, the cache, or a download)"
+    )
     presets = "; ".join(f"{name}: {meaning}" for name, meaning in PRESET_MEANINGS.items())
     parser.add_argument("--preset", default=DEFAULT_PRESET, metavar="P", help=f"{presets} (default: {DEFAULT_PRESET})")
-    parser.add_argument("--grid", type=int, metavar="N", help="feature cells along the longest edge; else as in the preset")
+    parser.add_argument("--grid", type=int, metavar="N", help="cells along the longest edge; else as in the preset")
     parser.add_argument(
         "--device",
         default="auto",
         choices=DEVICE_NAMES,
-        help="what computes; auto, the default: a graphics card where there is one, else the processor",
+        help="what computes the features; auto, the default: a graphics card where there is one, else the processor",
     )
     parser.add_argument(
         "--window",
         nargs=2,
         type=number,
         metavar=("LOW", "HIGH"),
-        help="intensities that the network sees; else chosen robustly",
+        help="intensities that the network sees; else chosen from the volume",
     )
 
 
