@@ -135,7 +135,7 @@ def _outside_advice(requests: Sequence[ClassRequest], geometry: Geometry) -> str
     """What to do about points outside the volume: the coordinates in which all points of all classes lie inside are named."""
     points = np.concatenate([points for request in requests for points in (request.positive, request.negative)])
     readings = (
-        ("LPS", LPS_TO_RAS, '"LPS" ("RAS", where it is "LPS" already)'),
+        ("LPS", LPS_TO_RAS, '"LPS" ("RAS", where it is "LPS" already); Slicer\'s point lists call it "coordinateSystem"'),
         ("voxels", geometry.ijk_to_ras, '"IJK"'),
     )
     for called, to_ras, to_set in readings:

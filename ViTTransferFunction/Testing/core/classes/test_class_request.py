@@ -32,6 +32,7 @@ def test_points_that_lie_inside_as_lps_are_said_to_be_so() -> None:
     flipped = ClassRequest("a", POINTS_RAS * [-1.0, -1.0, 1.0])
     advice = (
         r"class 'a' lie outside.*all points lie inside when read as LPS; if they are that, set \"coordinate_system\": \"LPS\""
+        r".*Slicer's point lists call it \"coordinateSystem\""
     )
     with pytest.raises(InputError, match=advice):
         check_requests([flipped], GEOMETRY)
