@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 
 OUT_OF_MEMORY = (
-    "There is too little memory for this. Close other programs, choose a faster preset or a smaller grid, or crop the volume "
-    "to what you need."
+    "There is too little memory for this. Close other programs, or crop the volume to what you need. Features need less with a "
+    "faster preset or a smaller grid."
 )
 """What a front end says, instead of where it happened."""
 
