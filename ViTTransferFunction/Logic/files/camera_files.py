@@ -45,7 +45,9 @@ def read_camera(path: Path) -> Camera:
     """
     content = read_json(path)
     if not isinstance(content, dict) or "position_mm" not in content or "focal_point_mm" not in content:
-        raise InputError(f"{path} is not a camera; `vittf render … --save-camera {path.name}` writes one.")
+        raise InputError(
+            f"{path} is not a camera. Save beside Camera, in panel and app, and `vittf render --save-camera` write one."
+        )
     for field, expected in (("coordinate_system", "RAS"), ("relative_to", RELATIVE_TO)):
         if content.get(field) != expected:
             raise InputError(f"{path}: '{field}' is {shown(content.get(field))}; expected {expected!r}.")

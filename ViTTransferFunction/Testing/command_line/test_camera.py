@@ -140,7 +140,9 @@ def test_a_file_that_is_no_usable_camera_is_refused(tmp_path: Path, change: dict
 def test_another_json_file_is_no_camera(tmp_path: Path) -> None:
     path = tmp_path / "clicks.json"
     path.write_text('{"classes": []}')
-    with pytest.raises(InputError, match="not a camera"):
+    with pytest.raises(
+        InputError, match=r"not a camera\. Save beside Camera, in panel and app, and `vittf render --save-camera` write one"
+    ):
         read_camera(path)
 
 
