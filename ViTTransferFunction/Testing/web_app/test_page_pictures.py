@@ -90,7 +90,7 @@ def test_a_camera_is_relative_to_the_structures_and_found_again(
         camera, state = app.views.view_3d.renderer().GetActiveCamera(), app.server.state
         async with browser_of(app) as browser:
             assert (await status_and_body(browser, "/download/camera?width=64&height=48"))[0] == 204
-            assert "Place a point on a structure, and choose under Display what 3D views show" in state.message
+            assert "Place a point on a structure, and switch the 3D views on." in state.message
             monkeypatch.setattr(app.session.views, "middle_ras", lambda: middle_ras)
             camera.SetPosition(12.0, 114.0, 16.0)
             camera.SetFocalPoint(*middle_ras)

@@ -217,7 +217,7 @@ def test_a_camera_is_relative_to_the_structures_and_found_again(
     widget: Any, files: dict[str, str], tmp_path: Path, volume: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     widget.ui.saveCameraButton.click()
-    assert "Place a point on a structure, and choose under Display what 3D views show" in widget.ui.messageLabel.text()
+    assert "Place a point on a structure, and switch the 3D views on." in widget.ui.messageLabel.text()
     in_3d(widget, monkeypatch, volume)
     camera = renderer().GetActiveCamera()
     camera.SetPosition(12.0, 114.0, 16.0)

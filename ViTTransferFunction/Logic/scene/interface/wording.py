@@ -182,8 +182,8 @@ def former_model_text(former: str, model: str) -> str:
 def nothing_in_3d_text() -> str:
     """Of cameras, which files keep by where structures are."""
     return _(
-        "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and choose under "
-        "Display what 3D views show."
+        "Cameras are relative to the structures in 3D, of which there are none. Place a point on a structure, and switch the "
+        "3D views on."
     )
 
 
