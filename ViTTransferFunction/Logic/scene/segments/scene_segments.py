@@ -140,7 +140,7 @@ class SceneSegments(WrittenSegments):
         if self.can_write and not self._is_annotated:
             self._remove_left()
         elif self._proxy.phase != "ready" or not self._requests():
-            self._report("There is nothing to segment yet: compute the features, and place a point on each structure.")
+            self._report("There is nothing to segment yet: compute the features, and place a point on a structure.")
         elif self._volume.changed:
             self._report("The image has just changed. Wait until its features are ready, then create the segments.")
         elif corrections == "ask":
