@@ -75,6 +75,7 @@ def session_state(session: SceneSession, *, with_cache: bool, with_look: bool) -
         "can_redo": session.annotations.can_redo,
         "can_remove_last": selected is not None and bool(selected.positive or selected.negative),
         "annotated": any(state.positive for state in session.classes),
+        "answered": any(session.chosen_iso(state.id) is not None for state in session.classes),
         "can_write": session.segments.can_write,
         "written": session.segments.exist,
         "outdated": outdated_text() if session.segments.outdated else "",

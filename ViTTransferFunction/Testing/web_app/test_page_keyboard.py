@@ -198,6 +198,16 @@ def test_of_many_structures_that_were_not_saved_five_are_named(page: AppPage) ->
     page["restorable"].wait_for(state="detached")
 
 
+def test_who_stopped_the_features_halfway_is_told_that_coarse_ones_answer(page: AppPage) -> None:
+    set_state = "([name, value]) => window.trame.state.set(name, value)"
+    page.page.evaluate(set_state, ["annotated", True])
+    page["features-missing"].get_by_text("Points show their structure once the features are computed.").wait_for()
+    page.page.evaluate(set_state, ["answered", True])
+    page["features-missing"].get_by_text("What is shown is of coarse features").wait_for()
+    page.page.evaluate(set_state, ["annotated", False])
+    page["features-missing"].wait_for(state="detached")
+
+
 def test_what_is_unfolded_comes_into_sight(page: AppPage) -> None:
     page["advanced"].locator("summary").click()
     page.wait_for_state("state.get('advanced_open') === false")
