@@ -208,6 +208,15 @@ def test_who_stopped_the_features_halfway_is_told_that_coarse_ones_answer(page: 
     page["features-missing"].wait_for(state="detached")
 
 
+def test_the_list_of_keys_says_which_of_them_work_in_the_table_alone(page: AppPage) -> None:
+    page.page.get_by_title("Keyboard shortcuts (?)").click()
+    plain, _, of_table = page["help"].inner_text().partition("In the table of structures:")
+    assert "erase points" in plain
+    assert "remove the structure" in of_table
+    page.page.keyboard.press("Escape")
+    page["help"].wait_for(state="detached")
+
+
 def test_what_is_unfolded_comes_into_sight(page: AppPage) -> None:
     page["advanced"].locator("summary").click()
     page.wait_for_state("state.get('advanced_open') === false")
