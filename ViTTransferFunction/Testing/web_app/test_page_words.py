@@ -35,7 +35,7 @@ def test_words_and_ranges_are_those_of_the_panels_form() -> None:
     assert (grid["label"], grid["special"]) == ("Grid", "as in the preset")
     assert grid["range"] == {"max": LARGEST_GRID, "step": 8.0}
     assert grid["about"]["aria-label"] == "Grid"
-    assert grid["about"]["title"].startswith("How fine the features are")
+    assert grid["about"]["title"].startswith("How finely the volume is looked at")
     assert panel_form()["renderingSoloCheckBox"]["text"] == "Selected structure alone"
 
 
