@@ -46,8 +46,9 @@ def read_annotations(path: Path, geometry: Geometry) -> list[AnnotatedClass]:
     classes = content.get("classes") if isinstance(content, dict) else None
     if isinstance(content, dict) and "markups" in content and classes is None:
         raise InputError(
-            f"{path} is a Slicer point list, of one class and without its name; `vittf segment` takes it by "
-            f"--positive NAME={path.name}."
+            f"{path} has markups of Slicer's, of one class and without its name. `vittf segment` takes them by "
+            f"--positive NAME={path.name}. Of those that Slicer has open, the panel takes lines, closed curves and ROIs: "
+            "right-click the structure, Points inside from a markup."
         )
     if not isinstance(classes, list) or not all(isinstance(entry, dict) for entry in classes):
         raise InputError(f'{path} is not an annotation file: expected {{"coordinate_system": "RAS", "classes": [{{…}}, …]}}.')

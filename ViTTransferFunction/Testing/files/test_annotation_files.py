@@ -448,7 +448,7 @@ def test_what_is_no_point_list_is_refused(tmp_path: Path, content: Any) -> None:
 
 def test_a_point_list_in_place_of_annotations_is_told_where_it_goes(tmp_path: Path) -> None:
     path = write(tmp_path / "l.mrk.json", markups([{"position": [1, 2, 3]}]))
-    with pytest.raises(InputError, match=r"takes it by --positive NAME=l\.mrk\.json"):
+    with pytest.raises(InputError, match=r"takes them by --positive NAME=l\.mrk\.json\. .*Points inside from a markup"):
         read_annotations(path, GEOMETRY)
 
 
