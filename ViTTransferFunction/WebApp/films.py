@@ -14,6 +14,7 @@ from ..Logic.core.system.private_folder import PrivateFolder, private_folder
 from ..Logic.files.film import ENDINGS, FilmPlan, check_film_writer, film_steps
 from ..Logic.scene.interface.wording import progress_text
 from ..Logic.scene.views.filming import FRAMES_PER_SECOND, Filming
+from .panel_form import panel_form
 from .view_pictures import asked_size
 
 if TYPE_CHECKING:
@@ -45,13 +46,17 @@ class Films:
         """Begin a film in place of the one before; where one is being shot, nothing happens.
 
         Raises:
-            InputError: it cannot be made, of that size or at all.
+            InputError: it cannot be made, of that size or length or at all.
         """
         if self._filming is not None:
             return
         if ending not in ENDINGS:
             raise InputError(f"A film cannot be of the kind {shown(ending)}; expected {' or '.join(ENDINGS)}.")
         size, seconds = asked_size(width, height), float(seconds or 0.0)
+        lengths = panel_form()["filmSecondsSpinBox"]["range"]
+        if not lengths["min"] <= seconds <= lengths["max"]:
+            known = f"{lengths['min']:g} to {lengths['max']:g}"
+            raise InputError(f"A film of {seconds:g} seconds cannot be made; expected {known}.")
         plan = FilmPlan(Path(f"film{ending}"), round(FRAMES_PER_SECOND * seconds), seconds)
         check_film_writer(plan.path)
         self.give_up()

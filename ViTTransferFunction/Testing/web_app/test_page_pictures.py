@@ -219,8 +219,9 @@ def test_the_answer_to_a_click_comes_before_the_next_frame(
     [
         ((9, 48, 8, ".gif"), "expected whole numbers of pixels"),
         ((64, 48, 8, ".avi"), "expected .mp4 or .gif"),
-        ((64, 48, "", ".gif"), "expected 2 to"),
-        ((64, 48, 1e9, ".gif"), "expected 2 to"),
+        ((64, 48, "", ".gif"), "A film of 0 seconds cannot be made; expected 1 to 60"),
+        ((64, 48, 61, ".gif"), "A film of 61 seconds cannot be made; expected 1 to 60"),
+        ((64, 48, 1e9, ".gif"), "seconds cannot be made; expected 1 to 60"),
         ((64, 48, 8, "/../../x.gif"), "expected .mp4 or .gif"),
     ],
 )
