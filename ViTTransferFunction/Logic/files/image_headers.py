@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.system.errors import InputError, shown
-from ..core.system.regular_file import check_regular_file
+from ..core.system.regular_file import check_regular_file, mode_of
 from .length_units import check_units
 from .nifti_place import check_place, nifti_says_place
 from .stored_voxels import StoredVoxels
@@ -185,13 +185,14 @@ def _in_nifti(path: Path, start: bytes) -> StoredVoxels:
 def _in_nifti_pair(path: Path, start: bytes) -> StoredVoxels:
     """Header and voxels in files of one name: NIfTI of two files, or Analyze."""
     header_path = _sibling(path, ".hdr")
+    _check_is_there(path, "header", header_path)
     header = start if header_path == path else read_start(header_path)
     order = _byte_order(header_path, header)
     if header[344:348] == b"n+1\0":
         raise InputError(f"{header_path} says that it holds its voxels itself; give it the ending .nii.")
     voxels, offset = _nifti_voxels(header_path, header, order)
     voxels_path = _sibling(path, ".img")
-    check_regular_file(voxels_path)
+    _check_is_there(path, "voxels", voxels_path)
     return replace(voxels, path=voxels_path, start=offset)
 
 
@@ -352,8 +353,18 @@ def _nrrd_fields(start: bytes) -> dict[str, str]:
 def _named_file(header: Path, name: str) -> Path:
     """The file that a header names, which lies beside it unless the name says otherwise."""
     file = header.parent / name
-    check_regular_file(file)
+    _check_is_there(header, "voxels", file)
     return file
+
+
+def _check_is_there(path: Path, what: str, other: Path) -> None:
+    """Raise InputError unless the other one of two files can be opened, which nobody has named: it has a part of the image."""
+    if mode_of(other) is None:
+        raise InputError(
+            f"{path} has its {what} in another file, {other.name}, which is not there. Put both into one folder; on the app's "
+            "page, open both at once."
+        )
+    check_regular_file(other)
 
 
 def _fields(header: bytes, separator: str) -> dict[str, str]:

@@ -89,6 +89,16 @@ def test_an_ending_is_known_in_any_case(tmp_path: Path, name: str) -> None:
     np.testing.assert_array_equal(read_volume(tmp_path / name).array, VOXELS)
 
 
+@pytest.mark.parametrize(("ending", "missing", "what"), [(".hdr", "s.img", "voxels"), (".img", "s.hdr", "header")])
+def test_half_of_a_pair_of_files_is_told_what_is_missing(tmp_path: Path, ending: str, missing: str, what: str) -> None:
+    sitk.WriteImage(sitk.GetImageFromArray(VOXELS), str(tmp_path / "s.hdr"), imageIO="NiftiImageIO")
+    (tmp_path / missing).unlink()
+    with pytest.raises(
+        InputError, match=rf"s\{ending} has its {what} in another file, {re.escape(missing)}, which is not there"
+    ):
+        read_volume(tmp_path / f"s{ending}")
+
+
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
@@ -96,7 +106,10 @@ def test_an_ending_is_known_in_any_case(tmp_path: Path, name: str) -> None:
         ("ElementDataFile = scan%03d.raw 1 9 1\n", "expected the name of one file"),
         ("ElementDataFile = LIST\nscan.raw\n", "expected the name of one file"),
         ("ElementDataFile = \n", "expected the name of one file"),
-        ("ElementDataFile = missing.raw\n", "There is no file"),
+        (
+            "ElementDataFile = missing.raw\n",
+            r"scan\.mha has its voxels in another file, missing\.raw, .* Put both into one folder",
+        ),
         ("ElementDataFile = .\n", "is a folder"),
         ("HeaderSize = 10\nElementDataFile = LOCAL\n", "HeaderSize"),
         ("NDims = -1\nElementDataFile = LOCAL\n", "'-1' dimensions"),
