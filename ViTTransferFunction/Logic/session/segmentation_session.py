@@ -198,15 +198,15 @@ class SegmentationSession:
             if part is not None:
                 return part.refined_map(self.volume.shape, requests, index, method, between)
             wanted, usual = _refinement(low, request, method)
-            voxels = refine(
-                low.array, self.volume, self.display_window, request.positive, usual, wanted, between, lowest_iso=low.iso
-            )
+            seen = self.rule.seen(requests)
+            looks = seen[index].positive
+            voxels = refine(low.array, self.volume, self.display_window, looks, usual, wanted, between, lowest_iso=low.iso)
             between()
             if wanted == "none":
                 return RefinedMap(voxels, low.iso)
             iso = usual_iso = low.iso
             if request.iso is None:
-                proposals = self.rule.refined_iso(voxels, SimilarityMap(low.array, low.prior), requests, index, between)
+                proposals = self.rule.refined_iso(voxels, SimilarityMap(low.array, low.prior), seen, index, between)
                 iso, usual_iso = proposals.at(request.size), proposals.chosen
             against = points_against(requests, index)
             voxels = settle(voxels, self.volume, self.display_window, request.positive, against, usual_iso, between)
@@ -301,9 +301,10 @@ class SegmentationSession:
     ) -> list[ClassMap]:
         """See `low_resolution_maps`; `parts` are those in which the classes are looked at, None for the whole."""
         rule, geometry = loaded.rule, loaded.features.geometry
+        seen = rule.seen(requests)
         found: dict[int, ClassMap] = {}
         sooner = next((index for index, request in enumerate(requests) if request.id == first), None)
-        for index, coarse in rule.maps(requests, between, sooner):
+        for index, coarse in rule.maps(seen, between, sooner):
             request, part = requests[index], parts[index]
             if part is not None:
                 found[index] = part.map_on(geometry, requests, index, between)
@@ -311,7 +312,7 @@ class SegmentationSession:
                 if request.proximity > 0.0:
                     faded = proximity(geometry, request.positive, request.proximity, self.volume.longest_edge_mm)
                     np.multiply(coarse.array, faded, out=coarse.array)
-                found[index] = _class_map(coarse, geometry, request, partial(rule.iso, coarse, requests, index))
+                found[index] = _class_map(coarse, geometry, request, partial(rule.iso, coarse, seen, index))
             if index == sooner:
                 on_first(found[index])
         return [found[index] for index in range(len(requests))]

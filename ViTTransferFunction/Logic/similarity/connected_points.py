@@ -22,6 +22,9 @@ from .connectedness import BLOCKS_PER_CELL, SIMILARITIES, Connectedness
 
 LARGEST_SHARE = 0.8
 """B: of a class whose many points are all joined."""
+SEEN_CLASSES = 256
+"""Of so many classes, or states of them, it is kept where their points are looked at: each click asks for all again, and each
+refinement."""
 FINELY_JOINED_POINTS = 400
 """With more points than these, of all classes, one block a cell has to do: eight times as fast, and less able to tell."""
 
@@ -37,6 +40,8 @@ class ConnectedPoints:
         self._make = connectedness
         self._fine = connectedness(BLOCKS_PER_CELL)
         self._levels_of_key: dict[bytes, np.ndarray] = {}
+        # None: where they are.
+        self._seen_of_key: dict[bytes, np.ndarray | None] = {}
 
     @cached_property
     def _coarse(self) -> Connectedness:
@@ -76,9 +81,20 @@ class ConnectedPoints:
                 self._levels_of_key[key] = connectedness.from_point(point)
         return keys
 
-    def seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
-        """See `Connectedness.seen_at`."""
-        return self._fine.seen_at(negative_ras, positive_ras)
+    def positives_seen_at(self, positive_ras: np.ndarray) -> np.ndarray:
+        """See `Connectedness.positives_seen_at`. Any thread may ask."""
+        known, key = self._seen_of_key, positive_ras.tobytes()
+        if key not in known:
+            places = self._fine.positives_seen_at(positive_ras)
+            if len(known) >= SEEN_CLASSES:
+                known = self._seen_of_key = {}
+            known[key] = None if places is positive_ras else places
+        seen = known[key]
+        return positive_ras if seen is None else seen
+
+    def negatives_seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
+        """See `Connectedness.negatives_seen_at`."""
+        return self._fine.negatives_seen_at(negative_ras, positive_ras)
 
     def at(self, keys: Sequence[bytes], cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """C of points, by the keys from `update`, at cells given by their indices (n,), (P, n) float32."""

@@ -11,6 +11,8 @@ long, and is large beyond a wall, however like the vessel it looks there. As a s
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ..core.volumes.geometry import Geometry
@@ -33,6 +35,11 @@ UNITS_PER_WINDOW = 1024
 _FURTHEST, _UNKNOWN = 10_000, 20_000
 """What lies more than ten windows from the middle of the window counts as that far; and what stands for blocks without a finite
 voxel, which is far from all others. No difference leaves 16 bits."""
+RIM_UNLIKE = 0.5
+RIM_CELLS = 1.5
+"""A later positive point that is unlike all before it by more than so many windows may lie at a rim, if something like one of
+them is no more than so many cells away. Chosen while looking at one nodule in a lung; see `Benchmarks/results/candidates.md`,
+*Positive points at rims*."""
 MOST_BLOCKS = 2_200_000
 """Where there would be more, each cell is one block: a new point takes time in proportion to them."""
 
@@ -71,7 +78,62 @@ class Connectedness:
         (block,) = self._cells.nearest_voxels(point_ras[None], self._per_cell)
         return self._flooded.tolerances_too_small(block, TOLERANCES).ravel()
 
-    def seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
+    def positives_seen_at(self, positive_ras: np.ndarray) -> np.ndarray:
+        """Where a class's positive points are best looked at: there, or in the structure beside it.
+
+        People draw a structure's edge where a voxel may be as dark as what is around, as at that of a nodule in a lung; a later
+        point there would have all that is around looked for. So where it is quite unlike all before it, and what is beside it
+        no more alike than what is beside these, it is looked at at the nearest block that is like one of them. Where none is
+        near, it lies in another part of the structure.
+
+        Args:
+            positive_ras: (P, 3) RAS millimetres, in the order placed; outside of the volume, the nearest block counts.
+
+        Returns:
+            (P, 3) RAS millimetres; the same array where all points are looked at where they are.
+        """
+        blocks = self._cells.nearest_voxels(positive_ras, self._per_cell)
+        units = self._units_of(blocks)
+        places = positive_ras
+        for point in range(1, len(blocks)):
+            before = units[:point]
+            if units[point] == _UNKNOWN or np.abs(before - units[point]).min() <= RIM_UNLIKE * UNITS_PER_WINDOW:
+                continue
+            *alike_before, alike = self._share_alike(blocks[: point + 1])
+            nearest = self._nearest_like(blocks[point], before) if alike <= max(alike_before) else None
+            if nearest is not None:
+                units[point] = self._units_of(nearest)
+                places = np.concatenate([places[:point], self._centres_ras(nearest[None]), places[point + 1 :]])
+        return places
+
+    def _nearest_like(self, block: np.ndarray, units: np.ndarray) -> np.ndarray | None:
+        """The block nearest to one (3,), within `RIM_CELLS`, that has one of some intensities (N,); None where there is none.
+
+        Of several that are as near, it is the one that is most like them, in whatever order the volume is stored.
+        """
+        around = self._blocks_within(block, RIM_CELLS * self._per_cell)
+        around = around[self._units_of(around) != _UNKNOWN]
+        unlike = np.abs(self._units_of(around)[:, None] - units).min(axis=1)
+        like = unlike <= SIGMA * UNITS_PER_WINDOW
+        steps = ((around[like] - block) ** 2).sum(axis=1)
+        return around[like][np.lexsort((unlike[like], steps))[0]] if like.any() else None
+
+    def _share_alike(self, blocks: np.ndarray) -> np.ndarray:
+        """The share of what is known beside each of some blocks (N, 3) that is like it, within half of `RIM_UNLIKE`, (N,)."""
+        limit = 0.5 * RIM_UNLIKE * UNITS_PER_WINDOW
+        shares = []
+        for block, own in zip(blocks, self._units_of(blocks), strict=True):
+            units = self._units_of(self._blocks_within(block, np.sqrt(3.0)))
+            shares.append(np.mean(np.abs(units[units != _UNKNOWN] - own) <= limit) if own != _UNKNOWN else 0.0)
+        return np.array(shares)
+
+    def _blocks_within(self, block: np.ndarray, radius: float) -> np.ndarray:
+        """The blocks (N, 3) no farther than so many blocks from one of them, (3,): itself as well."""
+        blocks = block + _steps_within(radius)
+        inside: np.ndarray = blocks[((blocks >= 0) & (blocks < self._blocks.shape)).all(axis=1)]
+        return inside
+
+    def negatives_seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
         """Where a class's negative points are best looked at: there, or at the block that is typical of their cell.
 
         At a structure's rim a voxel off it may be as bright as the structure, and a cell is wider than the rim: features,
@@ -97,9 +159,12 @@ class Connectedness:
         wanted = self._units_of(self._cells.nearest_voxels(positive_ras, per_cell))
         unlike, own_unlike = (np.abs(of[:, None] - wanted).min(axis=1) for of in (typical_units, self._units_of(own)))
         moves = (unlike > own_unlike + SIGMA * UNITS_PER_WINDOW) & (typical_units != _UNKNOWN)
-        centres_ras = self._cells.ijk_to_ras_points(((typical + 0.5) / per_cell - 0.5)[:, ::-1])
-        places: np.ndarray = np.where(moves[:, None], centres_ras, negative_ras)
+        places: np.ndarray = np.where(moves[:, None], self._centres_ras(typical), negative_ras)
         return places
+
+    def _centres_ras(self, blocks: np.ndarray) -> np.ndarray:
+        """Centres (N, 3), RAS millimetres, of blocks given by their index along K, J, I, (N, 3)."""
+        return self._cells.ijk_to_ras_points(((blocks + 0.5) / self._per_cell - 0.5)[:, ::-1])
 
     def _units_of(self, blocks: np.ndarray) -> np.ndarray:
         """Intensities of blocks given by their index along K, J, I, (…, 3) → (…), float64 in `UNITS_PER_WINDOW`."""
@@ -204,3 +269,12 @@ def _in_units(means: np.ndarray, window: IntensityWindow) -> np.ndarray:
     in_range = np.clip(np.rint(units), -_FURTHEST, _FURTHEST)
     whole_numbers: np.ndarray = np.where(np.isnan(units), _UNKNOWN, in_range).astype(np.int16)
     return whole_numbers
+
+
+@cache
+def _steps_within(radius: float) -> np.ndarray:
+    """Steps along K, J, I, (N, 3), no longer than a radius."""
+    reach = int(radius)
+    steps = np.indices((2 * reach + 1,) * 3).reshape(3, -1).T - reach
+    near: np.ndarray = steps[np.linalg.norm(steps, axis=1) <= radius]
+    return near

@@ -39,6 +39,10 @@ class CosineSimilarity:
         self._volume_geometry = volume_geometry
         self._average = average
 
+    def seen(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
+        """See `SimilarityRule`: where they are."""
+        return list(requests)
+
     def maps(
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
     ) -> Iterator[tuple[int, SimilarityMap]]:

@@ -15,14 +15,14 @@ The kernel k says how alike two places are (`place_kernel`). Where p is an annot
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
 √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
 them, and negative ones where they look like the class (`point_reach`). A negative point at the rim of its structure is looked
-at where its cell is what it mostly is (`Connectedness.seen_at`). What is walled in with a positive point is raised
+at where its cell is what it mostly is (`Connectedness.negatives_seen_at`). What is walled in with a positive point is raised
 (`closed_structures`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -92,12 +92,20 @@ class KernelRidge:
         self._rows = KernelRows(len(background), len(centres))
         self._with_cells.write(self._background, self._rows.background)
 
+    def seen(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
+        """See `SimilarityRule`: later positive points at rims within the structure (`Connectedness.positives_seen_at`)."""
+        seen_at = [self._connected.positives_seen_at(request.positive) for request in requests]
+        return [
+            request if places is request.positive else replace(request, positive=places)
+            for request, places in zip(requests, seen_at, strict=True)
+        ]
+
     def maps(
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
     ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
         between = one_at_a_time(between)
-        annotated = annotated_points(requests, self._connected.seen_at)
+        annotated = annotated_points(requests, self._connected.negatives_seen_at)
         with side_thread() as begin:
             # Flood fills, of many small arrays, beside kernels and sums, which wait for the memory.
             finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))

@@ -27,6 +27,9 @@ NEEDS_INTENSITIES: frozenset[SimilarityMethod] = frozenset({"kernel ridge"})
 class SimilarityRule(Protocol):
     """Maps of classes on one volume; what does not change between clicks is computed once, when it is made."""
 
+    def seen(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
+        """The same classes, with their points where they are best looked at: what all else is to be given."""
+
     def maps(
         self, requests: Sequence[ClassRequest], between: Between = nothing_between, first: int | None = None
     ) -> Iterator[tuple[int, SimilarityMap]]:

@@ -261,3 +261,21 @@ def test_a_refinement_takes_the_answer_to_the_click_and_another_click_or_other_f
     session.use_features(session.features.source)
     session.low_resolution_maps(requests_of(spheres, proximity=0.5))
     assert len(computed) == 3
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_a_second_click_at_the_edge_of_what_lies_in_dark_surroundings_does_not_lose_it(beyond: int) -> None:
+    """As at that of a nodule in a lung, where a voxel may be as dark as the lung: all of that would be looked for."""
+    rng, shape, cells = np.random.default_rng(0), (64, 64, 64), (16, 16, 16)
+    nodule = np.linalg.norm(np.indices(shape).T - 32.0, axis=-1).T < 8.0
+    array = np.full(shape, 40.0)
+    array[8:-8, 8:-8] = np.where(nodule, 40.0, -850.0)[8:-8, 8:-8]
+    volume = Volume((array + rng.normal(0.0, 30.0, shape)).astype(np.float32), Geometry(shape, np.eye(4)))
+    # Features that tell little: how much of a cell is nodule, and lung, beside ten channels of chance.
+    known = np.stack([nodule, array < -400.0], axis=-1).reshape(16, 4, 16, 4, 16, 4, 2).mean(axis=(1, 3, 5))
+    features = np.concatenate([3.0 * known, rng.normal(size=(*cells, 10))], axis=-1).astype(np.float16)
+    session = SegmentationSession(volume, PRESETS[DEFAULT_PRESET])
+    session.use_features(FeatureVolume(features, volume.geometry.resized(cells), "a nodule"))
+    points = np.array([[32.0, 32.0, 32.0], [40.0 + beyond, 32.0, 32.0]])
+    assert dice(session.segment([ClassRequest("nodule", points[:1])]).labels == 1, nodule) > 0.98
+    assert dice(session.segment([ClassRequest("nodule", points)]).labels == 1, nodule) > 0.98
