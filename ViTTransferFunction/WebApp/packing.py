@@ -92,9 +92,6 @@ def _header(nrrd: BinaryIO) -> list[bytes]:
 
 
 def _promised_bytes(header: list[bytes]) -> int:
-    """How many bytes of voxels there are by a header."""
+    """How many bytes of voxels there are by a header; 0 where it is not one as Slicer writes."""
     fields = dict(line.rstrip().split(b": ", 1) for line in header if b": " in line)
-    try:
-        return math.prod(map(int, fields[b"sizes"].split())) * _VOXEL_BYTES[fields[b"type"]]
-    except KeyError as error:
-        raise ValueError("no NRRD file of known voxels") from error
+    return math.prod(map(int, fields.get(b"sizes", b"0").split())) * _VOXEL_BYTES.get(fields.get(b"type", b""), 0)
