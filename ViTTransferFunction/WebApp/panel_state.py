@@ -12,7 +12,6 @@ from ..Logic.scene.classes.class_state import ClassState
 from ..Logic.scene.feature_wording import cost_text, point_warnings, status_text
 from ..Logic.scene.interface.cache_contents import CacheContents
 from ..Logic.scene.interface.wording import (
-    close_up_text,
     closer_look_text,
     outdated_text,
     progress_text,
@@ -151,7 +150,7 @@ def _settings(session: SceneSession, selected: ClassState | None) -> dict[str, A
         "can_shrink": stepped(selected, -1) != selected,
         "can_grow": stepped(selected, 1) != selected,
         "can_reset": selected.size != 0.0 or selected.iso is not None,
-        "close_up": close_up_text(session.close_ups.size_mm(selected), session.close_ups.failed(selected)),
+        "close_up": session.close_ups.text(selected),
         "close_up_hint": closer_look_text(session.close_up_hints.of(selected)),
         "can_look_closer": session.phase == "ready" and bool(selected.positive),
         "can_look_at_whole": selected.close_up is not None,

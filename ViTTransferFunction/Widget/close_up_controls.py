@@ -6,9 +6,7 @@ from typing import Any
 
 import qt
 
-from ViTTransferFunction.Logic.scene.classes.class_state import ClassState
-from ViTTransferFunction.Logic.scene.interface.wording import close_up_text, closer_look_text
-from ViTTransferFunction.Logic.scene.session import SceneSession
+from ViTTransferFunction.Logic.scene.interface.wording import closer_look_text
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section
 
@@ -28,7 +26,7 @@ class CloseUpControls(Section):
         """Say in what the selected class is looked at, and enable what can be done about it."""
         ui, session, selected = self.ui, self.session, self.selected
         ready = session is not None and session.phase == "ready"
-        words = "" if session is None or selected is None else _in_what(session, selected)
+        words = "" if session is None or selected is None else session.close_ups.text(selected)
         ui.lookCloserButton.enabled = ready and selected is not None and bool(selected.positive)
         ui.lookAtWholeButton.enabled = ui.closeUpLabel.visible = bool(words)
         ui.closeUpLabel.text = words
@@ -68,8 +66,3 @@ class CloseUpControls(Section):
     def _on_cancel(self) -> None:
         if self.session is not None:
             self.session.cancel()
-
-
-def _in_what(session: SceneSession, state: ClassState) -> str:
-    """In what a class is looked at; "": in the whole volume, as nobody asked for something else."""
-    return close_up_text(session.close_ups.size_mm(state), session.close_ups.failed(state))

@@ -15,6 +15,7 @@ from ..classes.class_state import ClassState, CloseUpBox
 from ..interface.notices import Notices
 from ..interface.parameters import SceneParameters
 from ..interface.problems import Problems
+from ..interface.wording import close_up_text
 from ..mrml.transforms import matrix_to_world
 from ..volumes.opened_volume import OpenedVolume
 from .annotations import SceneAnnotations
@@ -114,6 +115,10 @@ class SceneCloseUps:
     def failed(self, state: ClassState) -> bool:
         """Whether a class is shown as in the whole volume, because its box could not be looked at."""
         return state.close_up is not None and state.id in self._proxy.failed_close_ups
+
+    def text(self, state: ClassState) -> str:
+        """In what a class is looked at, in words; "": in the whole volume, as nobody asked for something else."""
+        return close_up_text(self.size_mm(state), self.failed(state))
 
     def go_along(self) -> None:
         """Move boxes whose points a transform has moved since the last call about this volume, with the volume say.
