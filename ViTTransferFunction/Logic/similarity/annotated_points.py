@@ -43,8 +43,7 @@ def annotated_points(
 ) -> AnnotatedPoints:
     """The points of all classes, each class's positive ones before its negative ones.
 
-    `seen_at` says where a class's negative points are looked at, given them and its positive ones
-    (`Connectedness.negatives_seen_at`).
+    `seen_at` says where a class's negative points are looked at, given them and its positive ones (`PointPlaces.of_negatives`).
 
     A negative point says that its own class is not there, and leaves open what is. A point that two classes claim, such as a
     class and its duplicate, speaks against neither.

@@ -14,9 +14,10 @@ from ..core.volumes.volume import Volume
 from ..features.background_tokens import background_cells
 from ..features.network_channels import network_channels
 from .connected_points import ConnectedPoints
-from .connectedness import Connectedness
+from .intensity_blocks import IntensityBlocks
 from .intensity_cdf import IntensityCdf
 from .iso_value import edge_strength_at
+from .point_places import PointPlaces
 from .stable_components import StableComponents
 
 EDGE_STEP_CELLS = 1 / 3
@@ -38,6 +39,7 @@ class CellIntensities:
         cdf: of the volume's intensities.
         cdf_of_cells: around each cell, (cells,) float32.
         connected: how annotated points are, by intensities.
+        point_places: where annotated points are looked at.
         iso_cells: some cells, (N,), in order.
         edge_strength: of those, (N,) float32.
         components: around annotated points, at those or all.
@@ -47,7 +49,7 @@ class CellIntensities:
         self._cells = cells
         # Looks at all voxels, as the rest does: beside it, where there is a second processor.
         with ThreadPoolExecutor(1) as beside:
-            connected = beside.submit(_connected_points, volume, cells)
+            in_blocks = beside.submit(_in_blocks, volume, cells)
             self.centres_ras = cells.voxel_centres_ras()
             self.drawn = _drawn(cells)
             self.cdf = IntensityCdf(volume)
@@ -56,9 +58,10 @@ class CellIntensities:
             axes_ras = cells.ijk_to_ras[:3, :3].T / cells.spacing_mm[:, None]
             steps_ras = EDGE_STEP_CELLS * cells.spacing_mm.min() * axes_ras
             self.edge_strength = edge_strength_at(self.cdf, self.centres_ras[self.iso_cells], steps_ras)
-            self.connected = connected.result()
-        count_body = partial(_cells_of_body, self.connected, volume)
-        self.components = StableComponents(self.connected.cell_units(), cells, self.iso_cells, count_body)
+            blocks, self.connected = in_blocks.result()
+        self.point_places = PointPlaces(blocks)
+        count_body = partial(_cells_of_body, blocks, volume)
+        self.components = StableComponents(blocks.cell_units(), cells, self.iso_cells, count_body)
 
     def are_of(self, cells: Geometry) -> bool:
         """Whether these are the cells."""
@@ -66,13 +69,15 @@ class CellIntensities:
         return mine.shape == cells.shape and np.array_equal(mine.ijk_to_ras, cells.ijk_to_ras)
 
 
-def _connected_points(volume: Volume, cells: Geometry) -> ConnectedPoints:
-    return ConnectedPoints(partial(Connectedness, volume, cells, display_window(volume)))
+def _in_blocks(volume: Volume, cells: Geometry) -> tuple[IntensityBlocks, ConnectedPoints]:
+    make = partial(IntensityBlocks, volume, cells, display_window(volume))
+    blocks = make()
+    return blocks, ConnectedPoints(blocks, partial(make, 1))
 
 
-def _cells_of_body(connected: ConnectedPoints, volume: Volume) -> int:
+def _cells_of_body(blocks: IntensityBlocks, volume: Volume) -> int:
     """How many cells hold more than the background around the body, by their mean intensities."""
-    means = connected.cell_means()
+    means = blocks.cell_means()
     return int(np.count_nonzero(~background_cells(means, network_channels(volume).background, means.shape)))
 
 

@@ -18,13 +18,11 @@ import numpy as np
 
 from ..core.classes.class_request import different_places
 from ..core.system.progress import Between, nothing_between
-from .connectedness import BLOCKS_PER_CELL, SIMILARITIES, Connectedness
+from .connectedness import SIMILARITIES, Connectedness
+from .intensity_blocks import IntensityBlocks
 
 LARGEST_SHARE = 0.8
 """B: of a class whose many points are all joined."""
-SEEN_CLASSES = 256
-"""Of so many classes, or states of them, it is kept where their points are looked at: each click asks for all again, and each
-refinement."""
 FINELY_JOINED_POINTS = 400
 """With more points than these, of all classes, one block a cell has to do: eight times as fast, and less able to tell."""
 
@@ -33,28 +31,19 @@ class ConnectedPoints:
     """Connectedness of the annotated points with all cells, kept from click to click.
 
     Args:
-        connectedness: makes that of the volume, with so many blocks per cell.
+        blocks: of the volume.
+        coarse_blocks: makes those that are as large as cells.
     """
 
-    def __init__(self, connectedness: Callable[[int], Connectedness]) -> None:
-        self._make = connectedness
-        self._fine = connectedness(BLOCKS_PER_CELL)
+    def __init__(self, blocks: IntensityBlocks, coarse_blocks: Callable[[], IntensityBlocks]) -> None:
+        self._fine = Connectedness(blocks)
+        self._coarse_blocks = coarse_blocks
         self._levels_of_key: dict[bytes, np.ndarray] = {}
-        # None: where they are.
-        self._seen_of_key: dict[bytes, np.ndarray | None] = {}
 
     @cached_property
     def _coarse(self) -> Connectedness:
         # It takes a walk through the volume, and few users ever place so many points.
-        return self._make(1)
-
-    def cell_units(self) -> np.ndarray:
-        """See `Connectedness.cell_units`."""
-        return self._fine.cell_units()
-
-    def cell_means(self) -> np.ndarray:
-        """See `Connectedness.cell_means`."""
-        return self._fine.cell_means()
+        return Connectedness(self._coarse_blocks())
 
     def keys(self, points_ras: np.ndarray) -> list[bytes]:
         """A key for each point (P, 3), RAS millimetres: another one where something else is known of it than before."""
@@ -80,21 +69,6 @@ class ConnectedPoints:
                 between()
                 self._levels_of_key[key] = connectedness.from_point(point)
         return keys
-
-    def positives_seen_at(self, positive_ras: np.ndarray) -> np.ndarray:
-        """See `Connectedness.positives_seen_at`. Any thread may ask."""
-        known, key = self._seen_of_key, positive_ras.tobytes()
-        if key not in known:
-            places = self._fine.positives_seen_at(positive_ras)
-            if len(known) >= SEEN_CLASSES:
-                known = self._seen_of_key = {}
-            known[key] = None if places is positive_ras else places
-        seen = known[key]
-        return positive_ras if seen is None else seen
-
-    def negatives_seen_at(self, negative_ras: np.ndarray, positive_ras: np.ndarray) -> np.ndarray:
-        """See `Connectedness.negatives_seen_at`."""
-        return self._fine.negatives_seen_at(negative_ras, positive_ras)
 
     def at(self, keys: Sequence[bytes], cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """C of points, by the keys from `update`, at cells given by their indices (n,), (P, n) float32."""

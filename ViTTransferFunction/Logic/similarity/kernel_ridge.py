@@ -14,9 +14,8 @@ of interest, and those that turn out to are dropped.
 The kernel k says how alike two places are (`place_kernel`). Where p is an annotated point, it is multiplied by
 (1 − b) + b C_p(x), with C_p how nearly x is joined to p by intensities, and between two points by
 √((1 − b)(1 − b′)) + √(b b′) C (`connected_points`). Later points of a class reach less far where they look unlike those before
-them, and negative ones where they look like the class (`point_reach`). A negative point at the rim of its structure is looked
-at where its cell is what it mostly is (`Connectedness.negatives_seen_at`). What is walled in with a positive point is raised
-(`closed_structures`).
+them, and negative ones where they look like the class (`point_reach`). Points at rims are looked at beside
+themselves (`point_places`). What is walled in with a positive point is raised (`closed_structures`).
 """
 
 from __future__ import annotations
@@ -93,8 +92,8 @@ class KernelRidge:
         self._with_cells.write(self._background, self._rows.background)
 
     def seen(self, requests: Sequence[ClassRequest]) -> list[ClassRequest]:
-        """See `SimilarityRule`: later positive points at rims within the structure (`Connectedness.positives_seen_at`)."""
-        seen_at = [self._connected.positives_seen_at(request.positive) for request in requests]
+        """See `SimilarityRule`: later positive points at rims within the structure (`PointPlaces.of_positives`)."""
+        seen_at = [self._intensities.point_places.of_positives(request.positive) for request in requests]
         return [
             request if places is request.positive else replace(request, positive=places)
             for request, places in zip(requests, seen_at, strict=True)
@@ -105,7 +104,7 @@ class KernelRidge:
     ) -> Iterator[tuple[int, SimilarityMap]]:
         """See `SimilarityRule`."""
         between = one_at_a_time(between)
-        annotated = annotated_points(requests, self._connected.negatives_seen_at)
+        annotated = annotated_points(requests, self._intensities.point_places.of_negatives)
         with side_thread() as begin:
             # Flood fills, of many small arrays, beside kernels and sums, which wait for the memory.
             finish_joining = begin(partial(self._connected.update, annotated.points_ras, between))

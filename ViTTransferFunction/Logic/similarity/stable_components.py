@@ -43,7 +43,7 @@ class StableComponents:
     They are given by how many of `TOLERANCES` are too small to join each cell, uint8: `len(TOLERANCES)` where all are.
 
     Args:
-        units: intensities of all cells (K, J, I), int16 (`Connectedness.cell_units`).
+        units: intensities of all cells (K, J, I), int16 (`IntensityBlocks.cell_units`).
         cells: their geometry.
         some: indices of the cells that `of_class` is asked about, (N,).
         count_body: says how many cells hold more than the background around the body; asked once, and only if it matters.

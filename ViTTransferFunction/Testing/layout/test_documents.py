@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import re
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from ViTTransferFunction.Testing.support.real_volumes import REAL_VOLUMES
 
 ROOT = Path(__file__).parents[3]
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+CODE = (".", "ViTTransferFunction", "ViTTransferFunction/Logic")
+"""Where paths in documents begin."""
 SHOWN_AS_LETTERS = {"--output"}
 """The document has its short form."""
 
@@ -42,6 +45,30 @@ def test_every_link_to_a_file_or_heading_leads_somewhere(document: Path) -> None
         target = document.parent / path if path else document
         assert target.is_file(), link
         assert not anchor or anchor in anchors(target), link
+
+
+def names_in(source: Path) -> set[str]:
+    """What a file defines: functions, classes and constants, and of classes `Class.name`."""
+    found: set[str] = set()
+    for node in ast.parse(source.read_text(encoding="utf-8")).body:
+        found |= defined_by(node)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{name}" for inner in node.body for name in defined_by(inner)}
+    return found
+
+
+def defined_by(node: ast.stmt) -> set[str]:
+    if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+        return {node.name}
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return {name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_every_name_in_a_file_that_a_document_refers_to_is_there(document: Path) -> None:
+    for path, name in re.findall(r"`([\w/]+\.py):([\w.]+)`", document.read_text(encoding="utf-8")):
+        (source,) = [found for part in CODE if (found := ROOT / part / path).is_file()]
+        assert name in names_in(source), f"{path}:{name}"
 
 
 def test_the_document_of_the_command_line_names_every_option_and_no_other() -> None:

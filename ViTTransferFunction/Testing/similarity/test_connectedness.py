@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.geometry import Geometry
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
-from ViTTransferFunction.Logic.core.volumes.orientation import Orientation
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.similarity import connected_points
 from ViTTransferFunction.Logic.similarity.connected_points import (
@@ -24,8 +23,9 @@ from ViTTransferFunction.Logic.similarity.connected_points import (
     point_factors,
     shares,
 )
-from ViTTransferFunction.Logic.similarity.connectedness import SIMILARITIES, TOLERANCES, Connectedness, block_means
-from ViTTransferFunction.Testing.support.volumes import stored_as, volume_of
+from ViTTransferFunction.Logic.similarity.connectedness import SIMILARITIES, TOLERANCES, Connectedness
+from ViTTransferFunction.Logic.similarity.intensity_blocks import IntensityBlocks
+from ViTTransferFunction.Testing.support.volumes import volume_of
 
 EDGE, CELLS = 48, (12, 12, 12)
 WINDOW = IntensityWindow(-160.0, 240.0)
@@ -41,6 +41,14 @@ def tubes() -> Volume:
     return volume_of(array)
 
 
+def blocks_of(volume: Volume, per_cell: int = 2) -> IntensityBlocks:
+    return IntensityBlocks(volume, volume.geometry.resized(CELLS), WINDOW, per_cell)
+
+
+def connected_points_of(volume: Volume) -> ConnectedPoints:
+    return ConnectedPoints(blocks_of(volume), partial(blocks_of, volume, 1))
+
+
 def position(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
     middle: np.ndarray = volume.geometry.resized(CELLS).ijk_to_ras_points(np.array([cell[::-1]], dtype=float))[0]
     return middle
@@ -48,8 +56,8 @@ def position(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
 
 def joined_to(volume: Volume, cell: tuple[int, int, int]) -> np.ndarray:
     """C of all cells, (K', J', I'), with the middle of a cell."""
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
-    joined: np.ndarray = SIMILARITIES[connectedness.from_point(position(volume, cell))].reshape(CELLS)
+    levels = Connectedness(blocks_of(volume)).from_point(position(volume, cell))
+    joined: np.ndarray = SIMILARITIES[levels].reshape(CELLS)
     return joined
 
 
@@ -107,49 +115,9 @@ def test_a_point_on_nothing_finite_is_joined_to_its_own_place_alone() -> None:
     assert np.count_nonzero(joined) < 10
 
 
-@pytest.mark.parametrize("shape", [(1, 20, 20), (5, 7, 3), (40, 9, 33)])
-def test_blocks_hold_the_mean_of_their_voxels_whatever_their_number(shape: tuple[int, int, int]) -> None:
-    array = np.full(shape, 7, dtype=np.int16)
-    means = block_means(array, (8, 8, 8))
-    np.testing.assert_array_equal(means, np.full((8, 8, 8), 7.0, dtype=np.float32))
-
-
-def test_the_mean_of_a_block_passes_over_what_is_not_finite() -> None:
-    array = np.arange(64.0).reshape(4, 4, 4)
-    array[0, 0, 0], array[2:, 2:, 2:] = np.inf, np.nan
-    means = block_means(array, (2, 2, 2))
-    assert means[0, 0, 0] == pytest.approx(np.mean([1, 4, 5, 16, 17, 20, 21]))
-    assert np.isnan(means[1, 1, 1])
-    assert np.isfinite(means.ravel()[:-1]).all()
-
-
-@pytest.mark.parametrize("shape", [(9, 12, 10), (4, 7, 30)])
-def test_a_hole_changes_the_mean_of_its_own_block_alone(shape: tuple[int, int, int]) -> None:
-    array = np.random.default_rng(0).normal(0.0, 100.0, shape).astype(np.float32)
-    whole = block_means(array, (4, 4, 4)).ravel()
-    array[0, 0, 0] = np.nan
-    holed = block_means(array, (4, 4, 4)).ravel()
-    assert holed[0] != whole[0]
-    np.testing.assert_array_equal(holed[1:], whole[1:])
-
-
-def test_a_cell_has_the_mean_of_those_of_its_blocks_that_are_known() -> None:
-    array = np.random.default_rng(0).normal(40.0, 100.0, (4, 6, 8)).astype(np.float32)
-    array[0, :, 0] = array[2:, 4:, 6:] = np.nan
-    volume = volume_of(array)
-    units = (array - 40.0) * np.float32(1024 / 400)
-    in_cells = np.rint(units).reshape(2, 2, 3, 2, 4, 2)
-    known = np.isfinite(in_cells)
-    expected = np.rint(np.where(known, in_cells, 0.0).sum(axis=(1, 3, 5)) / np.maximum(known.sum(axis=(1, 3, 5)), 1))
-    found = Connectedness(volume, volume.geometry.resized((2, 3, 4)), WINDOW).cell_units()
-    np.testing.assert_array_equal(found[known.any(axis=(1, 3, 5))], expected[known.any(axis=(1, 3, 5))])
-    assert found[1, 2, 3] > 10_000
-
-
 def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
-    connected = ConnectedPoints(lambda _: connectedness)
+    connected = connected_points_of(volume)
     asked = []
     original = Connectedness.from_point
 
@@ -166,7 +134,7 @@ def test_points_are_found_out_about_once_and_forgotten_when_gone(monkeypatch: py
 
 def test_what_was_found_out_before_it_was_cancelled_is_kept() -> None:
     volume = tubes()
-    connected = ConnectedPoints(lambda _: Connectedness(volume, volume.geometry.resized(CELLS), WINDOW))
+    connected = connected_points_of(volume)
     points = np.stack([position(volume, (2, 2, column)) for column in range(5)])
     begun = []
 
@@ -183,14 +151,14 @@ def test_what_was_found_out_before_it_was_cancelled_is_kept() -> None:
 
 def test_points_known_to_the_block_have_other_keys_than_those_known_to_the_cell(monkeypatch: pytest.MonkeyPatch) -> None:
     volume = tubes()
-    made = partial(Connectedness, volume, volume.geometry.resized(CELLS), WINDOW)
-    connected = ConnectedPoints(made)
+    connected = connected_points_of(volume)
     points = np.stack([position(volume, cell) for cell in (IN_TUBE, IN_TWIN, OUTSIDE)])
     finely = connected.update(points[:2])
     monkeypatch.setattr(connected_points, "FINELY_JOINED_POINTS", 2)
     coarsely = connected.update(points)
     assert not set(finely) & set(coarsely)
-    np.testing.assert_array_equal(connected.at(coarsely[:1])[0], SIMILARITIES[made(1).from_point(points[0])])
+    of_cells = SIMILARITIES[Connectedness(blocks_of(volume, 1)).from_point(points[0])]
+    np.testing.assert_array_equal(connected.at(coarsely[:1])[0], of_cells)
     assert connected.update(points[:2]) == finely
 
 
@@ -270,122 +238,9 @@ def test_the_kernel_of_many_points_in_a_textured_structure_is_positive_semidefin
     voxels = 20.0 * generator.normal(size=(16, 16, 16)).cumsum(axis=0) / 3.0
     volume = Volume(voxels, Geometry(voxels.shape, np.eye(4)))
     cells = volume.geometry.resized((8, 8, 8))
-    connectedness = Connectedness(volume, cells, WINDOW)
+    connectedness = Connectedness(IntensityBlocks(volume, cells, WINDOW))
     places = generator.choice(512, 120, replace=False)
     points = cells.voxel_centres_ras()[places]
     at_points = np.stack([SIMILARITIES[connectedness.from_point(point)[places]] for point in points])
     factors = point_factors(between_points(at_points), np.full(120, 0.6))
     assert np.linalg.eigvalsh(factors).min() > -1e-6
-
-
-def negative_seen_at(array: np.ndarray, negative: tuple[int, int, int], positive: tuple[int, int, int]) -> np.ndarray:
-    """Where a negative point at a voxel is looked at, in voxels (k, j, i), while a positive one lies at another voxel."""
-    volume = volume_of(array)
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
-    points = [volume.geometry.ijk_to_ras_points(np.array([voxel[::-1]], dtype=float)) for voxel in (negative, positive)]
-    (seen,) = volume.geometry.ras_to_ijk(connectedness.negatives_seen_at(*points))
-    return seen[::-1]
-
-
-RIM = np.zeros((EDGE,) * 3, dtype=np.float32)
-RIM[8:16] = RIM[16:18, 8:10, 8:10] = 200.0
-"""A slab, two cells thick, with a bump of one block on it."""
-ON_BUMP, IN_SLAB, BESIDE_BUMP = (17, 9, 9), (12, 30, 30), (19, 11, 11)
-
-
-def test_a_negative_point_at_the_rim_is_looked_at_where_its_cell_is_unlike_the_structure() -> None:
-    seen = negative_seen_at(RIM, ON_BUMP, IN_SLAB)
-    np.testing.assert_array_equal(np.floor((seen + 0.5) / 4), [4, 2, 2])
-    assert RIM[tuple(np.floor(seen).astype(int))] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("negative", "positive"),
-    [(IN_SLAB, (12, 10, 10)), (BESIDE_BUMP, IN_SLAB), (ON_BUMP, (30, 30, 30))],
-    ids=["in a cell of one kind", "on what is typical already", "unlike the positive point"],
-)
-def test_other_negative_points_are_looked_at_where_they_are(
-    negative: tuple[int, int, int], positive: tuple[int, int, int]
-) -> None:
-    np.testing.assert_allclose(negative_seen_at(RIM, negative, positive), negative, atol=1e-5)
-
-
-def test_a_negative_point_in_a_cell_that_is_mostly_unknown_is_looked_at_where_it_is() -> None:
-    array = np.full((EDGE,) * 3, np.nan, dtype=np.float32)
-    array[:8], array[8:16], array[16:18, 8:10, 8:10] = 0.0, 200.0, 200.0
-    np.testing.assert_allclose(negative_seen_at(array, ON_BUMP, IN_SLAB), ON_BUMP, atol=1e-5)
-
-
-def positives_seen_at(volume: Volume, *positive: tuple[int, int, int]) -> np.ndarray:
-    """Where positive points at voxels are looked at, in voxels (k, j, i), (P, 3)."""
-    connectedness = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW)
-    points = volume.geometry.ijk_to_ras_points(np.array(positive, dtype=float)[:, ::-1])
-    seen: np.ndarray = volume.geometry.ras_to_ijk(connectedness.positives_seen_at(points))[:, ::-1]
-    return seen
-
-
-def nodule() -> Volume:
-    """A ball of 40 in a lung of -800."""
-    array = np.full((EDGE,) * 3, -800.0, dtype=np.float32)
-    array[np.linalg.norm(np.indices(array.shape).T - 20.0, axis=-1).T < 6.0] = 40.0
-    return volume_of(array)
-
-
-MIDDLE, AT_EDGE, IN_LUNG = (20, 20, 20), (20, 20, 27), (20, 20, 34)
-
-
-def test_a_later_positive_point_in_what_is_around_a_structure_is_looked_at_in_the_structure_beside_it() -> None:
-    volume = nodule()
-    for at_edge in (AT_EDGE, (20, 20, 29)):
-        first, second = positives_seen_at(volume, MIDDLE, at_edge)
-        np.testing.assert_allclose(first, MIDDLE, atol=1e-5)
-        assert volume.array[tuple(np.rint(second).astype(int))] == 40.0
-        assert np.linalg.norm(second - at_edge) <= 1.5 * EDGE / CELLS[0] + np.sqrt(3.0)
-
-
-@pytest.mark.parametrize(
-    "positive",
-    [(AT_EDGE,), (MIDDLE, IN_LUNG), (MIDDLE, IN_LUNG, AT_EDGE), (MIDDLE, (20, 20, 24)), (AT_EDGE, MIDDLE)],
-    ids=["alone", "far from all that is like the first", "like one before", "like the first", "the one in the structure"],
-)
-def test_other_positive_points_are_looked_at_where_they_are(positive: tuple[tuple[int, int, int], ...]) -> None:
-    np.testing.assert_allclose(positives_seen_at(nodule(), *positive), positive, atol=1e-5)
-
-
-def test_a_positive_point_on_nothing_finite_is_looked_at_where_it_is() -> None:
-    volume = nodule()
-    volume.array[:, :, 26:] = np.nan
-    np.testing.assert_allclose(positives_seen_at(volume, MIDDLE, AT_EDGE), [MIDDLE, AT_EDGE], atol=1e-5)
-
-
-@pytest.mark.parametrize("stored", [Orientation((0, 1, 2), (True, True, True)), Orientation((2, 0, 1), (False, True, False))])
-def test_positive_points_are_looked_at_in_the_same_places_however_the_volume_is_stored(stored: Orientation) -> None:
-    volume = nodule()
-    volume.array[...] += np.random.default_rng(0).normal(0.0, 5.0, volume.shape)
-    points = volume.geometry.ijk_to_ras_points(np.array([MIDDLE, (20.3, 20.2, 28.0), (25.4, 26.0, 19.6)])[:, ::-1])
-
-    def seen(scan: Volume) -> np.ndarray:
-        places: np.ndarray = Connectedness(scan, scan.geometry.resized(CELLS), WINDOW).positives_seen_at(points)
-        return places
-
-    assert not np.array_equal(seen(volume), points)
-    np.testing.assert_allclose(seen(stored_as(volume, stored)), seen(volume), atol=1e-5)
-
-
-def test_where_a_class_is_looked_at_is_found_out_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    volume = nodule()
-    asked = []
-    look = Connectedness.positives_seen_at
-
-    def counted(connectedness: Connectedness, positive_ras: np.ndarray) -> np.ndarray:
-        asked.append(len(positive_ras))
-        return look(connectedness, positive_ras)
-
-    monkeypatch.setattr(Connectedness, "positives_seen_at", counted)
-    connected = ConnectedPoints(partial(Connectedness, volume, volume.geometry.resized(CELLS), WINDOW))
-    points = volume.geometry.ijk_to_ras_points(np.array([MIDDLE, AT_EDGE], dtype=float)[:, ::-1])
-    seen = [connected.positives_seen_at(each) for each in (points, points.copy(), points[:1])]
-    assert asked == [2, 1]
-    np.testing.assert_array_equal(seen[0], seen[1])
-    assert not np.array_equal(seen[0], points)
-    np.testing.assert_array_equal(seen[2], points[:1])

@@ -10,7 +10,7 @@ from ViTTransferFunction.Logic.core.system.errors import Cancelled
 from ViTTransferFunction.Logic.core.volumes.intensity_window import IntensityWindow
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Logic.similarity.closed_structures import raise_within
-from ViTTransferFunction.Logic.similarity.connectedness import Connectedness
+from ViTTransferFunction.Logic.similarity.intensity_blocks import IntensityBlocks
 from ViTTransferFunction.Logic.similarity.iso_value import (
     CANDIDATES,
     Components,
@@ -39,7 +39,7 @@ def two_rooms() -> Volume:
 
 def components_of(volume: Volume, body: int = 16**3) -> StableComponents:
     cells = volume.geometry.resized(CELLS)
-    units = Connectedness(volume, cells, WINDOW).cell_units()
+    units = IntensityBlocks(volume, cells, WINDOW).cell_units()
     return StableComponents(units, cells, np.arange(units.size), lambda: body)
 
 
@@ -204,19 +204,3 @@ def test_the_iso_value_is_drawn_to_what_encloses_a_stable_component() -> None:
     drawn = choose_iso_by_edges(similarity, flat, at_positive, prior_iso(1), Components(steps, 1))
     assert without == pytest.approx(prior_iso(1), rel=0.1)
     assert drawn == pytest.approx(np.exp(-3.0), rel=0.25)
-
-
-def test_cells_have_the_mean_of_their_blocks() -> None:
-    volume = two_rooms()
-    cells = volume.geometry.resized((8, 8, 8))
-    fine = Connectedness(volume, cells, WINDOW).cell_units()
-    coarse = Connectedness(volume, cells, WINDOW, blocks_per_cell=1).cell_units()
-    np.testing.assert_allclose(fine, coarse, atol=1)
-
-
-def test_means_of_cells_are_those_of_their_voxels_and_unknown_where_no_voxel_is_a_number() -> None:
-    volume = two_rooms()
-    volume.array[:, :, :2] = np.nan
-    means = Connectedness(volume, volume.geometry.resized(CELLS), WINDOW).cell_means()
-    expected = volume.array.reshape(16, 2, 16, 2, 16, 2).mean(axis=(1, 3, 5))
-    np.testing.assert_allclose(means, expected, atol=0.1)
