@@ -173,18 +173,18 @@ class CloseUps:
 def close_up_settings(settings: FeatureSettings, part: Geometry) -> FeatureSettings:
     """How a part's features are extracted, where the whole's are by `settings`.
 
-    Along the part's longest edge, no cell is shorter than a voxel.
+    No cell is shorter than a voxel's shortest edge: in thick slices, cells are as fine as what is seen within a slice.
 
     Args:
         settings: of the whole.
         part: the part's voxels.
 
     Raises:
-        InputError: along that edge there are fewer voxels than a grid may have cells.
+        InputError: of the shortest edges there go fewer into the part's longest than a grid may have cells.
     """
-    longest = int(np.argmax(part.extent_mm[::-1]))
+    most_cells = round(part.extent_mm.max() / part.spacing_mm.min()) if settings.isotropic else max(part.shape)
     patches = MOST_PATCHES if settings.most_patches is None else min(settings.most_patches, MOST_PATCHES)
-    return replace(settings.with_grid(min(settings.grid, part.shape[longest])), most_patches=patches)
+    return replace(settings.with_grid(min(settings.grid, most_cells)), most_patches=patches)
 
 
 def largest_within(part: ClassMap, cells: Geometry) -> np.ndarray:

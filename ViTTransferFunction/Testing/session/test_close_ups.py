@@ -84,10 +84,10 @@ def test_finer_cells_follow_a_surface_more_closely_without_refinement(
     assert dice(closer, truth) > dice(whole, truth) + 0.02
 
 
-def test_a_box_of_so_few_thick_slices_that_it_has_no_grid_of_cells_leaves_its_class_in_the_whole_volume() -> None:
-    array = np.random.default_rng(0).normal(0.0, 100.0, (3, 64, 64))
-    volume = Volume(array, Geometry(array.shape, np.diag([0.5, 0.5, 10.0, 1.0])))
-    nodule = ClassRequest("nodule", np.array([[16.0, 16.0, 10.0]]), close_up=CloseUp((16.0, 16.0, 10.0), (8.0, 8.0, 8.0)))
+def test_a_box_of_so_few_voxels_that_it_has_no_grid_of_cells_leaves_its_class_in_the_whole_volume() -> None:
+    array = np.random.default_rng(0).normal(0.0, 100.0, (3, 3, 3))
+    volume = Volume(array, Geometry(array.shape, np.eye(4)))
+    nodule = ClassRequest("nodule", np.array([[1.0, 1.0, 1.0]]), close_up=CloseUp((1.0, 1.0, 1.0), (2.0, 2.0, 2.0)))
     session = open_session(volume, SessionSettings())
     session.look_closer([nodule])
     assert not session.awaiting_close_ups([nodule])
@@ -245,9 +245,15 @@ def test_cells_of_a_close_up_are_no_smaller_than_voxels_and_its_patches_are_few(
     settings = close_up_settings(FeatureSettings(grid=64, most_patches=20_000), Geometry((20, 20, 90), np.diag([1, 1, 3, 1])))
     assert (settings.grid, settings.most_patches) == (64, MOST_PATCHES)
     assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.eye(4))).grid == 40
-    assert close_up_settings(FeatureSettings(grid=64), Geometry((30, 20, 40), np.diag([1, 1, 3, 1]))).grid == 30
-    of_thick_slices = Geometry((30, 20, 40), np.diag([10, 10, 20, 1]))
-    assert grid_shape(of_thick_slices, close_up_settings(PRESETS["balanced"].features, of_thick_slices)) == (30, 10, 20)
+    anisotropic = close_up_settings(FeatureSettings(grid=64, isotropic=False), Geometry((30, 20, 40), np.diag([1, 1, 3, 1])))
+    assert anisotropic.grid == 40
+
+
+def test_in_thick_slices_cells_of_a_close_up_are_as_fine_as_voxels_within_a_slice() -> None:
+    of_thick_slices = Geometry((14, 60, 80), np.diag([0.5, 0.5, 5.0, 1.0]))
+    assert close_up_settings(FeatureSettings(grid=64), of_thick_slices).grid == 64
+    coarse = Geometry((30, 20, 40), np.diag([10, 10, 20, 1]))
+    assert grid_shape(coarse, close_up_settings(PRESETS["balanced"].features, coarse)) == (60, 20, 40)
 
 
 def test_a_thin_structure_is_not_lost_on_coarser_cells() -> None:
