@@ -10,6 +10,7 @@ from slicer.i18n import tr as _
 
 from ViTTransferFunction.Logic.scene.interface.wording import outdated_text
 from ViTTransferFunction.Logic.scene.segments.corrections import Corrections
+from ViTTransferFunction.Widget.node_selector import fill_selector
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.section import Report, Section, signals_blocked
 from ViTTransferFunction.Widget.wording import in_menu
@@ -23,7 +24,7 @@ class OutputSection(Section):
         self._progress = ProgressRow(ui, "segmentation")
         self._segments_menu = qt.QMenu(ui.continueSegmentButton)
         ui.continueSegmentButton.setMenu(self._segments_menu)
-        ui.segmentationSelector.setMRMLScene(slicer.mrmlScene)
+        fill_selector(ui.segmentationSelector)
         ui.segmentationSelector.currentNodeChanged.connect(self._on_segmentation_selected)
         ui.writeSegmentsButton.clicked.connect(self._on_write)
         ui.editSegmentsButton.clicked.connect(self._on_edit)

@@ -13,6 +13,7 @@ from ViTTransferFunction.Logic.scene.feature_wording import cost_text, point_war
 from ViTTransferFunction.Logic.scene.session import SceneSession
 from ViTTransferFunction.Logic.scene.views.volume_in_slices import fit_in_slices, show_in_slices
 from ViTTransferFunction.Widget.download_consent import DownloadConsent
+from ViTTransferFunction.Widget.node_selector import fill_selector
 from ViTTransferFunction.Widget.offered_volume import OfferedVolume
 from ViTTransferFunction.Widget.progress_row import ProgressRow
 from ViTTransferFunction.Widget.pytorch_installation import pytorch_is_installed
@@ -35,7 +36,7 @@ class VolumeSection(Section):
         # Whose features are to be computed, as soon as it is known what they cost.
         self._pressed_for: slicer.vtkMRMLScalarVolumeNode | None = None
         self._told_name = ""
-        ui.volumeSelector.setMRMLScene(slicer.mrmlScene)
+        fill_selector(ui.volumeSelector)
         ui.volumeSelector.currentNodeChanged.connect(self._on_volume_selected)
         ui.extractButton.clicked.connect(self._on_extract)
         self._progress.cancel_button.clicked.connect(self._on_cancel)

@@ -573,6 +573,52 @@ def test_a_key_typed_into_a_name_is_a_letter(widget: Any, host: Host) -> None:
     assert widget.panel.tools.tool is None
 
 
+def focused() -> QWidget:
+    widget = QApplication.focusWidget()
+    assert widget is not None
+    return widget
+
+
+def reached_by_tab(host: Host, start: QWidget) -> list[QWidget]:
+    """What has the keyboard after each Tab, once around the window."""
+    host.window.activateWindow()
+    start.setFocus()
+    wait_until(start.hasFocus)
+    reached: list[QWidget] = []
+    while focused() not in reached:
+        reached.append(focused())
+        QTest.keyClick(focused(), Qt.Key.Key_Tab)
+    return reached
+
+
+def test_tab_leads_through_the_whole_panel_and_out_of_the_table_of_structures(widget: Any, host: Host) -> None:
+    add_class(widget)
+    add_class(widget)
+    ui = widget.ui
+    reached = reached_by_tab(host, ui.volumeCollapsibleButton)
+    places = [reached.index(each) for each in (ui.classTable, ui.addClassButton, ui.undoButton, ui.renderingComboBox)]
+    assert places == sorted(places)
+    assert ui.respectOtherSegmentsCheckBox in reached
+
+
+def test_the_keyboard_reaches_the_lists_of_scans_and_of_segmentations(widget: Any, host: Host) -> None:
+    """Slicer's own are passed by, and Space closes the section around one that was clicked."""
+    reached = reached_by_tab(host, widget.ui.volumeCollapsibleButton)
+    for selector in (widget.ui.volumeSelector, widget.ui.segmentationSelector):
+        assert selector.findChild(QComboBox) in reached
+
+
+def test_arrows_choose_another_scan(widget: Any, host: Host) -> None:
+    selector = widget.ui.volumeSelector
+    first, second = (slicer.mrmlScene.AddNewNodeByClass("vtkMRMLScalarVolumeNode", name) for name in ("first", "second"))
+    selector.setCurrentNode(first)
+    host.window.activateWindow()
+    QTest.mouseClick(selector.findChild(QComboBox), Qt.MouseButton.LeftButton)
+    QTest.keyClick(focused(), Qt.Key.Key_Escape)
+    QTest.keyClick(focused(), Qt.Key.Key_Down)
+    assert widget.panel.session.parameters.volume is second
+
+
 def keys_work_in(box: QDoubleSpinBox, widget: Any, host: Host) -> bool:
     """Whether those of tools and of undo do while a box for a number has the keyboard, and digits are digits all the same."""
     add_class(widget)

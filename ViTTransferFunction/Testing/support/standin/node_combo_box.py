@@ -35,6 +35,8 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self._combo_box)
+        # The list passes the keyboard on to this frame, which has no use for keys.
+        self._combo_box.setFocusProxy(self)
         self._combo_box.currentIndexChanged.connect(lambda: self.currentNodeChanged.emit(self.currentNode()))
         self.destroyed.connect(lambda: self.setMRMLScene(None))
 
