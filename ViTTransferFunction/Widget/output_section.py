@@ -54,9 +54,14 @@ class OutputSection(Section):
         writable = session is not None and session.segments.can_write
         ours = session is not None and session.segments.exist
         outdated = session is not None and session.segments.outdated
+        self.ui.writeSegmentsButton.enabled = writable
+        if running is None:
+            self.ui.writeSegmentsButton.visible = True
+            if self._progress.cancel_button.focus:
+                # It had the keyboard when it made room for this one; what Qt would choose is far below.
+                self.ui.writeSegmentsButton.setFocus()
         self._progress.show(running)
         self.ui.writeSegmentsButton.visible = running is None
-        self.ui.writeSegmentsButton.enabled = writable
         self.ui.writeSegmentsButton.text = _("Update segments") if ours else _("Create segments")
         self.ui.segmentsOutdatedLabel.visible = outdated
         self.ui.segmentsOutdatedLabel.text = outdated_text() if outdated else ""

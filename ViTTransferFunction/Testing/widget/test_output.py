@@ -13,6 +13,7 @@ pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
 import slicer
 from PySide6.QtCore import Qt, QTimer
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMessageBox
 
 from ViTTransferFunction.Testing.support.scenes import add_segment, segment_masks
@@ -56,6 +57,20 @@ ANSWERS: list[str | None] = []
 def names_in(node: Any) -> list[str]:
     segmentation = node.GetSegmentation()
     return [segmentation.GetSegment(id_).GetName() for id_ in segmentation.GetSegmentIDs()]
+
+
+def test_who_writes_segments_by_the_keyboard_can_write_them_again(ready: Any, host: Host, spheres: Spheres) -> None:
+    add_class(ready, "sphere")
+    place(ready, tuple(centre_ras(spheres, 1)[0]))
+    button = ready.ui.writeSegmentsButton
+    wait_until(button.isEnabled)
+    host.window.activateWindow()
+    button.setFocus()
+    wait_until(button.hasFocus)
+    QTest.keyClick(button, Qt.Key.Key_Space)
+    wait_until(lambda: button.isHidden() or ready.panel.session.segments.exist)
+    wait_until(lambda: ready.panel.session.segments.exist and not ready.panel.session.busy and not button.isHidden())
+    assert button.hasFocus()
 
 
 def test_a_question_is_asked_once_and_only_where_something_was_corrected(
