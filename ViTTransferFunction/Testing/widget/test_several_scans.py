@@ -9,9 +9,14 @@ import pytest
 pytest.importorskip("trame_slicer")
 pytest.importorskip("PySide6.QtWidgets", exc_type=ImportError)
 
+import slicer
+from PySide6.QtWidgets import QComboBox
+
 from ViTTransferFunction.Logic.core.volumes.volume import Volume
 from ViTTransferFunction.Testing.support.scenes import FollowUp, add_volume, annotate
 from ViTTransferFunction.Testing.support.spheres import Spheres
+from ViTTransferFunction.Testing.support.standin.node_combo_box import qMRMLNodeComboBox
+from ViTTransferFunction.Testing.support.widgets import wait_until
 
 pytest_plugins = ["ViTTransferFunction.Testing.support.widget_fixtures"]
 
@@ -87,3 +92,16 @@ def test_points_of_another_scan_are_added_by_a_menu_that_is_there_when_there_are
     assert "all there already" in ui.messageLabel.text()
     ui.undoButton.click()
     assert rows(ui) == [("sphere 1", "0"), ("sphere 2", "0"), ("sphere 3", "0")]
+
+
+def test_lists_of_scans_such_as_that_above_a_slice_view_have_scans_alone(ready: Any, volume: Any, spheres: Spheres) -> None:
+    """Where the chosen scan is removed, they choose one beside it: the view would show what is not for users by itself."""
+    of_view = qMRMLNodeComboBox()
+    of_view.setProperty("nodeTypes", [f"vtkMRML{kind}VolumeNode" for kind in ("Scalar", "LabelMap", "Vector")])
+    of_view.setMRMLScene(slicer.mrmlScene)
+    shown = of_view.findChild(QComboBox)
+    assert shown is not None
+    annotate(ready.panel.session, spheres)
+    wait_until(lambda: slicer.mrmlScene.GetNumberOfNodesByClass("vtkMRMLVolumeNode") == 3)
+    assert [shown.itemText(index) for index in range(shown.count())] == [volume.GetName()]
+    of_view.setMRMLScene(None)

@@ -44,7 +44,7 @@ class DerivedNodes:
         """Count a node that is in the scene among these; returns it."""
         was_hidden = node.GetHideFromEditors()
         node.SetSaveWithScene(False)
-        node.SetHideFromEditors(True)
+        _hide(node)
         # It is listed already: a node that gets a name of its own is added before anything can be set.
         self._kept[name] = _Kept(node, bool(was_hidden), take_out(self._scene, node))
         return node
@@ -79,3 +79,15 @@ class _Kept:
     node: Any
     was_hidden: bool
     was_listed: bool
+
+
+def _hide(node: Any) -> None:
+    """Have it in no list of nodes.
+
+    Slicer's, such as those of scans above a slice view, look at a node when it is added, and again only when it gets another
+    name. Where the chosen one is removed, they choose what is beside it: views would show this by themselves.
+    """
+    node.SetHideFromEditors(True)
+    name = node.GetName()
+    node.SetName(f"{name} ")
+    node.SetName(name)

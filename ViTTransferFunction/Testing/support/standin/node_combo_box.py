@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import slicer
@@ -12,6 +13,15 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSizePolicy, QWidget
 
 _LAST = -10.0
 """After all who do not say when they want to hear of it."""
+
+
+@dataclass(frozen=True)
+class _LookedAt:
+    """What was seen of a node that is watched under a tag."""
+
+    tag: int
+    name: str
+    hidden: bool
 
 
 class qMRMLNodeComboBox(QWidget):  # noqa: N801
@@ -27,6 +37,7 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         self._scene: Any = None
         self._tags: list[int] = []
         self._nodes: list[Any] = []
+        self._looked_at: dict[Any, _LookedAt] = {}
         self._types: list[str] = []
         self._none, self._none_display = False, "None"
         self._combo_box = QComboBox(self)
@@ -44,6 +55,9 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         """Watch a scene, and list its nodes."""
         for tag in self._tags:
             self._scene.RemoveObserver(tag)
+        for node, looked_at in self._looked_at.items():
+            node.RemoveObserver(looked_at.tag)
+        self._looked_at.clear()
         self._scene = scene
         reactions = dict.fromkeys(("NodeAddedEvent", "NodeRemovedEvent", "EndCloseEvent"), self._fill)
         reactions["EndImportEvent"] = self._fill_anew
@@ -87,8 +101,10 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
         nodes = [None] if self._none else []
         for index in range(self._scene.GetNumberOfNodes()):
             node = self._scene.GetNthNode(index)
-            if node.GetClassName() in self._types and not node.GetHideFromEditors():
+            if node.GetClassName() in self._types and not self._is_hidden(node):
                 nodes.append(node)
+        for node in [node for node in self._looked_at if not self._scene.IsNodePresent(node)]:
+            node.RemoveObserver(self._looked_at.pop(node).tag)
         with QSignalBlocker(self._combo_box):
             self._nodes = nodes
             self._combo_box.clear()
@@ -96,6 +112,19 @@ class qMRMLNodeComboBox(QWidget):  # noqa: N801
             self._combo_box.setCurrentIndex(nodes.index(current) if current in nodes else 0 if nodes else -1)
         if self.currentNode() is not current:
             self.currentNodeChanged.emit(self.currentNode())
+
+    def _is_hidden(self, node: Any) -> bool:
+        """Whether it was hidden when Slicer's looked at it: when it came, and when it got another name."""
+        if node not in self._looked_at:
+            tag = node.AddObserver(vtk.vtkCommand.ModifiedEvent, self._look_again)
+            self._looked_at[node] = _LookedAt(tag, node.GetName(), bool(node.GetHideFromEditors()))
+        return self._looked_at[node].hidden
+
+    def _look_again(self, node: Any, event: str) -> None:
+        looked_at = self._looked_at[node]
+        if node.GetName() != looked_at.name:
+            self._looked_at[node] = _LookedAt(looked_at.tag, node.GetName(), bool(node.GetHideFromEditors()))
+            self._fill()
 
     def _set_types(self, types: list[str]) -> None:
         self._types = list(types)
